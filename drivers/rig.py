@@ -1,0 +1,92 @@
+"""What a rig is to the controller: channels to read, velocities to command, and a stop."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from types import TracebackType
+from typing import NamedTuple, Self
+
+
+class Ages(NamedTuple):
+    """Time [s] since each channel's sample was taken."""
+
+    master_force: float
+    master_position: float
+    slave_position: float
+    contact_force: float
+    slave_velocity: float
+
+
+class Measurement(NamedTuple):
+    """All channels at one tick, in SI units.
+
+    Positions are displacements from the datum, positive into the environment; forces are
+    positive in compression. A channel that the rig does not have is NaN.
+    """
+
+    time: float
+    """When the rig was read [s], on the clock of the controller."""
+    master_force: float
+    """Force of the operator's hand on the handle [N]."""
+    master_position: float
+    """Position of the handle [m]."""
+    slave_position: float
+    """Position of the slave [m]."""
+    contact_force: float
+    """Force between slave and environment [N]."""
+    slave_velocity: float
+    """Velocity of the slave [m/s], where the drive reports it."""
+    age: Ages
+
+
+class Command(NamedTuple):
+    """Velocities [m/s] for the two drives; a rig with a passive handle ignores the first."""
+
+    master_velocity: float
+    slave_velocity: float
+
+
+STANDSTILL = Command(0.0, 0.0)
+
+
+class Rig(ABC):
+    """A telemanipulator, real or simulated.
+
+    Used as a context manager: it is opened on entry, and stopped and closed on every exit,
+    whatever the reason.
+    """
+
+    @abstractmethod
+    def open(self) -> None:
+        """Connect to the devices; nothing moves yet."""
+
+    @abstractmethod
+    def read(self) -> Measurement:
+        """The latest sample of every channel, without waiting for a new one."""
+
+    @abstractmethod
+    def write(self, command: Command) -> Command:
+        """Command the drives, and return what was applied: the command within their limits."""
+
+    @abstractmethod
+    def stop(self) -> None:
+        """Bring both drives to standstill."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Release the devices."""
+
+    def __enter__(self) -> Self:
+        self.open()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        try:
+            self.stop()
+        finally:
+            self.close()

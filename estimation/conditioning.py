@@ -1,0 +1,218 @@
+"""Signal conditioning: from a measured position and force to the regressors x, v and to f."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections import deque
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from estimation.compiled import Floats
+from estimation.estimator import checked_samples
+
+
+class Conditioned(NamedTuple):
+    """Displacement `x` [m], velocity `v` [m/s] and force `f` [N], one sample or arrays."""
+
+    x: float
+    v: float
+    f: float
+
+
+class Conditioner(ABC):
+    """Turns samples of position and force into the regressors x, v and the force f."""
+
+    @abstractmethod
+    def reset(self) -> None:
+        """Forget every sample."""
+
+    @abstractmethod
+    def update(self, x: float, f: float, dt: float) -> Conditioned:
+        """Take in position [m] and force [N] of a sample `dt` [s] after the last."""
+
+    def run(
+        self, x: ArrayLike, f: ArrayLike, dt: ArrayLike
+    ) -> tuple[Floats, Floats, Floats]:
+        """Take in n samples as `update` would: arrays x, v, f of shape (n,).
+
+        Raises
+        ------
+        ValueError
+            The shapes differ, a value is not finite, or a `dt` is not positive.
+        """
+        x, _, f, dt = checked_samples(x, x, f, dt)
+        rows = zip(x.tolist(), f.tolist(), dt.tolist(), strict=True)
+        out = np.array([self.update(*row) for row in rows]).reshape(-1, 3)
+        return out[:, 0].copy(), out[:, 1].copy(), out[:, 2].copy()
+
+
+class FilteredDifference(Conditioner):
+    """Velocity as the difference quotient of position behind a first-order low-pass.
+
+    Parameters
+    ----------
+    bandwidth
+        Corner frequency [Hz].
+    """
+
+    def __init__(self, bandwidth: float) -> None:
+        self._omega = angular(bandwidth)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget every sample."""
+        self._x = math.nan
+        self._v = 0.0
+
+    def update(self, x: float, f: float, dt: float) -> Conditioned:
+        """Take in position [m] and force [N] of a sample `dt` [s] after the last."""
+        if not math.isnan(self._x):
+            self._v -= math.expm1(-self._omega * dt) * ((x - self._x) / dt - self._v)
+        self._x = x
+        return Conditioned(x, self._v, f)
+
+
+class FirstOrderAdaptiveWindowing(Conditioner):
+    """Velocity by first-order adaptive windowing (FOAW), end-fit.
+
+    The slope from the oldest to the newest position of the longest window whose positions
+    all lie within `resolution` of that line: long and quiet at rest, short and prompt in
+    motion.
+
+    Parameters
+    ----------
+    resolution
+        Peak error of a position sample [m], such as the encoder's count.
+    longest
+        Longest window [samples].
+
+    References
+    ----------
+    F. Janabi-Sharifi, V. Hayward, C.-S. J. Chen, "Discrete-time adaptive windowing for
+    velocity estimation", IEEE Trans. Control Syst. Technol. 8(6), 2000.
+    """
+
+    def __init__(self, resolution: float, longest: int = 32) -> None:
+        if not 0.0 < resolution < math.inf:
+            raise ValueError(f"resolution must be positive, got {resolution} m")
+        if longest < 1:
+            raise ValueError(f"the longest window must be at least one sample, got {longest}")
+        self._resolution = resolution
+        self._past: deque[tuple[float, float]] = deque(maxlen=longest)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget every sample."""
+        self._past.clear()
+        self._time = 0.0
+
+    def update(self, x: float, f: float, dt: float) -> Conditioned:
+        """Take in position [m] and force [N] of a sample `dt` [s] after the last."""
+        self._time += dt
+        v = 0.0
+        low, high = -math.inf, math.inf
+        for time, position in reversed(self._past):
+            span = self._time - time
+            slope = (x - position) / span
+            if not low <= slope <= high:
+                break
+            v = slope
+            low = max(low, slope - self._resolution / span)
+            high = min(high, slope + self._resolution / span)
+        self._past.append((self._time, x))
+        return Conditioned(x, v, f)
+
+
+class LowPass:
+    """Critically damped second-order low-pass y'' + 2 w y' + w^2 y = w^2 u and its derivative y'.
+
+    Its input runs straight from sample to sample, for which the discretisation is exact with
+    every `dt`. It starts at rest on the first sample.
+    """
+
+    def __init__(self, bandwidth: float) -> None:
+        self._omega = angular(bandwidth)
+        self.reset()
+
+    def reset(self) -> None:
+        self._u = math.nan
+        self.y = self.rate = 0.0
+
+    def update(self, u: float, dt: float) -> None:
+        omega = self._omega
+        if math.isnan(self._u):
+            self._u = self.y = u
+        ramp = (u - self._u) / dt
+        lag = 2.0 * ramp / omega
+        decay = math.exp(-omega * dt)
+        offset = self.y - self._u + lag
+        slope = self.rate - ramp + omega * offset
+        self.y = u - lag + (offset + slope * dt) * decay
+        self.rate = ramp + (slope - omega * (offset + slope * dt)) * decay
+        self._u = u
+
+
+class StateVariableFilter(Conditioner):
+    """Velocity as the derivative state of a second-order low-pass on position.
+
+    Parameters
+    ----------
+    bandwidth
+        Natural frequency of the filter [Hz].
+    """
+
+    def __init__(self, bandwidth: float) -> None:
+        self._position = LowPass(bandwidth)
+
+    def reset(self) -> None:
+        """Forget every sample."""
+        self._position.reset()
+
+    def update(self, x: float, f: float, dt: float) -> Conditioned:
+        """Take in position [m] and force [N] of a sample `dt` [s] after the last."""
+        self._position.update(x, dt)
+        return Conditioned(x, self._position.rate, f)
+
+
+class MatchedFilter(Conditioner):
+    """One state-variable filter on position and force alike, which keeps the regression exact.
+
+    With H the filter, f = b v + k x implies H f = b H v + k H x: it suppresses noise and moves
+    neither parameter. A way to get velocity that delays v alone by T gives, for motion at an
+    angular frequency w, b / cos(w T) and k - b w tan(w T) in their place.
+
+    Parameters
+    ----------
+    bandwidth
+        Natural frequency of the filter [Hz].
+
+    References
+    ----------
+    P. C. Young, "Parameter estimation for continuous-time models: a survey", Automatica
+    17(1), 1981 (state-variable filters).
+    """
+
+    def __init__(self, bandwidth: float) -> None:
+        self._position = LowPass(bandwidth)
+        self._force = LowPass(bandwidth)
+
+    def reset(self) -> None:
+        """Forget every sample."""
+        self._position.reset()
+        self._force.reset()
+
+    def update(self, x: float, f: float, dt: float) -> Conditioned:
+        """Take in position [m] and force [N] of a sample `dt` [s] after the last."""
+        self._position.update(x, dt)
+        self._force.update(f, dt)
+        return Conditioned(self._position.y, self._position.rate, self._force.y)
+
+
+def angular(bandwidth: float) -> float:
+    """2 pi times a frequency [Hz], or ValueError unless it is positive."""
+    if not 0.0 < bandwidth < math.inf:
+        raise ValueError(f"bandwidth must be positive, got {bandwidth} Hz")
+    return 2.0 * math.pi * bandwidth

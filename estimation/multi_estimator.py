@@ -1,0 +1,189 @@
+"""The multi-estimator (ME): the candidate (b, k) of least monitoring signal, out of a grid."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from estimation.compiled import Floats, State
+from estimation.estimator import Estimator
+from estimation.lattice import inside, least_in_box, lowest_on_border
+
+TIE = 1e-9
+"""Weight of the tie-breaking term, as a share of the largest monitoring signal on the grid."""
+
+
+@dataclass(frozen=True)
+class Axis:
+    """Evenly spaced candidate values of one parameter, from `first` to `last`.
+
+    Raises
+    ------
+    ValueError
+        Fewer than two values, or values that do not rise.
+    """
+
+    first: float
+    last: float
+    count: int
+
+    def __post_init__(self) -> None:
+        if not -math.inf < self.first < self.last < math.inf:
+            raise ValueError(f"candidates must rise, got {self.first} to {self.last}")
+        if self.count != int(self.count) or self.count < 2:
+            raise ValueError(f"an axis needs at least two candidates, got {self.count}")
+
+    @property
+    def spacing(self) -> float:
+        """Distance between neighbours."""
+        return (self.last - self.first) / (self.count - 1)
+
+    @property
+    def values(self) -> Floats:
+        """All candidate values, shape (count,)."""
+        return self.first + self.spacing * np.arange(self.count)
+
+    @property
+    def nearest_zero(self) -> int:
+        """Index of the value of least magnitude, the lower of two."""
+        wanted = math.ceil(-self.first / self.spacing - 0.5)
+        return min(max(wanted, 0), self.count - 1)
+
+
+@dataclass(frozen=True)
+class Grid:
+    """The candidates: every pair of a damping [N s/m] and a stiffness [N/m]."""
+
+    b: Axis
+    k: Axis
+
+    @property
+    def candidates(self) -> int:
+        """How many there are."""
+        return self.b.count * self.k.count
+
+
+def step(parameters: State, state: State, v: float, x: float, f: float, dt: float) -> State:
+    """Let the six sums decay, add the sample, and take the candidate of least (11).
+
+    With the force error held over `dt`, (11) is exactly mu <- e^(-2 lambda dt) mu + w e^2
+    with w = (1 - e^(-2 lambda dt)) / 2 lambda. Its e^2 = (b v + k x - f)^2 opens into
+    products of (f, v, x), whose sums so decayed give mu of every candidate at once.
+    """
+    twice_lambda, b_first, b_step, b_last, b_zero, k_first, k_step, k_last, k_zero = parameters
+    _, _, ff, fv, fx, vv, vx, xx = state
+    decay = math.exp(-twice_lambda * dt)
+    weight = (1.0 - decay) / twice_lambda if twice_lambda > 0.0 else dt
+    ff = ff * decay + weight * f * f
+    fv = fv * decay + weight * f * v
+    fx = fx * decay + weight * f * x
+    vv = vv * decay + weight * v * v
+    vx = vx * decay + weight * v * x
+    xx = xx * decay + weight * x * x
+
+    b_curvature = b_step * b_step * vv
+    k_curvature = k_step * k_step * xx
+    tie = TIE * (ff + b_curvature * b_last * b_last + k_curvature * k_last * k_last) + 1e-100
+    b_tie = tie / (b_last * b_last)
+    k_tie = tie / (k_last * k_last)
+    i, j = least_in_box(
+        b_curvature + b_tie,
+        b_step * k_step * vx,
+        k_curvature + k_tie,
+        b_step * (b_first * vv + k_first * vx - fv) - b_tie * b_zero,
+        k_step * (b_first * vx + k_first * xx - fx) - k_tie * k_zero,
+        int(b_last),
+        int(k_last),
+    )
+    return b_first + i * b_step, k_first + j * k_step, ff, fv, fx, vv, vx, xx
+
+
+class MultiEstimator(Estimator):
+    """The candidate of least monitoring signal, the paper's (10)-(11), out of a grid.
+
+    The signals of all candidates are one quadratic form in (b, k), and its least candidate is
+    found without visiting the others, so the cost does not grow with the grid.
+
+    Ties are broken by one rule: to the monitoring signal of a candidate is added `TIE` times
+    the grid's largest, times its squared distance from the candidate nearest to
+    (b, k) = (0, 0), in units of the axes' lengths. So a damping of which the data says
+    nothing reads as zero, and candidates that the data does tell apart are not affected.
+
+    Parameters
+    ----------
+    grid
+        The candidates.
+    forgetting_rate
+        lambda in (11) [1/s], >= 0: a squared error's weight falls as e^(-2 lambda t).
+
+    Raises
+    ------
+    ValueError
+        The forgetting rate is negative.
+    """
+
+    step = staticmethod(step)
+    helpers = (inside, lowest_on_border, least_in_box)
+
+    def __init__(self, grid: Grid, forgetting_rate: float) -> None:
+        if not 0.0 <= forgetting_rate < math.inf:
+            raise ValueError(f"forgetting rate must be >= 0, got {forgetting_rate}")
+        self.grid = grid
+        parameters = [2.0 * forgetting_rate]
+        for axis in (grid.b, grid.k):
+            parameters += [axis.first, axis.spacing, axis.count - 1, axis.nearest_zero]
+        zero = (axis.first + axis.nearest_zero * axis.spacing for axis in (grid.b, grid.k))
+        super().__init__(tuple(parameters), (*zero, *(0.0,) * 6))
+
+    def monitoring_signal(self, b: Floats | float, k: Floats | float) -> Floats:
+        """(11) of the candidates (b, k) [N^2 s], arrays that broadcast."""
+        ff, fv, fx, vv, vx, xx = self.state[2:]
+        b, k = np.asarray(b, dtype=np.float64), np.asarray(k, dtype=np.float64)
+        signal = ff + b * (b * vv - 2.0 * fv) + k * (k * xx - 2.0 * fx) + 2.0 * b * k * vx
+        return np.maximum(signal, 0.0)
+
+    def ties(self, margin: float) -> Floats:
+        """Candidates whose monitoring signal exceeds the winner's by at most `margin` of it.
+
+        Parameters
+        ----------
+        margin
+            Share of the winner's monitoring signal, >= 0.
+
+        Returns
+        -------
+        Array of shape (n, 2), rows of (b, k), the winner among them.
+
+        Raises
+        ------
+        ValueError
+            The margin is negative.
+        """
+        if not margin >= 0.0:
+            raise ValueError(f"margin must be >= 0, got {margin}")
+        winner = self.estimate
+        bound = (1.0 + margin) * float(self.monitoring_signal(winner.b, winner.k))
+        within = [np.array([winner])]
+        for b in self.grid.b.values:
+            k = self.grid.k.values
+            k = k[self.monitoring_signal(b, k) <= bound]
+            within.append(np.column_stack((np.full(k.shape, b), k)))
+        return np.unique(np.concatenate(within), axis=0)
+
+    @property
+    def at_edge(self) -> tuple[str, ...]:
+        """Parameters, of "b" and "k", whose winning value is the grid's first or last."""
+        _, b_first, b_step, b_last, _, k_first, k_step, k_last, _ = self.parameters
+        edges = {
+            "b": (b_first, b_first + b_last * b_step),
+            "k": (k_first, k_first + k_last * k_step),
+        }
+        return tuple(name for name in edges if getattr(self.estimate, name) in edges[name])
+
+    def note(self) -> str | None:
+        """Whether the winner lies on the grid's edge."""
+        if self.at_edge:
+            return f"the winner lies on the grid's edge in {' and '.join(self.at_edge)}: widen it"
+        return None

@@ -1,0 +1,25 @@
+"""Simulated backend: cubes, the plant, sensors, operators, and the rig made of them."""
+
+from sim_backend.cube import Cube
+from sim_backend.operators import ARM, FreePalpation, MimickedSine, Operator
+from sim_backend.paper_rig import CUBES, DEPTH, FORCE_LAG
+from sim_backend.plant import Arm, Intention, Plant, PlantParameters
+from sim_backend.rig import SimulatedRig
+from sim_backend.sensors import Sensors
+
+__all__ = [
+    "ARM",
+    "CUBES",
+    "DEPTH",
+    "FORCE_LAG",
+    "Arm",
+    "Cube",
+    "FreePalpation",
+    "Intention",
+    "MimickedSine",
+    "Operator",
+    "Plant",
+    "PlantParameters",
+    "Sensors",
+    "SimulatedRig",
+]

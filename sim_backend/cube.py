@@ -1,0 +1,38 @@
+"""The environment: a soft cube, glued to the slave's plate so that contact never breaks."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Cube:
+    """Stiffening Kelvin-Voigt body, f = k1 x + k3 x^3 + b v, in compression and in tension.
+
+    Parameters
+    ----------
+    k1
+        Stiffness at small displacement [N/m], > 0.
+    k3
+        Stiffening [N/m^3], >= 0.
+    b
+        Damping [N s/m], > 0.
+
+    Raises
+    ------
+    ValueError
+        A parameter is out of its range.
+    """
+
+    k1: float
+    k3: float
+    b: float
+
+    def __post_init__(self) -> None:
+        if not (0.0 < self.k1 < math.inf and 0.0 <= self.k3 < math.inf and 0.0 < self.b < math.inf):
+            raise ValueError(f"a cube needs k1 > 0, k3 >= 0 and b > 0, got {self}")
+
+    def force(self, x: float, v: float) -> float:
+        """Force [N] at displacement x [m] and velocity v [m/s]."""
+        return (self.k1 + self.k3 * x * x) * x + self.b * v

@@ -1,0 +1,144 @@
+"""Operators: where a person's hand wants to be while it palpates.
+
+A person acts on the handle through the impedance of the arm, so the handle's motion follows
+from the intention here, the arm, and the admittance that the controller gives the handle.
+
+Sources of the values. Pokes are minimum-jerk movements [1]. Arm stiffness 400 N/m and
+damping 12 N s/m lie in the range measured at the hand [2, 3]. Physiological tremor has 8 to
+12 Hz and, at the tool of a surgeon, about 0.1 mm [4]. Depth and timing vary by 10 to 15 %
+from one poke or cycle to the next, and a person starts 0.2 s late; these two are our choice.
+
+[1] T. Flash, N. Hogan, J. Neurosci. 5(7), 1985.
+[2] F. A. Mussa-Ivaldi, N. Hogan, E. Bizzi, J. Neurosci. 5(10), 1985.
+[3] T. Tsuji, P. G. Morasso, K. Goto, K. Ito, Biol. Cybern. 72, 1995.
+[4] S. P. N. Singh, C. N. Riviere, Proc. IEEE Northeast Bioeng. Conf., 2002.
+"""
+
+from __future__ import annotations
+
+import math
+import random
+from abc import ABC, abstractmethod
+
+from sim_backend.plant import Arm, Intention
+
+ARM = Arm(stiffness=400.0, damping=12.0)
+TREMOR_AMPLITUDE = 0.05e-3
+"""Amplitude of each of three tremor components [m], about 0.1 mm together."""
+REACTION = 0.2
+"""Time from the start of the trial to the first movement [s]."""
+
+
+class Operator(ABC):
+    """A person at the handle, palpating to a depth.
+
+    Parameters
+    ----------
+    depth
+        Depth [m] of the handle that the person aims for, > 0.
+    seed
+        Seed of everything that the person does differently from one time to the next.
+
+    Raises
+    ------
+    ValueError
+        The depth is not positive.
+    """
+
+    def __init__(self, depth: float, seed: int) -> None:
+        if not 0.0 < depth < math.inf:
+            raise ValueError(f"palpation depth must be positive, got {depth} m")
+        self.depth = depth
+        self.random = random.Random(f"{type(self).__name__} {seed}")
+        self._tremor = [
+            (2.0 * math.pi * self.random.uniform(8.0, 12.0), self.random.uniform(0.0, 2 * math.pi))
+            for _ in range(3)
+        ]
+
+    @abstractmethod
+    def movement(self, t: float) -> Intention:
+        """The voluntary movement at time t [s] after the first movement, t not decreasing."""
+
+    def intention(self, t: float) -> Intention:
+        """Where the hand wants to be at time t [s] of the trial; call with rising t."""
+        if t < REACTION:
+            return Intention(0.0, 0.0)
+        t -= REACTION
+        position, velocity = self.movement(t)
+        onset = min(1.0, t)
+        for omega, phase in self._tremor:
+            position += onset * TREMOR_AMPLITUDE * math.sin(omega * t + phase)
+            velocity += onset * TREMOR_AMPLITUDE * omega * math.cos(omega * t + phase)
+        return Intention(position, velocity)
+
+
+class FreePalpation(Operator):
+    """Pokes of about a second: in, a short dwell, and out to a light touch."""
+
+    def __init__(self, depth: float, seed: int) -> None:
+        super().__init__(depth, seed)
+        self._start = self._duration = 0.0
+        self._from = self._to = 0.0
+        self._inwards = False
+
+    def movement(self, t: float) -> Intention:
+        """Minimum jerk from one turning point to the next, then a dwell."""
+        while t >= self._start + self._duration + self._dwell:
+            self._next(self._start + self._duration + self._dwell)
+        share = min((t - self._start) / self._duration, 1.0)
+        distance = self._to - self._from
+        position = self._from + distance * share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
+        velocity = distance / self._duration * 30.0 * share**2 * (1.0 - share) ** 2
+        return Intention(position, velocity)
+
+    _dwell = 0.0
+
+    def _next(self, start: float) -> None:
+        self._inwards = not self._inwards
+        self._start = start
+        self._from = self._to
+        if self._inwards:
+            self._to = self.depth * self.random.gauss(1.0, 0.1)
+        else:
+            self._to = self.depth * self.random.uniform(0.05, 0.25)
+        self._duration = max(0.25, self.random.gauss(0.45, 0.06))
+        self._dwell = max(0.0, self.random.gauss(0.1, 0.04))
+
+
+class MimickedSine(Operator):
+    """Tracking a sine of constant frequency and amplitude, as well as a person can.
+
+    The amplitude wanders by about 10 %, the phase by about 0.4 rad, both within seconds.
+    """
+
+    FREQUENCY = 1.0
+    """Frequency that the person aims for [Hz]."""
+
+    def __init__(self, depth: float, seed: int) -> None:
+        super().__init__(depth, seed)
+        self._amplitude_wander = self._wander(0.07)
+        self._phase_wander = self._wander(0.3)
+
+    def _wander(self, size: float) -> list[tuple[float, float, float]]:
+        """Three slow sines (size, angular frequency, phase)."""
+        return [
+            (size, 2 * math.pi * self.random.uniform(0.1, 0.5), self.random.uniform(0, 2 * math.pi))
+            for _ in range(3)
+        ]
+
+    def movement(self, t: float) -> Intention:
+        """A raised cosine from light touch to depth with a wandering amplitude and phase."""
+        omega = 2.0 * math.pi * self.FREQUENCY
+        phase, phase_rate = omega * t, omega
+        for size, slow, offset in self._phase_wander:
+            phase += size * (math.sin(slow * t + offset) - math.sin(offset))
+            phase_rate += size * slow * math.cos(slow * t + offset)
+        half, half_rate = 0.45 * self.depth, 0.0
+        for size, slow, offset in self._amplitude_wander:
+            half += 0.45 * self.depth * size * math.sin(slow * t + offset)
+            half_rate += 0.45 * self.depth * size * slow * math.cos(slow * t + offset)
+        lift = 1.0 - math.cos(phase)
+        light = 0.1 * self.depth * min(1.0, t)
+        return Intention(
+            light + half * lift, half_rate * lift + half * phase_rate * math.sin(phase)
+        )

@@ -1,0 +1,181 @@
+"""Dynamics of the telemanipulator: a driven handle, a servoed slave on a cube, force channels."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from drivers import Command
+from sim_backend.cube import Cube
+
+MAX_STEP = 1e-3
+"""Longest integration step [s]; half of it changes no sensor reading by a thousandth of its noise."""
+
+
+@dataclass(frozen=True)
+class PlantParameters:
+    """Parameters of drives and force channels, those of a laboratory linear actuator.
+
+    Raises
+    ------
+    ValueError
+        A parameter is not positive.
+    """
+
+    handle_bandwidth: float = 40.0
+    """Of the handle's velocity servo, which is stiff against the hand [Hz]."""
+    slave_bandwidth: float = 80.0
+    """Of the proportional part of the slave's velocity servo [Hz]."""
+    slave_integral: float = 25.0
+    """Corner frequency of that servo's integral part [Hz]."""
+    slave_mass: float = 3.0
+    """Moving mass of the slave [kg]."""
+    master_force_lag: float = 1e-3
+    """Time constant of the handle's force channel [s]."""
+    contact_force_lag: float = 1e-3
+    """Time constant of the contact force channel [s]."""
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            if not 0.0 < value < math.inf:
+                raise ValueError(f"{name} must be positive, got {value}")
+
+
+class Handle:
+    """The master's handle: position [m] and velocity [m/s], x'' = w (u - x')."""
+
+    def __init__(self, bandwidth: float) -> None:
+        self._rate = 2.0 * math.pi * bandwidth
+        self.x = self.v = 0.0
+
+    def advance(self, u: float, dt: float) -> None:
+        """Let `dt` pass with the velocity command u held; exact."""
+        slip = self.v - u
+        left = slip * math.exp(-self._rate * dt)
+        self.x += u * dt + (slip - left) / self._rate
+        self.v = u + left
+
+
+class Slave:
+    """The slave's carriage on its cube: position [m] and velocity [m/s].
+
+    m x'' = m (K_p (u - x') + K_i e) - f(x, x') with e' = u - x', a proportional-integral
+    velocity servo against the force f of the cube.
+    """
+
+    def __init__(self, cube: Cube, parameters: PlantParameters) -> None:
+        self.cube = cube
+        self.x = self.v = 0.0
+        self._error = 0.0
+        self._mass = parameters.slave_mass
+        self._proportional = 2.0 * math.pi * parameters.slave_bandwidth
+        self._integral = self._proportional * 2.0 * math.pi * parameters.slave_integral
+
+    @property
+    def force(self) -> float:
+        """Force of the cube on the slave [N]."""
+        return self.cube.force(self.x, self.v)
+
+    def acceleration(self, x: float, v: float, error: float, u: float) -> float:
+        """x'' [m/s^2] in the state (x, v, e) under the velocity command u."""
+        servo = self._proportional * (u - v) + self._integral * error
+        return servo - self.cube.force(x, v) / self._mass
+
+    def advance(self, u: float, h: float) -> None:
+        """Let one step h pass with the velocity command u held; Runge-Kutta 4."""
+        x, v1, error = self.x, self.v, self._error
+        half = 0.5 * h
+        a1 = self.acceleration(x, v1, error, u)
+        v2 = v1 + half * a1
+        a2 = self.acceleration(x + half * v1, v2, error + half * (u - v1), u)
+        v3 = v1 + half * a2
+        a3 = self.acceleration(x + half * v2, v3, error + half * (u - v2), u)
+        v4 = v1 + h * a3
+        a4 = self.acceleration(x + h * v3, v4, error + h * (u - v3), u)
+        travel = h / 6.0 * (v1 + 2.0 * (v2 + v3) + v4)
+        self.x = x + travel
+        self.v = v1 + h / 6.0 * (a1 + 2.0 * (a2 + a3) + a4)
+        self._error = error + u * h - travel
+
+
+class ForceChannel:
+    """A force sensor with its amplifier: a first-order lag, tau y' = f - y."""
+
+    def __init__(self, lag: float) -> None:
+        self._lag = lag
+        self._force = self.y = 0.0
+
+    def advance(self, force: float, dt: float) -> None:
+        """Let `dt` pass in which the force went straight to `force`; exact."""
+        behind = (force - self._force) / dt * self._lag
+        decay = math.exp(-dt / self._lag)
+        self.y = force - behind + (self.y - self._force + behind) * decay
+        self._force = force
+
+
+class Arm(NamedTuple):
+    """Impedance of the operator's arm between where the hand wants to be and the handle."""
+
+    stiffness: float
+    """[N/m]"""
+    damping: float
+    """[N s/m]"""
+
+    def force(self, intended: Intention, handle: Handle) -> float:
+        """Force of the hand on the handle [N]."""
+        return self.stiffness * (intended.position - handle.x) + self.damping * (
+            intended.velocity - handle.v
+        )
+
+
+class Intention(NamedTuple):
+    """Where the operator's hand wants to be."""
+
+    position: float
+    """[m]"""
+    velocity: float
+    """[m/s]"""
+
+
+UNATTENDED = Arm(0.0, 0.0)
+AT_REST = Intention(0.0, 0.0)
+
+
+class Plant:
+    """The telemanipulator and its environment, advanced in time.
+
+    Parameters
+    ----------
+    cube
+        The environment.
+    parameters
+        Drives and force channels.
+    arm
+        The operator's arm; `UNATTENDED` for a handle that nobody holds.
+    max_step
+        Longest integration step [s].
+    """
+
+    def __init__(
+        self,
+        cube: Cube,
+        parameters: PlantParameters,
+        arm: Arm = UNATTENDED,
+        max_step: float = MAX_STEP,
+    ) -> None:
+        self.handle = Handle(parameters.handle_bandwidth)
+        self.slave = Slave(cube, parameters)
+        self.master_force = ForceChannel(parameters.master_force_lag)
+        self.contact_force = ForceChannel(parameters.contact_force_lag)
+        self._arm = arm
+        self._max_step = max_step
+
+    def advance(self, dt: float, command: Command, intended: Intention = AT_REST) -> None:
+        """Let `dt` [s] pass with the command held, after which the hand intends to be there."""
+        self.handle.advance(command.master_velocity, dt)
+        self.master_force.advance(self._arm.force(intended, self.handle), dt)
+        steps = max(1, math.ceil(dt / self._max_step - 1e-6))
+        for _ in range(steps):
+            self.slave.advance(command.slave_velocity, dt / steps)
+            self.contact_force.advance(self.slave.force, dt / steps)

@@ -1,0 +1,97 @@
+"""The simulated rig: the plant behind the sensors and drives of a telemanipulator."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable
+
+from drivers import STANDSTILL, Ages, Command, Measurement, Rig
+from sim_backend.cube import Cube
+from sim_backend.operators import ARM, Operator
+from sim_backend.plant import AT_REST, UNATTENDED, Plant, PlantParameters
+from sim_backend.sensors import Sensors
+
+FRESH = Ages(0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+class SimulatedRig(Rig):
+    """A telemanipulator that exists in software alone.
+
+    The plant is advanced to the present whenever it is read, so it runs in whatever time the
+    clock keeps; with a virtual clock the same seed gives the same run to the bit.
+
+    Parameters
+    ----------
+    cube
+        The environment.
+    now
+        The clock's time [s].
+    operator
+        The person at the handle; None for nobody.
+    parameters
+        Drives and force channels.
+    sensors
+        Imperfections of the sensors.
+    max_velocity
+        The most that the drives can do [m/s].
+    seed
+        Seed of the sensor noise.
+    """
+
+    def __init__(
+        self,
+        cube: Cube,
+        now: Callable[[], float],
+        operator: Operator | None = None,
+        parameters: PlantParameters | None = None,
+        sensors: Sensors | None = None,
+        max_velocity: float = 0.5,
+        seed: int = 0,
+    ) -> None:
+        self.plant = Plant(
+            cube, parameters or PlantParameters(), ARM if operator else UNATTENDED
+        )
+        self._now = now
+        self._operator = operator
+        self._sensors = sensors or Sensors()
+        self._max_velocity = max_velocity
+        self._noise = random.Random(f"sensors {seed}")
+        self._applied = STANDSTILL
+        self._start = self._time = 0.0
+
+    def open(self) -> None:
+        """Start the plant's time; nothing moves yet."""
+        self._start = self._time = self._now()
+
+    def read(self) -> Measurement:
+        """Let the plant catch up with the clock, and read every sensor."""
+        now = self._now()
+        if now > self._time:
+            intended = (
+                self._operator.intention(now - self._start) if self._operator else AT_REST
+            )
+            self.plant.advance(now - self._time, self._applied, intended)
+            self._time = now
+        plant, sensors, noise = self.plant, self._sensors, self._noise
+        return Measurement(
+            time=now,
+            master_force=sensors.force(plant.master_force.y, noise),
+            master_position=sensors.position(plant.handle.x),
+            slave_position=sensors.position(plant.slave.x),
+            contact_force=sensors.force(plant.contact_force.y, noise),
+            slave_velocity=plant.slave.v,
+            age=FRESH,
+        )
+
+    def write(self, command: Command) -> Command:
+        """Command the drives; velocities beyond their greatest are clipped."""
+        most = self._max_velocity
+        self._applied = Command(*(min(max(v, -most), most) for v in command))
+        return self._applied
+
+    def stop(self) -> None:
+        """Command standstill."""
+        self._applied = STANDSTILL
+
+    def close(self) -> None:
+        """Nothing to release."""

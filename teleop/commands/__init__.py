@@ -1,0 +1,1 @@
+"""The subcommands of `teleop`, one a file; heavy imports wait for their call."""

@@ -1,0 +1,205 @@
+"""One trial: palpate a cube under a control condition, and estimate while doing so."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+
+from estimation import Bank, Conditioner, Excitation, MatchedFilter, Preset, paper_preset
+from estimation.compiled import Floats
+from sim_backend import (
+    CUBES,
+    DEPTH,
+    FORCE_LAG,
+    FreePalpation,
+    MimickedSine,
+    PlantParameters,
+    SimulatedRig,
+)
+from teleop.admittance import Admittance, AdmittanceParameters, Coupling
+from teleop.clock import Clock, RealClock, VirtualClock
+from teleop.conditions import CONDITIONS, Autonomous, Condition, Teleoperation
+from teleop.controller import Controller, Record
+from teleop.errors import InputError
+from teleop.injector import Injector, Signal, Sine
+from teleop.log import Log
+
+RATES = (50.0, 20_000.0)
+"""Lowest and highest rate of the loop [Hz]: below, hand and admittance do not hold together."""
+REHEARSAL = 300
+"""Ticks by which a rate is tried before a trial."""
+
+
+@dataclass(frozen=True)
+class TrialSettings:
+    """What a trial is; the defaults are the paper's experiment.
+
+    Raises
+    ------
+    InputError
+        A setting is out of its range.
+    """
+
+    condition: str = "free"
+    cube: str = "soft"
+    duration: float = 10.0
+    """Length [s]."""
+    clock: Literal["real", "virtual"] = "real"
+    rate: float = 1000.0
+    """Ticks a second [Hz]."""
+    seed: int = 0
+    """Seed of operator and sensor noise."""
+    signal: Signal = field(default_factory=lambda: Sine(1.0))
+    """Excitation of the autonomous condition."""
+    admittance: AdmittanceParameters = field(default_factory=AdmittanceParameters)
+    coupling: Coupling = field(default_factory=Coupling)
+    conditioner: Callable[[], Conditioner] = lambda: MatchedFilter(20.0)
+    """Makes the trial's signal conditioning."""
+    preset: Preset | None = None
+    """Settings of the estimators; None for the paper's, with the gain for this cube."""
+
+    def __post_init__(self) -> None:
+        if self.condition not in CONDITIONS:
+            raise InputError(
+                f"condition {self.condition!r}: expected one of {', '.join(CONDITIONS)}"
+            )
+        if self.cube not in CUBES:
+            raise InputError(f"cube {self.cube!r}: expected one of {', '.join(CUBES)}")
+        if self.clock not in ("real", "virtual"):
+            raise InputError(f"clock {self.clock!r}: expected one of real, virtual")
+        if not RATES[0] <= self.rate <= RATES[1]:
+            raise InputError(f"rate {self.rate:g} Hz: expected {RATES[0]:g} to {RATES[1]:g} Hz")
+        if not 1.0 / self.rate <= self.duration < math.inf:
+            raise InputError(
+                f"duration {self.duration:g} s: expected a time of at least one tick, "
+                f"{1.0 / self.rate:g} s"
+            )
+
+    def make_clock(self) -> Clock:
+        """A fresh clock."""
+        return RealClock(self.rate) if self.clock == "real" else VirtualClock(self.rate)
+
+    def make_rig(self, now: Callable[[], float]) -> SimulatedRig:
+        """A fresh simulated rig, with an operator where the condition has one."""
+        depth = DEPTH[self.condition][self.cube] / abs(self.coupling.scale)
+        operators = {"free": FreePalpation, "mimic": MimickedSine}
+        operator = operators.get(self.condition)
+        return SimulatedRig(
+            CUBES[self.cube],
+            now,
+            operator=operator(depth, self.seed) if operator else None,
+            parameters=PlantParameters(contact_force_lag=FORCE_LAG[self.cube]),
+            seed=self.seed,
+        )
+
+    def make_condition(self) -> Condition:
+        """A fresh control condition."""
+        if self.condition != "autonomous":
+            return Teleoperation()
+        return Autonomous(
+            Injector(
+                self.signal,
+                DEPTH[self.condition][self.cube],
+                self.admittance,
+                self.coupling.scale,
+                self.duration,
+            )
+        )
+
+    def make_controller(self, rig: SimulatedRig, bank: Bank) -> Controller:
+        """A fresh controller for this rig and bank."""
+        return Controller(
+            rig,
+            self.make_condition(),
+            Admittance(self.admittance),
+            self.coupling,
+            self.conditioner(),
+            bank,
+            Excitation(),
+            1.0 / self.rate,
+        )
+
+    def make_bank(self) -> Bank:
+        """A fresh bank of estimators."""
+        return (self.preset or paper_preset(self.cube)).bank()
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A trial that has been run."""
+
+    settings: TrialSettings
+    columns: dict[str, Floats]
+    """What was logged, by column; arrays of shape (ticks,) in SI units."""
+    units: dict[str, str]
+    """Unit of each column."""
+    bank: Bank
+    """The estimators in their final state."""
+    interrupted: bool
+    """Whether it ended before its time."""
+
+
+def tick_cost(settings: TrialSettings) -> float:
+    """Median time [s] that a tick of this trial takes on this machine, tried in virtual time."""
+    rehearsal = replace(settings, clock="virtual")
+    clock = rehearsal.make_clock()
+    costs = []
+    with rehearsal.make_rig(clock.now) as rig:
+        bank = rehearsal.make_bank()
+        controller = rehearsal.make_controller(rig, bank)
+        log = Log(bank)
+        for _ in range(REHEARSAL):
+            start = time.perf_counter()
+            log.append(clock.wait(), controller.tick())
+            costs.append(time.perf_counter() - start)
+    return float(np.median(costs))
+
+
+def run_trial(
+    settings: TrialSettings, on_tick: Callable[[int, Record], None] | None = None
+) -> Trial:
+    """Run a trial to its end, or to Ctrl-C; the rig is stopped on every way out.
+
+    Parameters
+    ----------
+    settings
+        What to run.
+    on_tick
+        Called with the tick's number and record after each tick; must be quick.
+
+    Raises
+    ------
+    InputError
+        The machine cannot hold the rate.
+    """
+    if settings.clock == "real" and (cost := tick_cost(settings)) > 0.9 / settings.rate:
+        raise InputError(
+            f"rate {settings.rate:g} Hz: a tick takes {cost * 1e6:.0f} us on this machine, "
+            f"expected a rate of at most {0.9 / cost:.0f} Hz"
+        )
+    bank = settings.make_bank()
+    log = Log(bank)
+    clock = settings.make_clock()
+    interrupted = False
+    with settings.make_rig(clock.now) as rig:
+        controller = settings.make_controller(rig, bank)
+        number = 0
+        try:
+            while True:
+                tick = clock.wait()
+                number += tick.skipped
+                if number >= settings.duration * settings.rate:
+                    break
+                record = controller.tick()
+                log.append(tick, record)
+                if on_tick:
+                    on_tick(number, record)
+                number += 1
+        except KeyboardInterrupt:
+            interrupted = True
+    return Trial(settings, log.columns(), log.units, bank, interrupted)
