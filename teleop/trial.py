@@ -6,11 +6,11 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
-from estimation import Bank, Conditioner, Excitation, MatchedFilter, Preset, paper_preset
+from estimation import Bank, Conditioner, Estimates, Excitation, Preset, paper_preset
 from estimation.compiled import Floats
 from sim_backend import (
     CUBES,
@@ -19,15 +19,18 @@ from sim_backend import (
     FreePalpation,
     MimickedSine,
     PlantParameters,
+    Sensors,
     SimulatedRig,
 )
 from teleop.admittance import Admittance, AdmittanceParameters, Coupling
+from teleop.choices import ConditioningName, make_conditioner
 from teleop.clock import Clock, RealClock, VirtualClock
 from teleop.conditions import CONDITIONS, Autonomous, Condition, Teleoperation
 from teleop.controller import Controller, Record
 from teleop.errors import InputError
 from teleop.injector import Injector, Signal, Sine
 from teleop.log import Log
+from teleop.summary import loop_timing, summarise
 
 RATES = (50.0, 20_000.0)
 """Lowest and highest rate of the loop [Hz]: below, hand and admittance do not hold together."""
@@ -58,8 +61,9 @@ class TrialSettings:
     """Excitation of the autonomous condition."""
     admittance: AdmittanceParameters = field(default_factory=AdmittanceParameters)
     coupling: Coupling = field(default_factory=Coupling)
-    conditioner: Callable[[], Conditioner] = lambda: MatchedFilter(20.0)
-    """Makes the trial's signal conditioning."""
+    conditioning: ConditioningName = "matched"
+    bandwidth: float = 20.0
+    """Bandwidth of the conditioning's filter [Hz]."""
     preset: Preset | None = None
     """Settings of the estimators; None for the paper's, with the gain for this cube."""
 
@@ -74,6 +78,7 @@ class TrialSettings:
             raise InputError(f"clock {self.clock!r}: expected one of real, virtual")
         if not RATES[0] <= self.rate <= RATES[1]:
             raise InputError(f"rate {self.rate:g} Hz: expected {RATES[0]:g} to {RATES[1]:g} Hz")
+        self.make_conditioner()
         if not 1.0 / self.rate <= self.duration < math.inf:
             raise InputError(
                 f"duration {self.duration:g} s: expected a time of at least one tick, "
@@ -118,11 +123,15 @@ class TrialSettings:
             self.make_condition(),
             Admittance(self.admittance),
             self.coupling,
-            self.conditioner(),
+            self.make_conditioner(),
             bank,
             Excitation(),
             1.0 / self.rate,
         )
+
+    def make_conditioner(self) -> Conditioner:
+        """Fresh signal conditioning."""
+        return make_conditioner(self.conditioning, self.bandwidth, Sensors().encoder_resolution)
 
     def make_bank(self) -> Bank:
         """A fresh bank of estimators."""
@@ -142,6 +151,45 @@ class Trial:
     """The estimators in their final state."""
     interrupted: bool
     """Whether it ended before its time."""
+
+    @property
+    def estimates(self) -> dict[str, Estimates]:
+        """Each estimator's estimates."""
+        return {
+            name: Estimates(self.columns[f"{name.upper()} b"], self.columns[f"{name.upper()} k"])
+            for name in self.bank
+        }
+
+    def summary(self) -> dict[str, Any]:
+        """What the trial comes to, as `teleop run --json` prints it."""
+        settings, columns = self.settings, self.columns
+        t = columns["Time"]
+        x, v, f = (columns[f"Filtered {name}"] for name in ("displacement", "velocity", "force"))
+        cube = CUBES[settings.cube]
+        return {
+            "condition": settings.condition,
+            "cube": settings.cube,
+            "duration_s": settings.duration,
+            "clock": settings.clock,
+            "seed": settings.seed,
+            "ticks": len(t),
+            "interrupted": self.interrupted,
+            "estimates": {
+                name: summarise(t, x, v, f, estimates, self.bank[name])._asdict()
+                for name, estimates in self.estimates.items()
+            },
+            "truth": {
+                "b": cube.b,
+                "k_surface": cube.k1,
+                "k_deepest": cube.k1 + cube.k3 * float(np.max(columns["Displacement"])) ** 2,
+                "force_lag_s": FORCE_LAG[settings.cube],
+            },
+            "excitation": {
+                "mean": float(np.mean(columns["Excitation"])),
+                "last": float(columns["Excitation"][-1]),
+            },
+            "loop": loop_timing(settings.rate, t, columns["Lateness"], columns["Overrun"]),
+        }
 
 
 def tick_cost(settings: TrialSettings) -> float:

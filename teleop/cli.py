@@ -1,0 +1,51 @@
+"""The `teleop` command: reads its arguments, and tells bad input from a defect."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Sequence
+
+from cyclopts import App, CycloptsError
+
+from teleop.commands.estimate import estimate
+from teleop.commands.run import run
+from teleop.errors import InputError
+
+
+def installed_version() -> str:
+    """Version of the installed package."""
+    from importlib.metadata import version
+
+    return version("teleop")
+
+
+app = App(
+    name="teleop",
+    help=(
+        "Run a 1-DOF telemanipulator and estimate the stiffness and damping of what it "
+        "touches.\n\nExample: teleop run --condition mimic --cube hard"
+    ),
+    version=installed_version,
+    help_format="plaintext",
+)
+for command in (run, estimate):
+    app.command(command, help_format="markdown")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run a command; the exit code is 0, or 2 for bad input, told in one line."""
+    try:
+        code = app(
+            arguments, exit_on_error=False, print_error=False, result_action="return_value"
+        )
+        sys.stdout.flush()
+    except (InputError, CycloptsError) as error:
+        print("teleop:", " ".join(str(error).split()), file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        return 130
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
+    return code or 0

@@ -1,0 +1,137 @@
+"""`teleop run`: one palpation on a rig."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from cyclopts import Parameter
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from teleop.controller import Record
+    from teleop.progress import ProgressLine
+    from teleop.trial import TrialSettings
+
+
+def run(
+    *,
+    condition: Literal["free", "mimic", "autonomous"] = "free",
+    cube: Literal["soft", "medium", "hard"] = "soft",
+    duration: float = 10.0,
+    clock: Literal["real", "virtual"] = "real",
+    rate: float = 1000.0,
+    seed: int = 0,
+    signal: Literal["sine", "multisine", "chirp"] = "sine",
+    frequency: float = 1.0,
+    coupling: Literal["velocity", "position"] = "velocity",
+    conditioning: Literal["matched", "svf", "foaw", "difference"] = "matched",
+    bandwidth: float = 20.0,
+    out: Path | None = None,
+    plot: Path | None = None,
+    json: Annotated[bool, Parameter(negative="")] = False,
+) -> int:
+    """Palpate a cube on the simulated rig, and estimate its stiffness and damping meanwhile.
+
+    Example: `teleop run --condition autonomous --cube hard --plot hard.png`
+
+    Parameters
+    ----------
+    condition
+        An operator palpates as they like (free), tries to track a sine (mimic), or the PE
+        injector moves the slave and nobody holds the handle (autonomous).
+    cube
+        The cube on the simulated rig.
+    duration
+        Length of the trial [s].
+    clock
+        The machine's clock, or virtual time: as fast as it goes, and the same to the bit for
+        the same seed.
+    rate
+        Rate of the loop [Hz].
+    seed
+        Seed of the simulated operator and of the sensor noise.
+    signal
+        Excitation of the autonomous condition.
+    frequency
+        Its frequency [Hz]: of a multisine the lowest of five harmonics, of a chirp the
+        lowest of two octaves.
+    coupling
+        What of the master the slave follows: its velocity, as in the paper, or its position.
+    conditioning
+        How velocity is had from the encoder: one state-variable filter on position and force
+        alike (matched) or on position alone (svf), first-order adaptive windowing (foaw), or
+        a filtered difference.
+    bandwidth
+        Bandwidth of that filter [Hz]; foaw has none.
+    out
+        Write every tick to this CSV file, which `teleop estimate` reads.
+    plot
+        Draw the estimates to this .png, .svg or .pdf file.
+    json
+        Print one JSON document instead of tables.
+    """
+    from teleop import console
+    from teleop.choices import make_coupling, make_signal
+    from teleop.files import check_writable
+    from teleop.progress import ProgressLine
+    from teleop.trial import TrialSettings, run_trial
+
+    settings = TrialSettings(
+        condition=condition,
+        cube=cube,
+        duration=duration,
+        clock=clock,
+        rate=rate,
+        seed=seed,
+        signal=make_signal(signal, frequency),
+        coupling=make_coupling(coupling),
+        conditioning=conditioning,
+        bandwidth=bandwidth,
+    )
+    check_writable(out, plot)
+    line = ProgressLine()
+    try:
+        trial = run_trial(settings, live_estimates(line, settings) if line.shown else None)
+    finally:
+        line.close()
+    if out:
+        from teleop.table import write_table
+
+        write_table(out, trial.columns, trial.units)
+    if plot:
+        from teleop.figure import estimates_figure, save
+
+        columns = trial.columns
+        figure = estimates_figure(
+            f"{condition}, {cube} cube",
+            columns["Time"],
+            columns["Filtered displacement"],
+            columns["Filtered velocity"],
+            trial.estimates,
+        )
+        save(figure, plot)
+    if json:
+        console.print_json(trial.summary())
+    else:
+        console.print_trial(trial.summary())
+    return 130 if trial.interrupted else 0
+
+
+def live_estimates(
+    line: ProgressLine, settings: TrialSettings
+) -> Callable[[int, Record], None]:
+    """Draws the present estimates ten times a second."""
+    every = max(1, round(settings.rate / 10.0))
+
+    def draw(number: int, record: Record) -> None:
+        if number % every:
+            return
+        estimates = "   ".join(
+            f"{name} k {estimate.k:7.0f} N/m b {estimate.b:6.1f} N s/m"
+            for name, estimate in record.estimates.items()
+        )
+        line.show(f"{record.t:5.1f} of {settings.duration:g} s   {estimates}")
+
+    return draw

@@ -1,0 +1,97 @@
+"""What the commands print: tables for a person, or one JSON document for a program."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+def print_json(document: Mapping[str, Any]) -> None:
+    """Print a JSON document in which numbers that are not finite have become null."""
+
+    def finite(value: Any) -> Any:
+        if isinstance(value, dict):
+            return {key: finite(item) for key, item in value.items()}
+        return None if isinstance(value, float) and not math.isfinite(value) else value
+
+    print(json.dumps(finite(dict(document)), indent=2, allow_nan=False))
+
+
+def plain_console() -> Console:
+    """A console that takes text as it is: no markup, no highlighting, no wrapping."""
+    return Console(highlight=False, markup=False, soft_wrap=True)
+
+
+def number(value: float, digits: int) -> str:
+    """A number with thousands set apart, or a dash where there is none."""
+    return f"{value:,.{digits}f}".replace(",", " ") if math.isfinite(value) else "-"
+
+
+def print_estimates(rows: Mapping[str, Mapping[str, Any]], title: str) -> None:
+    """The table of estimators, and what to know of each."""
+    console = plain_console()
+    table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, title_style="bold")
+    table.add_column("estimator")
+    for heading in ("k [N/m]", "b [N s/m]", "e_f [N]", "one-step rms [N]", "rise time [s]"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    for name, row in rows.items():
+        table.add_row(
+            name,
+            number(row["k"], 0),
+            number(row["b"], 1),
+            number(row["e_f"], 3),
+            number(row["one_step_rms"], 3),
+            number(row.get("rise_time_s", math.nan), 3),
+        )
+    console.print(table)
+    for name, row in rows.items():
+        if row.get("note"):
+            console.print(f"  {name}: {row['note']}", style="yellow")
+
+
+def print_trial(summary: Mapping[str, Any]) -> None:
+    """A trial's tables."""
+    console = plain_console()
+    print_estimates(
+        summary["estimates"],
+        f"{summary['condition']}, {summary['cube']} cube, {summary['duration_s']:g} s",
+    )
+    truth = summary["truth"]
+    console.print(
+        f"  truth (simulated): k {number(truth['k_surface'], 0)} N/m at the surface to "
+        f"{number(truth['k_deepest'], 0)} N/m at the deepest, b {truth['b']:g} N s/m;\n"
+        f"  the force channel lags by {truth['force_lag_s'] * 1e3:g} ms, "
+        "which alone reads as b - k * lag"
+    )
+    console.print(f"  excitation: {summary['excitation']['mean']:.2f} (0 none, 1 round)")
+    loop = summary["loop"]
+    if summary["clock"] == "virtual":
+        console.print(f"  loop: {summary['ticks']} ticks at {loop['rate_hz']:g} Hz, virtual time")
+        return
+    late = loop["lateness_us"]
+    console.print(
+        f"  loop: {loop['mean_rate_hz']:.2f} of {loop['rate_hz']:g} Hz, {summary['ticks']} ticks, "
+        f"{loop['overruns']} overruns;\n"
+        f"  lateness [us]: p50 {late['p50']:.1f}, p99 {late['p99']:.1f}, "
+        f"p99.9 {late['p99_9']:.1f}, max {late['max']:.1f}"
+    )
+
+
+def print_evaluation(summary: Mapping[str, Any], name: str) -> None:
+    """A recording's tables."""
+    console = plain_console()
+    print_estimates({**summary["estimates"], "batch": summary["batch"]}, name)
+    datum = summary["datum"]
+    console.print(
+        f"  {summary['samples_used']} of {summary['samples']} samples, "
+        f"{summary['from_s']:.3f} to {summary['to_s']:.3f} s, at {summary['rate_hz']:g} Hz, "
+        f"jitter {summary['jitter'] * 100:.2g} %\n"
+        f"  datum: {datum['position_m'] * 1e3:.6g} mm, {datum['force_n']:.6g} N ({datum['source']})\n"
+        f"  conditioning bandwidth {summary['bandwidth_hz']:.3g} Hz, "
+        f"memory of the estimators {summary['memory_s']:.3g} s"
+    )

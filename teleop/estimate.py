@@ -1,0 +1,223 @@
+"""The estimators over a recording."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+
+from estimation import (
+    Bank,
+    Estimates,
+    Fit,
+    Preset,
+    force_error,
+    least_squares,
+    paper_preset,
+    scaled_preset,
+)
+from estimation.compiled import Floats
+from teleop.choices import ConditioningName, make_conditioner
+from teleop.errors import InputError
+from teleop.summary import summarise
+from teleop.table import UNITS, Recording
+
+FROM_DATUM = ("displacement", "indentation", "depth")
+"""Names of a position that is already measured from the contact datum."""
+PAPER_BANDWIDTH = 20.0
+"""Bandwidth of the conditioning for the paper's preset [Hz], that of `teleop run`."""
+
+
+class Datum(NamedTuple):
+    """Where displacement and force are zero, in the file's own coordinates."""
+
+    x: float
+    """[m]"""
+    f: float
+    """[N]"""
+    source: str
+    """How it was chosen."""
+
+
+@dataclass(frozen=True)
+class EstimateSettings:
+    """How a recording is to be evaluated."""
+
+    datum: str = "auto"
+    """`auto`, `file`, `start`, `mean`, or a position and a force such as `1.5mm,20N`."""
+    preset: Literal["scaled", "paper"] = "scaled"
+    """Settings of the estimators: scaled from the data, or the paper's."""
+    cube: str = "soft"
+    """The cube whose adaptation gain the paper's preset takes."""
+    conditioning: ConditioningName = "matched"
+    bandwidth: float | None = None
+    """Bandwidth of the conditioning [Hz]; None for ten times the dominant frequency."""
+    whole: bool = False
+    """Whether to take in rest before and after the motion."""
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """The estimators' answer to a recording; arrays of shape (n,)."""
+
+    t: Floats
+    x: Floats
+    v: Floats
+    f: Floats
+    estimates: dict[str, Estimates]
+    bank: Bank
+    batch: Fit
+    datum: Datum
+    preset: Preset
+    bandwidth: float
+    rate: float
+    """Median sampling rate [Hz]."""
+    jitter: float
+    """Largest deviation of a sample period from the median, as a share of it."""
+    samples: int
+    """Samples in the recording, rest included."""
+
+    def summary(self) -> dict[str, Any]:
+        """What the recording comes to, as `teleop estimate --json` prints it."""
+        estimates = {
+            name: summarise(self.t, self.x, self.v, self.f, series, self.bank[name])._asdict()
+            for name, series in self.estimates.items()
+        }
+        return {
+            "samples": self.samples,
+            "samples_used": len(self.t),
+            "rate_hz": self.rate,
+            "jitter": self.jitter,
+            "from_s": float(self.t[0]),
+            "to_s": float(self.t[-1]),
+            "datum": {"position_m": self.datum.x, "force_n": self.datum.f, "source": self.datum.source},
+            "bandwidth_hz": self.bandwidth,
+            "memory_s": 0.5 / self.preset.forgetting_rate,
+            "estimates": estimates,
+            "batch": {
+                "b": self.batch.b,
+                "k": self.batch.k,
+                "e_f": force_error(self.batch.residual, np.zeros_like(self.batch.residual)),
+                "one_step_rms": self.batch.rms,
+            },
+        }
+
+    def columns(self) -> tuple[dict[str, Floats], dict[str, str]]:
+        """Signals and estimates as columns with their units, for a file."""
+        columns = {"Time": self.t, "Displacement": self.x, "Velocity": self.v, "Force": self.f}
+        units = {"Time": "s", "Displacement": "m", "Velocity": "m/s", "Force": "N"}
+        for name, series in self.estimates.items():
+            columns |= {f"{name.upper()} b": series.b, f"{name.upper()} k": series.k}
+            units |= {f"{name.upper()} b": "N s/m", f"{name.upper()} k": "N/m"}
+        return columns, units
+
+
+def evaluate(recording: Recording, settings: EstimateSettings) -> Evaluation:
+    """Take the datum off, condition the signals, and run the estimators over the motion.
+
+    Raises
+    ------
+    InputError
+        A setting is out of its range, or nothing moves in the recording.
+    """
+    datum = find_datum(recording, settings.datum)
+    dt = recording.dt
+    motion = slice(None) if settings.whole else moving_part(recording.x)
+    bandwidth = settings.bandwidth
+    if bandwidth is None:
+        bandwidth = PAPER_BANDWIDTH
+        if settings.preset == "scaled":
+            bandwidth = 10.0 * dominant_frequency(recording.t[motion], recording.x[motion])
+    conditioner = make_conditioner(
+        settings.conditioning, bandwidth, smallest_step(recording.x)
+    )
+    x, v, f = conditioner.run(recording.x - datum.x, recording.f - datum.f, dt)
+    t, x, v, f, dt = (signal[motion] for signal in (recording.t, x, v, f, dt))
+    try:
+        if settings.preset == "paper":
+            preset = paper_preset(settings.cube)
+        else:
+            preset = scaled_preset(x, v, f, dt)
+    except ValueError as error:
+        raise InputError(str(error)) from error
+    bank = preset.bank()
+    estimates = bank.run(x, v, f, dt)
+    period = float(np.median(dt))
+    return Evaluation(
+        t=t,
+        x=x,
+        v=v,
+        f=f,
+        estimates=estimates,
+        bank=bank,
+        batch=least_squares(x, v, f),
+        datum=datum,
+        preset=preset,
+        bandwidth=bandwidth,
+        rate=1.0 / period,
+        jitter=float(np.max(np.abs(dt - period))) / period,
+        samples=len(recording.t),
+    )
+
+
+def find_datum(recording: Recording, wanted: str) -> Datum:
+    """Where displacement and force are zero.
+
+    `auto` is the file's own zero for a column named a displacement, an indentation or a
+    depth, and the mean of the moving part otherwise, about which a preloaded specimen is
+    linear.
+    """
+    if wanted == "auto":
+        named = recording.position_name.lower() in FROM_DATUM
+        wanted = "file" if named else "mean"
+    if wanted == "file":
+        return Datum(0.0, 0.0, "the file's own zero")
+    if wanted == "start":
+        return Datum(float(recording.x[0]), float(recording.f[0]), "the first sample")
+    if wanted == "mean":
+        motion = moving_part(recording.x)
+        return Datum(
+            float(recording.x[motion].mean()),
+            float(recording.f[motion].mean()),
+            "mean of the motion",
+        )
+    parts = [part.strip() for part in wanted.split(",")]
+    values = []
+    for part, quantity in zip(parts, ("position", "force"), strict=False):
+        match = re.fullmatch(r"([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*([^\d\s.]+)", part)
+        if match and match[2] in UNITS[quantity]:
+            values.append(float(match[1]) * UNITS[quantity][match[2]])
+    if len(parts) != 2 or len(values) != 2:
+        raise InputError(
+            f"datum {wanted!r}: expected auto, file, start, mean, or a position and a force "
+            "with units such as 1.5mm,20N"
+        )
+    return Datum(values[0], values[1], "given")
+
+
+def moving_part(x: Floats) -> slice:
+    """The samples from the first to the last that leave the rest at either end.
+
+    A position has left a rest when it is off by more than 2 % of the peak-to-peak.
+    """
+    band = 0.02 * float(np.ptp(x))
+    if band == 0.0:
+        raise InputError("nothing moves: the position is the same in every sample")
+    first = int(np.argmax(np.abs(x - x[0]) > band))
+    last = len(x) - int(np.argmax(np.abs(x[::-1] - x[-1]) > band))
+    return slice(max(first - 1, 0), min(last + 1, len(x))) if first < last else slice(None)
+
+
+def dominant_frequency(t: Floats, x: Floats) -> float:
+    """Frequency [Hz] of the largest peak of a motion's spectrum."""
+    even = np.linspace(t[0], t[-1], len(t))
+    spectrum = np.abs(np.fft.rfft(np.interp(even, t, x - x.mean())))
+    return max(int(np.argmax(spectrum[1:])) + 1, 1) / float(t[-1] - t[0])
+
+
+def smallest_step(x: Floats) -> float:
+    """Smallest change between positions [m], an encoder's count."""
+    steps = np.abs(np.diff(x))
+    return float(steps[steps > 0.0].min(initial=np.inf))

@@ -1,0 +1,106 @@
+"""The paper's Figure 3 for any run: stiffness over displacement, damping over velocity."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from estimation import Estimates
+from estimation.compiled import Floats
+from teleop.errors import InputError
+
+STYLES = {
+    "rls": {"color": "#0072B2", "linewidth": 2.4, "alpha": 0.55},
+    "ai": {"color": "#D55E00", "linewidth": 1.2},
+    "me": {"color": "#000000", "linewidth": 1.0, "linestyle": (0, (4, 2))},
+}
+"""Told apart where lines coincide, in print and by the colour-blind (Okabe and Ito)."""
+PROFILE = "#8C8C8C"
+
+
+def estimates_figure(
+    title: str, t: Floats, x: Floats, v: Floats, estimates: Mapping[str, Estimates]
+) -> Figure:
+    """Estimated stiffness with the displacement profile, damping with the velocity profile.
+
+    Parameters
+    ----------
+    title
+        What was run.
+    t, x, v
+        Time [s], displacement [m], velocity [m/s], each of shape (n,).
+    estimates
+        The estimates by estimator.
+    """
+    figure = Figure(figsize=(8.0, 6.0), layout="constrained")
+    upper, lower = figure.subplots(2, 1, sharex=True)
+    scale, prefix = (1e-6, "MN/m") if largest_k(estimates) >= 1e6 else (1e-3, "kN/m")
+    for name, series in estimates.items():
+        style: dict[str, Any] = STYLES.get(name, {})
+        upper.plot(t, series.k * scale, label=name.upper(), **style)
+        lower.plot(t, series.b, **style)
+    upper.set_title(title, loc="left", fontsize=11)
+    upper.set_ylabel(f"stiffness $\\hat k$ [{prefix}]")
+    lower.set_ylabel("damping $\\hat b$ [N s/m]")
+    lower.set_xlabel("time [s]")
+    frame(upper, [series.k * scale for series in estimates.values()], from_zero=True)
+    frame(lower, [series.b for series in estimates.values()], from_zero=False)
+    profile(upper, t, x * 1e3, "displacement [mm]")
+    profile(lower, t, v * 1e3, "velocity [mm/s]")
+    figure.legend(
+        *upper.get_legend_handles_labels(),
+        loc="outside upper right",
+        ncols=len(estimates),
+        frameon=False,
+    )
+    lower.set_xlim(t[0], t[-1])
+    return figure
+
+
+def largest_k(estimates: Mapping[str, Estimates]) -> float:
+    """Largest of the estimators' median stiffnesses [N/m]."""
+    return max(float(np.median(np.abs(series.k))) for series in estimates.values())
+
+
+def frame(axes: Axes, series: list[Floats], from_zero: bool) -> None:
+    """Limits that show all but each estimator's wildest 4 % of samples, and room for a profile."""
+    low = min(float(np.percentile(s, 2)) for s in series)
+    high = max(float(np.percentile(s, 98)) for s in series)
+    if from_zero:
+        low = min(low, 0.0)
+    margin = 0.08 * (high - low) or 1.0
+    axes.set_ylim(low - margin, high + 5.0 * margin)
+    axes.grid(alpha=0.25, linewidth=0.6)
+    axes.spines["top"].set_visible(False)
+
+
+def profile(axes: Axes, t: Floats, values: Floats, label: str) -> None:
+    """The motion as a thin grey line on an axis of its own, behind the estimates."""
+    twin = axes.twinx()
+    twin.plot(t, values, color=PROFILE, linewidth=0.8, alpha=0.8)
+    twin.set_ylabel(label, color=PROFILE)
+    twin.tick_params(axis="y", colors=PROFILE)
+    twin.spines["top"].set_visible(False)
+    axes.set_zorder(twin.get_zorder() + 1)
+    axes.patch.set_visible(False)
+
+
+def save(figure: Figure, path: Path) -> None:
+    """Write a figure; the format follows the file's ending.
+
+    Raises
+    ------
+    InputError
+        The ending is no picture format, or the file cannot be written.
+    """
+    try:
+        figure.savefig(path, dpi=150)
+    except ValueError as error:
+        raise InputError(f"{path}: expected a file ending in .png, .svg or .pdf") from error
+    except OSError as error:
+        raise InputError(f"{path}: {(error.strerror or 'cannot be written').lower()}") from error

@@ -1,0 +1,197 @@
+"""Tables of measurements: CSV or TSV files whose header names quantities and units."""
+
+from __future__ import annotations
+
+import csv
+import math
+import re
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from estimation.compiled import Floats
+from teleop.errors import InputError
+
+UNITS = {
+    "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "min": 60.0},
+    "position": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6},
+    "force": {"N": 1.0, "mN": 1e-3, "kN": 1e3, "gf": 9.80665e-3, "kgf": 9.80665},
+}
+"""Units of each quantity and their size in SI units."""
+
+NAMES = {
+    "time": ("time", "t", "timestamp"),
+    "position": ("displacement", "indentation", "depth", "position", "x"),
+    "force": ("force", "contact force", "interaction force", "load", "f"),
+}
+"""Names by which a quantity's column is found, in any case."""
+
+HEADER = re.compile(r"^\s*(?P<name>.*?)\s*[\[(](?P<unit>[^\])]*)[\])]\s*$")
+
+
+class Recording(NamedTuple):
+    """Measured time [s], position [m] and force [N], arrays of shape (n,)."""
+
+    t: Floats
+    x: Floats
+    f: Floats
+    position_name: str
+    """Name of the position's column, without its unit."""
+
+    @property
+    def dt(self) -> Floats:
+        """Time since the sample before [s]; for the first sample the median of the others."""
+        steps = np.diff(self.t)
+        return np.concatenate(([np.median(steps)], steps))
+
+
+class Column(NamedTuple):
+    """A column of a file: where it is, and how large its unit is in SI units."""
+
+    index: int
+    name: str
+    scale: float
+
+
+def split_header(cell: str) -> tuple[str, str | None]:
+    """Name and unit of a header cell such as `Force [gf]` or `Force (gf)`."""
+    match = HEADER.match(cell)
+    return (match["name"], match["unit"].strip()) if match else (cell.strip(), None)
+
+
+def find_column(where: str, header: list[str], quantity: str, wanted: str | None) -> Column:
+    """The column of a quantity, by name, or the one that is `wanted`: NAME or NAME=UNIT."""
+    cells = [split_header(cell) for cell in header]
+    unit = None
+    if wanted is None:
+        names = [name for name in NAMES[quantity] for cell, _ in cells if cell.lower() == name]
+        expected = f"one named {', '.join(NAMES[quantity])}, or --{quantity} COLUMN"
+    else:
+        name, equals, given = wanted.rpartition("=")
+        if wanted not in header and equals:
+            wanted, unit = name, given
+        names = [split_header(wanted)[0]]
+        expected = f"one of {', '.join(repr(name) for name, _ in cells)}"
+    matches = [i for i, (name, _) in enumerate(cells) if names and name.lower() == names[0].lower()]
+    if not matches:
+        asked = f"column {wanted!r}" if wanted else f"{quantity} column"
+        raise InputError(f"{where}: no {asked}: expected {expected}")
+    if len(matches) > 1:
+        raise InputError(f"{where}: {len(matches)} columns are named {names[0]!r}, expected one")
+    index = matches[0]
+    name = cells[index][0]
+    unit = unit or cells[index][1]
+    units = ", ".join(UNITS[quantity])
+    if unit is None:
+        raise InputError(
+            f"{where}: column {name!r} has no unit: expected a header such as "
+            f"'{name} [{next(iter(UNITS[quantity]))}]', or --{quantity} '{name}=UNIT' "
+            f"with one of {units}"
+        )
+    if unit not in UNITS[quantity]:
+        raise InputError(f"{where}: column {name!r} has unknown unit {unit!r}: expected {units}")
+    return Column(index, name, UNITS[quantity][unit])
+
+
+def read_recording(
+    path: Path,
+    position: str | None = None,
+    force: str | None = None,
+    time: str | None = None,
+) -> Recording:
+    """Read time, position and force from a CSV or TSV file, in SI units.
+
+    Parameters
+    ----------
+    path
+        The file: a header line with units, such as `Time [s],Position [mm],Force [gf]`, and
+        a line a sample. The separator, of comma, tab and semicolon, is told from the header.
+    position, force, time
+        Column to take, as NAME or, where the header has no unit, NAME=UNIT; by default the
+        one that has a usual name.
+
+    Raises
+    ------
+    InputError
+        The file, a column, a unit or a value is not as expected; names file and line.
+    """
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except OSError as error:
+        raise InputError(f"{path}: {(error.strerror or 'cannot be read').lower()}") from error
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: not a text file: expected CSV or TSV in UTF-8") from error
+    lines = text.splitlines()
+    if not text.strip():
+        raise InputError(f"{path}: the file is empty: expected a header line and samples")
+
+    first = next(i for i, line in enumerate(lines) if line.strip())
+    delimiter = max("\t;,", key=lines[first].count)
+    header = [cell.strip() for cell in next(csv.reader([lines[first]], delimiter=delimiter))]
+    where = f"{path}, line {first + 1}"
+    columns = [
+        find_column(where, header, quantity, wanted)
+        for quantity, wanted in (("time", time), ("position", position), ("force", force))
+    ]
+
+    samples: list[list[float]] = []
+    numbers: list[int] = []
+    for number, line in enumerate(lines[first + 1 :], start=first + 2):
+        if not line.strip():
+            continue
+        cells = next(csv.reader([line], delimiter=delimiter))
+        samples.append([read_value(f"{path}, line {number}", cells, c, header) for c in columns])
+        numbers.append(number)
+    if len(samples) < 3:
+        raise InputError(f"{path}: {len(samples)} samples: expected at least 3")
+    t, x, f = (np.array(samples) * [column.scale for column in columns]).T
+    steps = np.diff(t)
+    if not (steps > 0.0).all():
+        i = int(np.argmin(steps > 0.0))
+        what = "repeats" if steps[i] == 0.0 else "runs backwards"
+        raise InputError(
+            f"{path}, line {numbers[i + 1]}: time {what}, from {t[i]:g} s to {t[i + 1]:g} s: "
+            "expected times that rise"
+        )
+    return Recording(t, x, f, columns[1].name)
+
+
+def read_value(where: str, cells: list[str], column: Column, header: list[str]) -> float:
+    """The number in a column of a line."""
+    if column.index >= len(cells):
+        raise InputError(f"{where}: {len(cells)} cells, expected {len(header)}")
+    cell = cells[column.index].strip()
+    try:
+        value = float(cell)
+    except ValueError:
+        value = math.nan
+        if cell.lower() not in ("nan", ""):
+            raise InputError(
+                f"{where}: {header[column.index]!r} is {cell!r}, expected a number"
+            ) from None
+    if not math.isfinite(value):
+        raise InputError(
+            f"{where}: {header[column.index]!r} is {cell or 'empty'}, expected a finite number"
+        )
+    return value
+
+
+def write_table(path: Path, columns: Mapping[str, Floats], units: Mapping[str, str]) -> None:
+    """Write columns as CSV, each number with all of its digits.
+
+    Raises
+    ------
+    InputError
+        The file cannot be written.
+    """
+    header = [f"{name} [{units[name]}]" for name in columns]
+    rows: Iterable[tuple[float, ...]] = zip(*(c.tolist() for c in columns.values()), strict=True)
+    try:
+        with path.open("w", newline="", encoding="utf-8") as file:
+            writer = csv.writer(file)
+            writer.writerow(header)
+            writer.writerows(rows)
+    except OSError as error:
+        raise InputError(f"{path}: {(error.strerror or 'cannot be written').lower()}") from error
