@@ -53,8 +53,6 @@ class Bank(Mapping[str, Estimator]):
         """Take in one sample; arguments and errors as `Estimator.update`."""
         return {name: e.update(x, v, f, dt) for name, e in self._estimators.items()}
 
-    def run(
-        self, x: ArrayLike, v: ArrayLike, f: ArrayLike, dt: ArrayLike
-    ) -> dict[str, Estimates]:
+    def run(self, x: ArrayLike, v: ArrayLike, f: ArrayLike, dt: ArrayLike) -> dict[str, Estimates]:
         """Take in n samples; arguments and errors as `Estimator.run`."""
         return {name: e.run(x, v, f, dt) for name, e in self._estimators.items()}

@@ -37,7 +37,7 @@ def sweep(
     """
     n = len(samples[0])
     if n >= WORTH_COMPILING and find_spec("numba"):
-        return compiled(step, helpers)(parameters, state, *samples)  # type: ignore[no-any-return]
+        return compiled(step, helpers)(parameters, state, *samples)
     return interpreted(step, parameters, state, samples)
 
 
@@ -71,10 +71,12 @@ def compiled(step: Step, helpers: Helpers) -> Callable[..., Floats]:
     loop = FunctionType(_template.__code__, {"np": np, "_step": numba.njit(step)})
     loop.__module__ = __name__
     loop.__qualname__ = f"{step.__module__}.{hashlib.sha256(source.encode()).hexdigest()[:16]}"
-    return numba.njit(cache=True)(loop)  # type: ignore[no-any-return]
+    return numba.njit(cache=True)(loop)
 
 
-_step: Step
+def _step(parameters: State, state: State, v: float, x: float, f: float, dt: float) -> State:
+    """Stands for the estimator's step in `_template`."""
+    raise NotImplementedError
 
 
 def _template(

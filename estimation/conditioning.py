@@ -33,9 +33,7 @@ class Conditioner(ABC):
     def update(self, x: float, f: float, dt: float) -> Conditioned:
         """Take in position [m] and force [N] of a sample `dt` [s] after the last."""
 
-    def run(
-        self, x: ArrayLike, f: ArrayLike, dt: ArrayLike
-    ) -> tuple[Floats, Floats, Floats]:
+    def run(self, x: ArrayLike, f: ArrayLike, dt: ArrayLike) -> tuple[Floats, Floats, Floats]:
         """Take in n samples as `update` would: arrays x, v, f of shape (n,).
 
         Raises
@@ -138,10 +136,12 @@ class LowPass:
         self.reset()
 
     def reset(self) -> None:
+        """Forget every sample."""
         self._u = math.nan
         self.y = self.rate = 0.0
 
     def update(self, u: float, dt: float) -> None:
+        """Let `dt` [s] pass in which the input went straight to u."""
         omega = self._omega
         if math.isnan(self._u):
             self._u = self.y = u

@@ -9,7 +9,7 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from estimation.compiled import Floats, Helpers, State, Step, sweep
+from estimation.compiled import Floats, Helpers, State, sweep
 
 
 class Estimate(NamedTuple):
@@ -34,8 +34,12 @@ class Estimator(ABC):
     this one step, so they give the same numbers to the bit.
     """
 
-    step: ClassVar[Step]
     helpers: ClassVar[Helpers] = ()
+
+    @staticmethod
+    @abstractmethod
+    def step(parameters: State, state: State, v: float, x: float, f: float, dt: float) -> State:
+        """State after one sample."""
 
     def __init__(self, parameters: State, initial_state: State) -> None:
         self.parameters = tuple(float(value) for value in parameters)

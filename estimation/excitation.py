@@ -6,7 +6,7 @@ import math
 from collections import deque
 
 OMEGA = 2.0 * math.pi
-"""Angular frequency [rad/s] that makes velocity comparable with displacement: one palpation a second."""
+"""Angular frequency [rad/s] by which velocity compares with displacement, a palpation a second."""
 
 
 class Excitation:

@@ -105,7 +105,7 @@ def lowest_on_border(
 def inside(
     i: int, i_step: int, i_last: int, j: int, j_step: int, j_last: int
 ) -> tuple[float, float]:
-    """Real (low, high) of m for which (i + m i_step, j + m j_step) is in the box; low > high if none."""
+    """Real (low, high) of m with (i + m i_step, j + m j_step) in the box; low > high if none."""
     low, high = -inf, inf
     for start, step, last in ((i, i_step, i_last), (j, j_step, j_last)):
         if step > 0:

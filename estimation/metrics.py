@@ -11,7 +11,8 @@ from estimation.estimator import Estimates
 
 def estimated_force(x: ArrayLike, v: ArrayLike, estimates: Estimates) -> Floats:
     """Force f_hat = b_hat v + k_hat x [N] of each sample by its own estimate, the paper's (5)."""
-    return estimates.b * np.asarray(v) + estimates.k * np.asarray(x)
+    force: Floats = estimates.b * np.asarray(v) + estimates.k * np.asarray(x)
+    return force
 
 
 def predicted_force(x: ArrayLike, v: ArrayLike, estimates: Estimates) -> Floats:

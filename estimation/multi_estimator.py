@@ -43,7 +43,7 @@ class Axis:
     @property
     def values(self) -> Floats:
         """All candidate values, shape (count,)."""
-        return self.first + self.spacing * np.arange(self.count)
+        return self.first + self.spacing * np.arange(self.count, dtype=np.float64)
 
     @property
     def nearest_zero(self) -> int:

@@ -10,7 +10,7 @@ from drivers import Command
 from sim_backend.cube import Cube
 
 MAX_STEP = 1e-3
-"""Longest integration step [s]; half of it changes no sensor reading by a thousandth of its noise."""
+"""Longest integration step [s]; half of it changes nothing that a sensor would see."""
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ class Slave:
         return self.cube.force(self.x, self.v)
 
     def acceleration(self, x: float, v: float, error: float, u: float) -> float:
-        """x'' [m/s^2] in the state (x, v, e) under the velocity command u."""
+        """X'' [m/s^2] in the state (x, v, e) under the velocity command u."""
         servo = self._proportional * (u - v) + self._integral * error
         return servo - self.cube.force(x, v) / self._mass
 

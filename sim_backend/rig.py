@@ -48,9 +48,7 @@ class SimulatedRig(Rig):
         max_velocity: float = 0.5,
         seed: int = 0,
     ) -> None:
-        self.plant = Plant(
-            cube, parameters or PlantParameters(), ARM if operator else UNATTENDED
-        )
+        self.plant = Plant(cube, parameters or PlantParameters(), ARM if operator else UNATTENDED)
         self._now = now
         self._operator = operator
         self._sensors = sensors or Sensors()
@@ -67,9 +65,7 @@ class SimulatedRig(Rig):
         """Let the plant catch up with the clock, and read every sensor."""
         now = self._now()
         if now > self._time:
-            intended = (
-                self._operator.intention(now - self._start) if self._operator else AT_REST
-            )
+            intended = self._operator.intention(now - self._start) if self._operator else AT_REST
             self.plant.advance(now - self._time, self._applied, intended)
             self._time = now
         plant, sensors, noise = self.plant, self._sensors, self._noise

@@ -36,9 +36,7 @@ for command in (run, estimate):
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command; the exit code is 0, or 2 for bad input, told in one line."""
     try:
-        code = app(
-            arguments, exit_on_error=False, print_error=False, result_action="return_value"
-        )
+        code = app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
         sys.stdout.flush()
     except (InputError, CycloptsError) as error:
         print("teleop:", " ".join(str(error).split()), file=sys.stderr)

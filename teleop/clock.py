@@ -7,7 +7,7 @@ import time
 from abc import ABC, abstractmethod
 from typing import NamedTuple
 
-SPIN = 100_000
+SPIN = 200_000
 """The last stretch before a deadline is spent polling the clock, not sleeping [ns]."""
 
 

@@ -11,6 +11,7 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
+
 def print_json(document: Mapping[str, Any]) -> None:
     """Print a JSON document in which numbers that are not finite have become null."""
 
@@ -80,6 +81,8 @@ def print_trial(summary: Mapping[str, Any]) -> None:
         f"  lateness [us]: p50 {late['p50']:.1f}, p99 {late['p99']:.1f}, "
         f"p99.9 {late['p99_9']:.1f}, max {late['max']:.1f}"
     )
+    if loop["mean_rate_hz"] < 0.99 * loop["rate_hz"]:
+        console.print("  the loop did not hold its rate: the machine was busy", style="yellow")
 
 
 def print_evaluation(summary: Mapping[str, Any], name: str) -> None:
@@ -91,7 +94,8 @@ def print_evaluation(summary: Mapping[str, Any], name: str) -> None:
         f"  {summary['samples_used']} of {summary['samples']} samples, "
         f"{summary['from_s']:.3f} to {summary['to_s']:.3f} s, at {summary['rate_hz']:g} Hz, "
         f"jitter {summary['jitter'] * 100:.2g} %\n"
-        f"  datum: {datum['position_m'] * 1e3:.6g} mm, {datum['force_n']:.6g} N ({datum['source']})\n"
+        f"  datum: {datum['position_m'] * 1e3:.6g} mm, {datum['force_n']:.6g} N "
+        f"({datum['source']})\n"
         f"  conditioning bandwidth {summary['bandwidth_hz']:.3g} Hz, "
         f"memory of the estimators {summary['memory_s']:.3g} s"
     )

@@ -92,7 +92,11 @@ class Evaluation:
             "jitter": self.jitter,
             "from_s": float(self.t[0]),
             "to_s": float(self.t[-1]),
-            "datum": {"position_m": self.datum.x, "force_n": self.datum.f, "source": self.datum.source},
+            "datum": {
+                "position_m": self.datum.x,
+                "force_n": self.datum.f,
+                "source": self.datum.source,
+            },
             "bandwidth_hz": self.bandwidth,
             "memory_s": 0.5 / self.preset.forgetting_rate,
             "estimates": estimates,
@@ -130,9 +134,7 @@ def evaluate(recording: Recording, settings: EstimateSettings) -> Evaluation:
         bandwidth = PAPER_BANDWIDTH
         if settings.preset == "scaled":
             bandwidth = 10.0 * dominant_frequency(recording.t[motion], recording.x[motion])
-    conditioner = make_conditioner(
-        settings.conditioning, bandwidth, smallest_step(recording.x)
-    )
+    conditioner = make_conditioner(settings.conditioning, bandwidth, smallest_step(recording.x))
     x, v, f = conditioner.run(recording.x - datum.x, recording.f - datum.f, dt)
     t, x, v, f, dt = (signal[motion] for signal in (recording.t, x, v, f, dt))
     try:
@@ -186,7 +188,7 @@ def find_datum(recording: Recording, wanted: str) -> Datum:
     parts = [part.strip() for part in wanted.split(",")]
     values = []
     for part, quantity in zip(parts, ("position", "force"), strict=False):
-        match = re.fullmatch(r"([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*([^\d\s.]+)", part)
+        match = re.fullmatch(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\d\s.]+)", part)
         if match and match[2] in UNITS[quantity]:
             values.append(float(match[1]) * UNITS[quantity][match[2]])
     if len(parts) != 2 or len(values) != 2:

@@ -43,9 +43,7 @@ class Multisine(Signal):
         if not frequencies or not all(0.0 < f < math.inf for f in frequencies):
             raise ValueError(f"excitation frequencies must be positive, got {list(frequencies)}")
         n = len(frequencies)
-        self._terms = [
-            (2.0 * math.pi * f, -math.pi * i * i / n) for i, f in enumerate(frequencies)
-        ]
+        self._terms = [(2.0 * math.pi * f, -math.pi * i * i / n) for i, f in enumerate(frequencies)]
 
     def at(self, t: float) -> Motion:
         """The signal at time t [s]."""

@@ -1,7 +1,8 @@
-"""The progress line: drawn by a process of its own, so that a slow terminal never holds the loop."""
+"""The progress line, drawn by a process of its own so that no terminal ever holds the loop."""
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import subprocess
@@ -29,10 +30,8 @@ class ProgressLine:
     def show(self, text: str) -> None:
         """Draw this text; dropped if the terminal has not kept up."""
         if self._process:
-            try:
+            with contextlib.suppress(BlockingIOError, BrokenPipeError):
                 os.write(self._pipe, text.encode() + b"\n")
-            except (BlockingIOError, BrokenPipeError):
-                pass
 
     def close(self) -> None:
         """Wipe the line."""

@@ -50,7 +50,7 @@ class Recording(NamedTuple):
 class Column(NamedTuple):
     """A column of a file: where it is, and how large its unit is in SI units."""
 
-    index: int
+    place: int
     name: str
     scale: float
 
@@ -107,7 +107,8 @@ def read_recording(
     ----------
     path
         The file: a header line with units, such as `Time [s],Position [mm],Force [gf]`, and
-        a line a sample. The separator, of comma, tab and semicolon, is told from the header.
+        a line a sample. The separator, of comma, tab and semicolon, is told from the header;
+        with the latter two, numbers may have a decimal comma.
     position, force, time
         Column to take, as NAME or, where the header has no unit, NAME=UNIT; by default the
         one that has a usual name.
@@ -141,6 +142,8 @@ def read_recording(
     for number, line in enumerate(lines[first + 1 :], start=first + 2):
         if not line.strip():
             continue
+        if delimiter != ",":
+            line = line.replace(",", ".")
         cells = next(csv.reader([line], delimiter=delimiter))
         samples.append([read_value(f"{path}, line {number}", cells, c, header) for c in columns])
         numbers.append(number)
@@ -160,20 +163,20 @@ def read_recording(
 
 def read_value(where: str, cells: list[str], column: Column, header: list[str]) -> float:
     """The number in a column of a line."""
-    if column.index >= len(cells):
+    if column.place >= len(cells):
         raise InputError(f"{where}: {len(cells)} cells, expected {len(header)}")
-    cell = cells[column.index].strip()
+    cell = cells[column.place].strip()
     try:
         value = float(cell)
     except ValueError:
         value = math.nan
         if cell.lower() not in ("nan", ""):
             raise InputError(
-                f"{where}: {header[column.index]!r} is {cell!r}, expected a number"
+                f"{where}: {header[column.place]!r} is {cell!r}, expected a number"
             ) from None
     if not math.isfinite(value):
         raise InputError(
-            f"{where}: {header[column.index]!r} is {cell or 'empty'}, expected a finite number"
+            f"{where}: {header[column.place]!r} is {cell or 'empty'}, expected a finite number"
         )
     return value
 

@@ -119,9 +119,7 @@ def run(
     return 130 if trial.interrupted else 0
 
 
-def live_estimates(
-    line: ProgressLine, settings: TrialSettings
-) -> Callable[[int, Record], None]:
+def live_estimates(line: ProgressLine, settings: TrialSettings) -> Callable[[int, Record], None]:
     """Draws the present estimates ten times a second."""
     every = max(1, round(settings.rate / 10.0))
 

@@ -1,0 +1,54 @@
+from __future__ import annotations
+
+import pytest
+
+from drivers import Rig
+
+
+class Recorder(Rig):
+    def __init__(self, failing: str = "") -> None:
+        self.calls: list[str] = []
+        self.failing = failing
+
+    def call(self, name: str):
+        self.calls.append(name)
+        if name == self.failing:
+            raise OSError(f"{name} failed")
+
+    def open(self):
+        self.call("open")
+
+    def read(self):
+        raise NotImplementedError
+
+    def write(self, command):
+        self.call("write")
+        return command
+
+    def stop(self):
+        self.call("stop")
+
+    def close(self):
+        self.call("close")
+
+
+@pytest.mark.parametrize("error", [RuntimeError, KeyboardInterrupt, SystemExit])
+def test_every_exit_stops_and_then_closes(error):
+    rig = Recorder()
+    with pytest.raises(error), rig:
+        raise error
+    assert rig.calls == ["open", "stop", "close"]
+
+
+def test_a_normal_exit_stops_and_closes_too():
+    rig = Recorder()
+    with rig:
+        pass
+    assert rig.calls == ["open", "stop", "close"]
+
+
+def test_a_stop_that_fails_still_closes():
+    rig = Recorder(failing="stop")
+    with pytest.raises(OSError, match="stop failed"), rig:
+        pass
+    assert rig.calls == ["open", "stop", "close"]

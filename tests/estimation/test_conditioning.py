@@ -1,0 +1,119 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from estimation import (
+    FilteredDifference,
+    FirstOrderAdaptiveWindowing,
+    MatchedFilter,
+    RecursiveLeastSquares,
+    StateVariableFilter,
+    least_squares,
+)
+
+ALL = {
+    "difference": lambda: FilteredDifference(20.0),
+    "foaw": lambda: FirstOrderAdaptiveWindowing(1e-6),
+    "svf": lambda: StateVariableFilter(20.0),
+    "matched": lambda: MatchedFilter(20.0),
+}
+
+
+@pytest.fixture(params=ALL)
+def make(request):
+    return ALL[request.param]
+
+
+def test_a_ramp_has_its_slope_for_velocity(make):
+    rng = np.random.default_rng(0)
+    dt = rng.uniform(0.5e-3, 2e-3, 2000)
+    x = 0.01 + 0.03 * np.cumsum(dt)
+    _, v, _ = make().run(x, x, dt)
+    np.testing.assert_allclose(v[-500:], 0.03, rtol=1e-6)
+
+
+def test_a_rest_has_no_velocity_wherever_it_is(make):
+    x, v, f = make().run(np.full(50, 1.5), np.full(50, 7.0), 1e-3)
+    assert np.abs(v).max() < 1e-12
+    np.testing.assert_allclose((x[-1], f[-1]), (1.5, 7.0))
+
+
+def test_online_and_batch_agree_and_reset_makes_it_as_new(make, palpation):
+    s = palpation(seconds=0.2, jitter=0.3)
+    conditioner = make()
+    batch = conditioner.run(s.x, s.f, s.dt)
+    conditioner.reset()
+    online = [conditioner.update(x, f, dt) for x, f, dt in zip(s.x, s.f, s.dt, strict=True)]
+    assert np.array_equal(np.transpose(batch), online)
+
+
+def test_state_variable_filter_equals_an_ode_solver():
+    rng = np.random.default_rng(0)
+    dt = rng.uniform(0.5e-3, 2e-3, 200)
+    t = np.cumsum(dt)
+    u = rng.normal(size=200)
+    omega = 2.0 * np.pi * 20.0
+    solution = solve_ivp(
+        lambda s, y: [y[1], omega**2 * (np.interp(s, t, u) - y[0]) - 2.0 * omega * y[1]],
+        (t[0], t[-1]),
+        [u[0], 0.0],
+        t_eval=t,
+        rtol=1e-9,
+        atol=1e-9,
+        max_step=2e-4,
+    )
+    x, v, f = MatchedFilter(20.0).run(u, 3.0 * u, dt)
+    np.testing.assert_allclose(x, solution.y[0], atol=1e-6)
+    np.testing.assert_allclose(v, solution.y[1], atol=1e-3)
+    np.testing.assert_allclose(f, 3.0 * x, atol=1e-12)
+    _, v_alone, _ = StateVariableFilter(20.0).run(u, u, dt)
+    assert np.array_equal(v_alone, v)
+
+
+def test_matched_filtering_keeps_the_regression_exact_where_filtering_velocity_alone_does_not(
+    palpation,
+):
+    s = palpation(seconds=4.0, b=20.0, k=18_000.0)
+    errors = {}
+    for name in ("matched", "svf"):
+        x, v, f = ALL[name]().run(s.x, s.f, s.dt)
+        errors[name] = abs(least_squares(x[1000:], v[1000:], f[1000:]).b - 20.0)
+    assert errors["matched"] < 0.01
+    assert errors["svf"] > 100.0 * errors["matched"]
+
+
+def test_matched_filtering_has_the_least_parameter_error_from_an_encoder(palpation):
+    s = palpation(seconds=10.0, b=20.0, k=18_000.0, noise=0.02)
+    counts = np.round(s.x * 1e6) * 1e-6
+    error = {}
+    for name, make in ALL.items():
+        estimates = RecursiveLeastSquares(0.98, (100.0, 100.0)).run(
+            *make().run(counts, s.f, s.dt), s.dt
+        )
+        error[name] = np.sqrt(np.mean((estimates.b[2000:] - 20.0) ** 2))
+    assert min(error, key=error.get) == "matched"
+
+
+def test_foaw_is_quiet_at_rest_and_prompt_in_motion():
+    dither = 1e-6 * (np.arange(200) % 2)
+    start = np.concatenate((dither, 1e-6 + 0.05e-3 * np.arange(1, 20)))
+    _, foaw, _ = FirstOrderAdaptiveWindowing(1e-6).run(start, start, 1e-3)
+    _, difference, _ = FilteredDifference(1e3).run(start, start, 1e-3)
+    assert np.abs(foaw[50:200]).max() < 0.1 * np.abs(difference[50:200]).max()
+    assert foaw[203] == pytest.approx(0.05, rel=0.05)
+
+
+@pytest.mark.parametrize("make", [FilteredDifference, StateVariableFilter, MatchedFilter])
+@pytest.mark.parametrize("bandwidth", [0.0, -1.0, np.nan, np.inf])
+def test_a_bandwidth_that_is_not_positive_is_refused(make, bandwidth):
+    with pytest.raises(ValueError, match="bandwidth must be positive"):
+        make(bandwidth)
+
+
+def test_foaw_refuses_an_impossible_window():
+    with pytest.raises(ValueError, match="resolution"):
+        FirstOrderAdaptiveWindowing(0.0)
+    with pytest.raises(ValueError, match="at least one"):
+        FirstOrderAdaptiveWindowing(1e-6, 0)

@@ -1,0 +1,61 @@
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from estimation import Excitation
+from estimation.excitation import OMEGA
+
+
+def last(x, v, dt=1e-3, **parameters):
+    measure = Excitation(**parameters)
+    return [measure.update(xn, vn, dt) for xn, vn in zip(x, v, strict=True)][-1]
+
+
+t = np.arange(3000) * 1e-3
+
+
+def test_a_sine_about_zero_at_one_hertz_is_round():
+    x, v = 3e-3 * np.sin(OMEGA * t), 3e-3 * OMEGA * np.cos(OMEGA * t)
+    assert last(x, v) == pytest.approx(1.0, abs=0.01)
+
+
+def test_is_the_ratio_of_the_gram_matrix_eigenvalues():
+    rng = np.random.default_rng(0)
+    x, v = 5e-3 + 1e-3 * rng.normal(size=3000), 0.02 * rng.normal(size=3000)
+    regressors = np.column_stack((v / OMEGA, x))[-500:]
+    low, high = np.linalg.eigvalsh(regressors.T @ regressors / 500)
+    assert last(x, v, window=0.5) == pytest.approx(low / (high + 1e-10), rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("x", "v"),
+    [
+        (5e-3 + 0 * t, 0 * t),
+        (0 * t, 0 * t),
+        (5e-3 * np.exp(-2 * t), -10e-3 * np.exp(-2 * t)),
+    ],
+    ids=["hold", "nothing", "exponential of Lemma 1"],
+)
+def test_motion_that_cannot_tell_damping_from_stiffness_has_none(x, v):
+    assert last(x, v) == pytest.approx(0.0, abs=1e-6)
+
+
+def test_encoder_noise_alone_is_no_excitation():
+    noise = 1e-6 * np.random.default_rng(0).normal(size=3000)
+    assert last(noise, OMEGA * noise[::-1]) < 0.02
+
+
+def test_forgets_what_left_the_window_even_after_a_large_motion():
+    x = np.concatenate((0.1 * np.sin(OMEGA * t), 0 * t))
+    v = np.concatenate((0.1 * OMEGA * np.cos(OMEGA * t), 0 * t))
+    assert last(x, v) < 0.05
+    assert math.isfinite(last(x, v))
+
+
+@pytest.mark.parametrize("parameters", [{"window": 0.0}, {"resolution": -1.0}])
+def test_a_parameter_that_is_not_positive_is_refused(parameters):
+    with pytest.raises(ValueError, match="positive"):
+        Excitation(**parameters)

@@ -1,0 +1,57 @@
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from estimation import (
+    Estimates,
+    estimated_force,
+    force_error,
+    least_squares,
+    predicted_force,
+    rise_time,
+)
+
+
+def test_force_error_is_the_mean_of_the_absolute_error():
+    assert force_error([1.0, -2.0, 3.0], [2.0, -2.0, 1.0]) == 1.0
+
+
+def test_estimated_force_takes_each_samples_own_estimate_and_prediction_the_one_before():
+    estimates = Estimates(b=np.array([1.0, 2.0]), k=np.array([10.0, 20.0]))
+    x, v = [0.5, 0.25], [1.0, -1.0]
+    assert list(estimated_force(x, v, estimates)) == [6.0, 3.0]
+    assert list(predicted_force(x, v, estimates)) == [0.0, 1.5]
+
+
+def test_rise_time_of_a_first_order_lag_is_its_time_constant_times_log_9():
+    t = np.linspace(0.0, 50.0, 500_001)
+    assert rise_time(t, 1.0 - np.exp(-t / 0.2)) == pytest.approx(0.2 * math.log(9.0), rel=0.02)
+
+
+def test_rise_time_does_not_count_a_rest_before_and_is_nil_for_a_jump():
+    t = np.arange(1000) * 1e-3
+    assert rise_time(t, np.where(t < 0.3, 0.0, 2000.0)) == 0.0
+
+
+def test_rise_time_of_an_estimate_that_never_rises_is_nan():
+    t = np.arange(10.0)
+    assert math.isnan(rise_time(t, np.zeros(10)))
+    assert math.isnan(rise_time([], []))
+
+
+def test_least_squares_equals_the_normal_equations(palpation):
+    s = palpation(noise=0.3)
+    regressors = np.column_stack((s.v, s.x))
+    expected = np.linalg.solve(regressors.T @ regressors, regressors.T @ s.f)
+    fit = least_squares(s.x, s.v, s.f)
+    np.testing.assert_allclose((fit.b, fit.k), expected, rtol=1e-9)
+    assert fit.rms == pytest.approx(0.3, rel=0.1)
+
+
+def test_least_squares_of_a_hold_says_nothing_of_damping():
+    fit = least_squares(np.full(5, 2e-3), np.zeros(5), np.full(5, 4.0))
+    assert fit.b == 0.0
+    assert fit.k == pytest.approx(2000.0)

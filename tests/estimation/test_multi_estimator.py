@@ -1,0 +1,166 @@
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from estimation import Axis, Grid, MultiEstimator, paper_preset
+from estimation.multi_estimator import TIE
+
+PAPER = paper_preset().grid
+SMALL = Grid(b=Axis(-60.0, 60.0, 13), k=Axis(500.0, 4000.0, 36))
+
+
+@dataclass
+class PlainBank:
+    """(10)-(11) candidate by candidate, with the stated rule for ties."""
+
+    grid: Grid
+    forgetting_rate: float
+
+    def winners(self, x, v, f, dt):
+        b, k = (
+            axis.ravel()
+            for axis in np.meshgrid(self.grid.b.values, self.grid.k.values, indexing="ij")
+        )
+        monitoring = np.zeros(b.size)
+        motion = np.zeros(2)
+        force = 0.0
+        b_zero = self.grid.b.values[self.grid.b.nearest_zero]
+        k_zero = self.grid.k.values[self.grid.k.nearest_zero]
+        b_span = self.grid.b.last - self.grid.b.first
+        k_span = self.grid.k.last - self.grid.k.first
+        distance = ((b - b_zero) / b_span) ** 2 + ((k - k_zero) / k_span) ** 2
+        rate = 2.0 * self.forgetting_rate
+        for xn, vn, fn, dtn in zip(x, v, f, dt, strict=True):
+            decay = math.exp(-rate * dtn)
+            weight = (1.0 - decay) / rate if rate else dtn
+            error = b * vn + k * xn - fn
+            monitoring = decay * monitoring + weight * error**2
+            motion = decay * motion + weight * np.array([vn, xn]) ** 2
+            force = decay * force + weight * fn**2
+            largest = force + motion @ np.array([b_span, k_span]) ** 2
+            yield b, k, monitoring, monitoring + (TIE * largest + 1e-100) * distance
+
+
+def assert_same_winners(grid, rate, x, v, f, dt):
+    estimates = MultiEstimator(grid, rate).run(x, v, f, dt)
+    bank = PlainBank(grid, rate).winners(x, v, f, np.broadcast_to(dt, np.shape(x)))
+    for n, (b, k, _, total) in enumerate(bank):
+        winner = np.argmin(total)
+        assert estimates.b[n] == pytest.approx(b[winner], abs=1e-9)
+        assert estimates.k[n] == pytest.approx(k[winner], abs=1e-9)
+
+
+def test_picks_the_plain_banks_winner_of_a_noisy_palpation(palpation):
+    assert_same_winners(PAPER, 10.0, *palpation(seconds=1.0, noise=0.1, jitter=0.3))
+
+
+@pytest.mark.parametrize(("b", "k"), [(600.0, 1000.0), (-490.0, 33000.0), (0.0, 90000.0)])
+def test_picks_the_plain_banks_winner_where_the_truth_is_outside_the_grid(palpation, b, k):
+    assert_same_winners(PAPER, 10.0, *palpation(seconds=0.4, b=b, k=k, noise=0.1))
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    seed=st.integers(0, 2**32 - 1), rate=st.sampled_from([0.0, 10.0, 300.0]), log=st.integers(-4, 1)
+)
+def test_picks_the_plain_banks_winner_of_random_signals(seed, rate, log):
+    rng = np.random.default_rng(seed)
+    x, v, f = rng.normal(size=(3, 40)) * np.array([[5e-3], [0.05], [10.0 ** (log + 1)]])
+    assert_same_winners(SMALL, rate, x, v, f, rng.uniform(1e-4, 5e-3, 40))
+
+
+t = np.arange(60) * 1e-3
+DEGENERATE = {
+    "nothing": (0 * t, 0 * t, 0 * t),
+    "force without motion": (0 * t, 0 * t, 3.0 + 0 * t),
+    "hold": (4e-3 + 0 * t, 0 * t, 8.0 + 0 * t),
+    "velocity without displacement": (0 * t, 0.02 + 0 * t, 0.4 + 0 * t),
+    "motion without force": (4e-3 * np.sin(9 * t), 0.036 * np.cos(9 * t), 0 * t),
+    "exponential of Lemma 1": (
+        5e-3 * np.exp(-40 * t),
+        -0.2 * np.exp(-40 * t),
+        20 * -0.2 * np.exp(-40 * t) + 10 * np.exp(-40 * t),
+    ),
+    "plant midway between candidates": (
+        5e-3 * np.sin(50 * t),
+        0.25 * np.cos(50 * t),
+        1.25 * np.cos(50 * t) + 1550 * 5e-3 * np.sin(50 * t),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", DEGENERATE)
+@pytest.mark.parametrize("rate", [0.0, 10.0])
+def test_picks_the_plain_banks_winner_of_degenerate_signals(name, rate):
+    assert_same_winners(SMALL, rate, *DEGENERATE[name], 1e-3)
+
+
+def test_a_damping_that_the_data_says_nothing_of_reads_as_zero():
+    estimator = MultiEstimator(PAPER, 10.0)
+    estimator.run(np.full(500, 4e-3), np.zeros(500), np.full(500, 8.4), 1e-3)
+    assert estimator.estimate == (0.0, 2100.0)
+
+
+def test_before_any_sample_the_estimate_is_the_candidate_nearest_zero():
+    assert MultiEstimator(PAPER, 10.0).estimate == (0.0, 1500.0)
+
+
+def test_a_hundred_million_candidates_resolve_what_7913_cannot(palpation):
+    fine = Grid(b=Axis(-500.0, 500.0, 10_001), k=Axis(1500.0, 39900.0, 10_001))
+    assert fine.candidates > 10**8
+    estimator = MultiEstimator(fine, 10.0)
+    estimator.run(*palpation(b=-13.21, k=2229.7))
+    assert estimator.estimate.b == pytest.approx(-13.21, abs=fine.b.spacing)
+    assert estimator.estimate.k == pytest.approx(2229.7, abs=fine.k.spacing)
+
+
+def test_says_on_which_edge_the_winner_lies(palpation):
+    inside, edge, corner = (MultiEstimator(PAPER, 10.0) for _ in range(3))
+    inside.run(*palpation())
+    edge.run(*palpation(k=1000.0))
+    corner.run(*palpation(b=900.0, k=90_000.0))
+    assert (inside.at_edge, inside.note()) == ((), None)
+    assert edge.at_edge == ("k",)
+    assert corner.at_edge == ("b", "k")
+    assert "edge in b and k" in corner.note()
+
+
+def test_ties_are_the_candidates_within_the_margin(palpation):
+    s = palpation(seconds=0.3, noise=0.3)
+    estimator = MultiEstimator(SMALL, 10.0)
+    estimator.run(*s)
+    *_, (b, k, monitoring, _) = PlainBank(SMALL, 10.0).winners(*s)
+    expected = np.column_stack((b, k))[monitoring <= 1.5 * monitoring.min()]
+    got = estimator.ties(0.5)
+    assert len(expected) > 1
+    np.testing.assert_allclose(got, expected)
+    assert [*estimator.estimate] in estimator.ties(0.0).tolist()
+
+
+def test_monitoring_signal_is_the_integral_of_the_squared_error(palpation):
+    s = palpation(seconds=0.2, noise=0.1)
+    estimator = MultiEstimator(SMALL, 10.0)
+    estimator.run(*s)
+    *_, (b, k, monitoring, _) = PlainBank(SMALL, 10.0).winners(*s)
+    np.testing.assert_allclose(estimator.monitoring_signal(b, k), monitoring, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("make", "word"),
+    [
+        (lambda: Axis(0.0, 1.0, 1), "two candidates"),
+        (lambda: Axis(1.0, 1.0, 5), "rise"),
+        (lambda: Axis(0.0, math.nan, 5), "rise"),
+        (lambda: MultiEstimator(PAPER, -1.0), "forgetting rate"),
+        (lambda: MultiEstimator(PAPER, 10.0).ties(-0.1), "margin"),
+    ],
+)
+def test_a_parameter_out_of_range_is_refused(make, word):
+    with pytest.raises(ValueError, match=word):
+        make()

@@ -1,0 +1,94 @@
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from filterpy.kalman import KalmanFilter
+from statsmodels.regression.recursive_ls import RecursiveLS
+
+from estimation import RecursiveLeastSquares
+
+
+def test_equals_a_kalman_filter_with_fading_memory(palpation):
+    s = palpation(noise=0.05)
+    estimates = RecursiveLeastSquares(0.98, (100.0, 100.0)).run(*s)
+
+    oracle = KalmanFilter(dim_x=2, dim_z=1)
+    oracle.x = np.zeros((2, 1))
+    oracle.P = np.diag([100.0, 100.0])
+    oracle.Q = np.zeros((2, 2))
+    oracle.R = np.eye(1)
+    oracle.alpha = math.sqrt(1.0 / 0.98)
+    expected = []
+    for x, v, f in zip(s.x, s.v, s.f, strict=True):
+        oracle.predict()
+        oracle.update(np.array([[f]]), H=np.array([[v, x]]))
+        expected.append(oracle.x.ravel().copy())
+
+    np.testing.assert_allclose(np.column_stack(estimates), expected, rtol=1e-9, atol=1e-9)
+
+
+def test_without_forgetting_equals_statsmodels_recursive_least_squares(palpation):
+    s = palpation(noise=0.05)
+    estimates = RecursiveLeastSquares(1.0, (1e12, 1e12)).run(*s)
+    oracle = RecursiveLS(s.f, np.column_stack((s.v, s.x))).fit().recursive_coefficients.filtered
+    np.testing.assert_allclose(np.array(estimates)[:, 50:], oracle[:, 50:], rtol=1e-6)
+
+
+def test_finds_the_parameters_of_a_noise_free_plant(palpation):
+    estimates = RecursiveLeastSquares(0.98, (100.0, 100.0)).run(*palpation())
+    assert estimates.b[-1] == pytest.approx(20.0, rel=1e-6)
+    assert estimates.k[-1] == pytest.approx(2100.0, rel=1e-6)
+
+
+def test_with_a_sample_period_forgets_in_time_not_in_samples(palpation):
+    s = palpation()
+    coarse = RecursiveLeastSquares(0.98, (100.0, 100.0), sample_period=1e-3)
+    fine = RecursiveLeastSquares(0.98, (100.0, 100.0), sample_period=1e-3)
+    coarse.update(s.x[0], s.v[0], s.f[0], 1e-3)
+    fine.update(s.x[0], s.v[0], s.f[0], 1e-3)
+    coarse.update(0.0, 0.0, 0.0, 7e-3)
+    for _ in range(7):
+        fine.update(0.0, 0.0, 0.0, 1e-3)
+    np.testing.assert_allclose(coarse.state, fine.state, rtol=1e-12)
+
+
+def test_a_nominal_period_forgets_by_beta():
+    per_sample = RecursiveLeastSquares(0.98, (100.0, 100.0))
+    per_time = RecursiveLeastSquares(0.98, (100.0, 100.0), sample_period=1e-3)
+    for x in (1e-3, 2e-3, 4e-3):
+        per_sample.update(x, 0.01, 3.0, 1e-3)
+        per_time.update(x, 0.01, 3.0, 1e-3)
+    np.testing.assert_allclose(per_sample.state, per_time.state, rtol=1e-13)
+
+
+def test_ten_minutes_without_motion_leave_the_estimate_finite_and_say_so(palpation):
+    estimator = RecursiveLeastSquares(0.98, (100.0, 100.0))
+    estimator.run(*palpation())
+    before = estimator.estimate
+    assert estimator.note() is None
+    n = 600_000
+    estimator.run(np.zeros(n), np.zeros(n), np.zeros(n), 1e-3)
+    assert estimator.estimate == before
+    assert np.isfinite(estimator.state).all()
+    assert "wound up" in estimator.note()
+    estimator.run(*palpation(k=4400.0))
+    assert estimator.estimate.k == pytest.approx(4400.0, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [
+        ((0.0, (1.0, 1.0)), "forgetting"),
+        ((1.01, (1.0, 1.0)), "forgetting"),
+        ((math.nan, (1.0, 1.0)), "forgetting"),
+        ((0.98, (0.0, 1.0)), "covariance"),
+        ((0.98, (1.0, math.inf)), "covariance"),
+        ((0.98, (1.0, 1.0), 0.0), "period"),
+        ((0.98, (1.0, 1.0), -1e-3), "period"),
+    ],
+)
+def test_a_parameter_out_of_range_is_refused(arguments, word):
+    with pytest.raises(ValueError, match=word):
+        RecursiveLeastSquares(*arguments)

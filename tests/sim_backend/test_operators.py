@@ -1,0 +1,67 @@
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from sim_backend import FreePalpation, MimickedSine
+from sim_backend.operators import REACTION
+
+times = np.arange(0.0, 20.0, 1e-3)
+
+
+@pytest.fixture(params=[FreePalpation, MimickedSine])
+def make(request):
+    return request.param
+
+
+def positions(operator):
+    return np.array([operator.intention(t) for t in times])
+
+
+def test_velocity_is_the_derivative_of_position(make):
+    intended = positions(make(9e-3, 3))
+    slope = np.gradient(intended[:, 0], times)
+    after = times > REACTION + 0.01
+    np.testing.assert_allclose(intended[after, 1][:-1], slope[after][:-1], atol=2e-3)
+    assert np.abs(np.diff(intended[:, 0])).max() < 0.2e-3
+
+
+def test_reaches_about_the_depth_and_never_leaves_contact(make):
+    position = positions(make(9e-3, 3))[:, 0]
+    assert 7e-3 < position.max() < 12e-3
+    assert position.min() > -0.3e-3
+
+
+def test_starts_from_rest_after_the_reaction_time(make):
+    intended = positions(make(9e-3, 3))
+    assert (intended[times < REACTION] == 0.0).all()
+
+
+def test_same_seed_same_person_other_seed_another(make):
+    assert np.array_equal(positions(make(9e-3, 1)), positions(make(9e-3, 1)))
+    assert not np.array_equal(positions(make(9e-3, 1)), positions(make(9e-3, 2)))
+
+
+def test_free_palpation_pokes_about_once_a_second():
+    position = positions(FreePalpation(9e-3, 3))[:, 0]
+    pokes = np.count_nonzero((position[:-1] < 5e-3) & (position[1:] >= 5e-3))
+    assert 14 <= pokes <= 24
+
+
+def test_mimicking_errs_in_amplitude_and_in_phase():
+    position = positions(MimickedSine(9e-3, 3))[:, 0]
+    up = times[1:][(position[:-1] < 4.5e-3) & (position[1:] >= 4.5e-3)]
+    periods = np.diff(up)
+    assert periods.mean() == pytest.approx(1.0, abs=0.05)
+    assert 0.005 < periods.std() < 0.2
+    peaks = [position[(times >= a) & (times < b)].max() for a, b in pairwise(up)]
+    assert 0.01 < np.std(peaks) / np.mean(peaks) < 0.3
+
+
+@pytest.mark.parametrize("depth", [0.0, -1e-3, math.nan, math.inf])
+def test_a_depth_that_is_not_positive_is_refused(make, depth):
+    with pytest.raises(ValueError, match="depth must be positive"):
+        make(depth, 0)

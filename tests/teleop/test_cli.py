@@ -1,0 +1,263 @@
+from __future__ import annotations
+
+import json
+import math
+import os
+import signal
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from teleop.cli import main
+
+RUN = ["run", "--clock", "virtual", "--duration", "0.5"]
+GOOD = "Time [s],Position [mm],Force [N]\n" + "".join(
+    f"{i * 0.01},{math.sin(i * 0.1)},{2 * math.sin(i * 0.1)}\n" for i in range(200)
+)
+
+
+@pytest.fixture
+def recording(tmp_path):
+    path = tmp_path / "sine.csv"
+    path.write_text(GOOD)
+    return str(path)
+
+
+def refused(capsys, *arguments):
+    assert main(arguments) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.count("\n") == 1
+    assert err.startswith("teleop: ")
+    assert "Traceback" not in err
+    return err
+
+
+def test_run_prints_estimates_and_timing(capsys):
+    assert main(RUN) == 0
+    out, err = capsys.readouterr()
+    for word in (
+        "rls",
+        "ai",
+        "me",
+        "k [N/m]",
+        "b [N s/m]",
+        "e_f [N]",
+        "rise time [s]",
+        "500 ticks",
+    ):
+        assert word in out
+    assert err == ""
+
+
+def test_run_in_real_time_prints_lateness(capsys):
+    assert main(["run", "--duration", "0.2"]) == 0
+    out = capsys.readouterr().out
+    for word in ("lateness [us]", "p50", "p99", "p99.9", "max", "overruns"):
+        assert word in out
+
+
+def test_run_json_is_one_document_with_what_programs_need(capsys):
+    assert main([*RUN, "--condition", "mimic", "--cube", "medium", "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["condition"] == "mimic"
+    assert document["cube"] == "medium"
+    assert document["duration_s"] == 0.5
+    assert document["ticks"] == 500
+    for name in ("rls", "ai", "me"):
+        assert {"b", "k", "e_f", "rise_time_s"} <= document["estimates"][name].keys()
+    assert {"rate_hz", "mean_rate_hz", "lateness_us", "overruns"} <= document["loop"].keys()
+    assert {"p50", "p99", "max"} <= document["loop"]["lateness_us"].keys()
+    assert 0.0 <= document["excitation"]["mean"] <= 1.0
+
+
+def test_a_number_that_is_not_there_is_null_in_json(capsys):
+    assert main(["run", "--clock", "virtual", "--duration", "0.001", "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["ticks"] == 1
+    assert document["loop"]["mean_rate_hz"] is None
+
+
+def test_run_writes_a_table_that_estimate_reads_and_a_picture(capsys, tmp_path):
+    table, picture = tmp_path / "run.csv", tmp_path / "run.png"
+    assert (
+        main(
+            [
+                "run",
+                "--clock",
+                "virtual",
+                "--duration",
+                "3",
+                "--out",
+                str(table),
+                "--plot",
+                str(picture),
+                "--json",
+            ]
+        )
+        == 0
+    )
+    online = json.loads(capsys.readouterr().out)
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    assert main(["estimate", str(table), "--preset", "paper", "--whole", "--json"]) == 0
+    offline = json.loads(capsys.readouterr().out)
+    for name in ("rls", "ai", "me"):
+        for value in ("b", "k", "e_f", "rise_time_s"):
+            assert offline["estimates"][name][value] == pytest.approx(
+                online["estimates"][name][value], rel=1e-6
+            )
+
+
+def test_estimate_prints_the_estimators_beside_batch_least_squares(capsys, recording, tmp_path):
+    picture, table = tmp_path / "sine.svg", tmp_path / "out.csv"
+    assert main(["estimate", recording, "--plot", str(picture), "--out", str(table)]) == 0
+    out = capsys.readouterr().out
+    for word in ("sine.csv", "rls", "ai", "me", "batch", "one-step rms [N]", "datum"):
+        assert word in out
+    assert "<svg" in picture.read_text()
+    assert table.read_text().startswith(
+        "Time [s],Displacement [m],Velocity [m/s],Force [N],RLS b [N s/m]"
+    )
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["run", "--condition", "telepathy"], ["telepathy", "--condition", "autonomous"]),
+        (["run", "--cube", "wood"], ["wood", "--cube", "soft"]),
+        (["run", "--duration", "0"], ["duration 0 s"]),
+        (["run", "--duration=-3"], ["duration -3 s"]),
+        (["run", "--duration", "nan"], ["duration nan s"]),
+        (["run", "--duration", "soon"], ["soon", "--duration"]),
+        (["run", "--rate", "1e9"], ["rate 1e+09 Hz", "100000"]),
+        (["run", "--rate", "0"], ["rate 0 Hz"]),
+        (["run", "--seed", "x"], ["--seed"]),
+        (["run", "--frequency", "0", "--condition", "autonomous"], ["frequency 0 Hz"]),
+        (["run", "--bandwidth", "-1"], ["bandwidth"]),
+        (["run", "--out", "/nowhere/run.csv"], ["/nowhere/run.csv", "folder"]),
+        (["run", "--out", "/"], ["/", "folder"]),
+        (["run", "--plot", "run.xyz"], ["run.xyz", ".png"]),
+        (["run", "--speed", "3"], ["--speed"]),
+        (["fly"], ["fly"]),
+        (["estimate"], ["FILE"]),
+        (["estimate", "nothing.csv"], ["nothing.csv", "no such file"]),
+    ],
+)
+def test_bad_arguments_are_told_in_one_line(capsys, arguments, words):
+    error = refused(capsys, *arguments)
+    for word in words:
+        assert word in error
+
+
+@pytest.mark.parametrize(
+    ("extra", "words"),
+    [
+        (["--force", "Load"], ["Load", "'Force'"]),
+        (["--datum", "here"], ["here", "1.5mm,20N"]),
+        (["--preset", "mine"], ["mine", "paper"]),
+        (["--bandwidth", "0"], ["bandwidth"]),
+        (["--plot", "/nowhere/a.png"], ["/nowhere/a.png"]),
+    ],
+)
+def test_bad_arguments_of_estimate_are_told_in_one_line(capsys, recording, extra, words):
+    error = refused(capsys, "estimate", recording, *extra)
+    for word in words:
+        assert word in error
+
+
+def test_a_rate_that_the_loop_cannot_hold_is_told(capsys):
+    error = refused(capsys, "run", "--rate", "100000")
+    assert "a tick takes" in error
+    assert "at most" in error
+
+
+def test_a_defect_shows_its_traceback(monkeypatch):
+    def broken(self):
+        raise ZeroDivisionError
+
+    monkeypatch.setattr("teleop.controller.Controller.tick", broken)
+    with pytest.raises(ZeroDivisionError):
+        main(RUN)
+
+
+@pytest.mark.parametrize("command", [[], ["run"], ["estimate"]])
+def test_help_has_an_example(capsys, command):
+    assert main([*command, "--help"]) == 0
+    assert "Example: teleop" in capsys.readouterr().out
+
+
+def test_version_is_the_packages(capsys):
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out.strip() == "0.1.0"
+
+
+def test_help_imports_nothing_heavy():
+    code = (
+        "import sys; from teleop.cli import main; main(['--help'])\n"
+        "heavy = {'numpy', 'scipy', 'matplotlib', 'numba', 'can', 'serial'} & set(sys.modules)\n"
+        "sys.exit(', '.join(heavy) or 0)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+class Terminal:
+    """A pseudo-terminal that a run has for its standard error."""
+
+    def __init__(self, *arguments: str) -> None:
+        pty = pytest.importorskip("pty", reason="needs a pseudo-terminal")
+        self.leader, follower = pty.openpty()
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "teleop", *arguments],
+            stdout=subprocess.PIPE,
+            stderr=follower,
+            text=True,
+        )
+        os.close(follower)
+        self.text = b""
+
+    def read(self) -> bytes:
+        try:
+            chunk = os.read(self.leader, 4096)
+        except OSError:
+            chunk = b""
+        self.text += chunk
+        return chunk
+
+
+def test_the_progress_line_shows_live_estimates_and_goes_when_done():
+    terminal = Terminal("run", "--duration", "0.5")
+    while terminal.read():
+        pass
+    assert terminal.process.wait(timeout=20) == 0
+    assert b"of 0.5 s   rls k" in terminal.text
+    assert terminal.text.endswith(b"\r\x1b[K")
+
+
+def test_ctrl_c_ends_a_run_with_what_was_run():
+    terminal = Terminal("run", "--duration", "600", "--json")
+    assert b"of 600 s" in terminal.read()
+    terminal.process.send_signal(signal.SIGINT)
+    out, _ = terminal.process.communicate(timeout=20)
+    assert terminal.process.returncode == 130
+    document = json.loads(out)
+    assert document["interrupted"]
+    assert 1 <= document["ticks"] < 100_000
+
+
+def test_a_run_is_reproducible_through_the_command_line(capsys):
+    documents = []
+    for _ in range(2):
+        assert main([*RUN, "--seed", "5", "--json"]) == 0
+        documents.append(capsys.readouterr().out)
+    assert documents[0] == documents[1]
+
+
+def test_random_bytes_as_a_file_are_told_and_never_a_traceback(capsys, tmp_path):
+    rng = np.random.default_rng(0)
+    path = tmp_path / "noise.csv"
+    for _ in range(50):
+        path.write_bytes(rng.integers(0, 256, int(rng.integers(1, 400)), dtype=np.uint8).tobytes())
+        refused(capsys, "estimate", str(path))

@@ -1,0 +1,168 @@
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from drivers import STANDSTILL
+from estimation import force_error
+from sim_backend import CUBES, DEPTH, SimulatedRig
+from teleop.errors import InputError
+from teleop.trial import TrialSettings, run_trial, tick_cost
+
+QUICK = TrialSettings(clock="virtual", duration=3.0)
+
+
+@pytest.mark.parametrize("condition", ["free", "mimic", "autonomous"])
+@pytest.mark.parametrize("cube", ["soft", "medium", "hard"])
+def test_each_condition_palpates_each_cube_and_finds_its_stiffness(condition, cube):
+    trial = run_trial(replace(QUICK, condition=condition, cube=cube))
+    columns = trial.columns
+    assert len(columns["Time"]) == 3000
+    depth = DEPTH[condition][cube]
+    assert 0.6 * depth < columns["Displacement"].max() < 1.4 * depth
+    assert columns["Displacement"].min() > -0.05 * depth
+    body = CUBES[cube]
+    softest, stiffest = 0.9 * body.k1, 1.1 * (body.k1 + body.k3 * (1.4 * depth) ** 2)
+    for name in ("RLS k", "AI k", "ME k"):
+        assert softest < np.median(columns[name][1500:]) < stiffest
+
+
+def test_autonomous_moves_without_a_hand_and_teleoperation_by_the_hand_alone():
+    autonomous = run_trial(replace(QUICK, condition="autonomous")).columns
+    assert np.abs(autonomous["Master force"]).max() < 0.2
+    assert np.abs(autonomous["Drive force"]).max() > 0.2
+    free = run_trial(QUICK).columns
+    assert np.array_equal(free["Drive force"], free["Master force"])
+
+
+@pytest.mark.parametrize("condition", ["free", "mimic", "autonomous"])
+def test_same_seed_same_run_to_the_bit(condition):
+    settings = replace(QUICK, condition=condition, duration=1.0, seed=7)
+    first, second = run_trial(settings), run_trial(settings)
+    other = run_trial(replace(settings, seed=8))
+    for name, column in first.columns.items():
+        assert np.array_equal(column, second.columns[name]), name
+    assert not np.array_equal(first.columns["Force"], other.columns["Force"])
+
+
+def test_position_coupling_keeps_the_slave_closer_to_the_master():
+    from teleop.choices import make_coupling
+
+    lag = {}
+    for name in ("velocity", "position"):
+        columns = run_trial(replace(QUICK, cube="hard", coupling=make_coupling(name))).columns
+        lag[name] = np.abs(columns["Master position"] - columns["Displacement"]).mean()
+    assert lag["position"] < lag["velocity"]
+
+
+def test_real_time_runs_for_its_duration_and_reports_its_timing():
+    trial = run_trial(TrialSettings(duration=0.5))
+    loop = trial.summary()["loop"]
+    columns = trial.columns
+    assert columns["Time"][-1] == pytest.approx(0.5, abs=0.1)
+    assert len(columns["Time"]) + columns["Skipped periods"].sum() == pytest.approx(500, abs=2)
+    np.testing.assert_allclose(np.diff(columns["Time"]), columns["Sample period"][1:], atol=1e-12)
+    assert (
+        loop["lateness_us"]["max"] >= loop["lateness_us"]["p99"] >= loop["lateness_us"]["p50"] >= 0
+    )
+    assert loop["overruns"] == columns["Overrun"].sum()
+
+
+def test_summary_agrees_with_the_columns():
+    trial = run_trial(QUICK)
+    summary = trial.summary()
+    c = trial.columns
+    rls = summary["estimates"]["rls"]
+    assert rls["b"] == pytest.approx(c["RLS b"].mean())
+    assert rls["k"] == pytest.approx(c["RLS k"].mean())
+    f_hat = c["RLS b"] * c["Filtered velocity"] + c["RLS k"] * c["Filtered displacement"]
+    assert rls["e_f"] == pytest.approx(force_error(c["Filtered force"], f_hat))
+    assert summary["loop"]["mean_rate_hz"] == pytest.approx(1000.0)
+    assert json.dumps(summary)
+
+
+class Spy(SimulatedRig):
+    stops = 0
+
+    def stop(self):
+        super().stop()
+        Spy.stops += 1
+        assert self._applied == STANDSTILL
+
+
+@pytest.mark.parametrize("error", [RuntimeError, SystemExit])
+def test_an_error_in_a_tick_stops_the_rig_and_is_not_swallowed(monkeypatch, error):
+    monkeypatch.setattr("teleop.trial.SimulatedRig", Spy)
+    Spy.stops = 0
+
+    def fail(number, record):
+        raise error
+
+    with pytest.raises(error):
+        run_trial(QUICK, fail)
+    assert Spy.stops == 1
+
+
+def test_ctrl_c_stops_the_rig_and_keeps_what_was_logged(monkeypatch):
+    monkeypatch.setattr("teleop.trial.SimulatedRig", Spy)
+    Spy.stops = 0
+
+    def interrupt(number, record):
+        if number == 99:
+            raise KeyboardInterrupt
+
+    trial = run_trial(QUICK, interrupt)
+    assert trial.interrupted
+    assert len(trial.columns["Time"]) == 100
+    assert trial.summary()["interrupted"]
+    assert Spy.stops == 1
+
+
+def test_ctrl_c_before_the_first_tick_is_not_a_trial(monkeypatch):
+    def interrupt(self):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("teleop.clock.VirtualClock.wait", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        run_trial(QUICK)
+
+
+def test_a_rate_that_this_machine_cannot_hold_is_refused_before_anything_moves(monkeypatch):
+    monkeypatch.setattr("teleop.trial.tick_cost", lambda settings: 400e-6)
+    with pytest.raises(InputError, match=r"rate 5000 Hz: a tick takes 400 us .* at most 2250 Hz"):
+        run_trial(TrialSettings(rate=5000.0))
+
+
+def test_tick_cost_is_a_time():
+    assert 1e-6 < tick_cost(QUICK) < 0.1
+
+
+@pytest.mark.parametrize(
+    ("settings", "word"),
+    [
+        ({"condition": "telepathy"}, "free, mimic, autonomous"),
+        ({"cube": "wood"}, "soft, medium, hard"),
+        ({"clock": "sundial"}, "real, virtual"),
+        ({"duration": 0.0}, "duration 0 s"),
+        ({"duration": -1.0}, "duration -1 s"),
+        ({"duration": float("nan")}, "duration nan"),
+        ({"duration": float("inf")}, "duration inf"),
+        ({"rate": 0.0}, "rate 0 Hz"),
+        ({"rate": 1e6}, r"50 to 100000 Hz"),
+        ({"bandwidth": 0.0}, "bandwidth must be positive"),
+        ({"conditioning": "magic"}, "matched, svf, foaw, difference"),
+    ],
+)
+def test_a_setting_out_of_range_is_refused(settings, word):
+    with pytest.raises(InputError, match=word):
+        TrialSettings(**settings)
+
+
+@pytest.mark.parametrize("rate", [50.0, 100.0, 5000.0])
+def test_other_rates_find_the_stiffness_too(rate):
+    trial = run_trial(replace(QUICK, rate=rate))
+    k = np.median(trial.columns["RLS k"][len(trial.columns["Time"]) // 2 :])
+    assert k == pytest.approx(2100.0, rel=0.15)

@@ -1,0 +1,52 @@
+"""No import arrow runs against the plan of the house, DESIGN.md."""
+
+from __future__ import annotations
+
+import ast
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+ALLOWED = {
+    "estimation": {"numpy", "scipy", "numba"},
+    "drivers": {"numpy", "serial", "can"},
+    "sim_backend": {"drivers", "numpy", "scipy"},
+    "teleop": {
+        "estimation",
+        "drivers",
+        "sim_backend",
+        "numpy",
+        "scipy",
+        "rich",
+        "cyclopts",
+        "matplotlib",
+    },
+}
+POSIX_ONLY = {"fcntl", "termios", "pty", "resource", "grp", "pwd", "posix", "syslog", "tty"}
+
+
+def imported(path: Path) -> set[str]:
+    names: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            names |= {alias.name.partition(".")[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+            names.add(node.module.partition(".")[0])
+    return names
+
+
+@pytest.mark.parametrize("package", ALLOWED)
+def test_a_package_imports_only_what_the_plan_allows(package):
+    files = sorted((ROOT / package).rglob("*.py"))
+    assert files
+    for path in files:
+        foreign = imported(path) - set(sys.stdlib_module_names) - {package}
+        assert foreign <= ALLOWED[package], path
+
+
+@pytest.mark.parametrize("package", ALLOWED)
+def test_no_module_needs_posix_to_be_imported(package):
+    for path in sorted((ROOT / package).rglob("*.py")):
+        assert not imported(path) & POSIX_ONLY, path
