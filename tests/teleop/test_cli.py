@@ -231,7 +231,8 @@ def test_the_progress_line_shows_live_estimates_and_goes_when_done():
     terminal = Terminal("run", "--duration", "0.5")
     while terminal.read():
         pass
-    assert terminal.process.wait(timeout=20) == 0
+    terminal.process.communicate(timeout=20)
+    assert terminal.process.returncode == 0
     assert b"of 0.5 s   rls k" in terminal.text
     assert terminal.text.endswith(b"\r\x1b[K")
 
