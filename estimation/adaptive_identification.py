@@ -6,7 +6,7 @@ import math
 from typing import Literal
 
 from estimation.compiled import State
-from estimation.estimator import Estimator, positive_pair
+from estimation.estimator import Estimates, Estimator, positive_pair
 
 RK4_LIMIT = 2.785293563405282
 """RK4 of y' = -r y diverges beyond this r dt: the root of |1 - z + z^2/2 - z^3/6 + z^4/24| = 1."""
@@ -69,8 +69,8 @@ class AdaptiveIdentification(Estimator):
         """How many samples RK4 would have diverged on and the exact update was taken instead."""
         return int(self.state[2])
 
-    def note(self) -> str | None:
+    def note(self, estimates: Estimates) -> str | None:
         """Whether RK4 was left for the exact update."""
         if self.beyond_rk4:
-            return f"beyond RK4's stability limit on {self.beyond_rk4} samples, taken exactly there"
+            return f"past RK4's stability limit in {self.beyond_rk4} samples, taken exactly instead"
         return None

@@ -56,8 +56,8 @@ class Estimator(ABC):
         return Estimate(self.state[0], self.state[1])
 
     @abstractmethod
-    def note(self) -> str | None:
-        """What a reader of the estimate must know of how it came about, in one line."""
+    def note(self, estimates: Estimates) -> str | None:
+        """What a reader of these estimates of its own must know of them, in one line."""
 
     def update(self, x: float, v: float, f: float, dt: float) -> Estimate:
         """Take in one sample.

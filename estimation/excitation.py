@@ -5,22 +5,22 @@ from __future__ import annotations
 import math
 from collections import deque
 
-OMEGA = 2.0 * math.pi
-"""Angular frequency [rad/s] by which velocity compares with displacement, a palpation a second."""
-
 
 class Excitation:
     """How far the regressors of a sliding window are from rank-deficient, 0 to 1.
 
-    The regressors [v / OMEGA, x], both in metres, have a mean Gram matrix over the window,
+    The regressors [v / omega, x], both in metres, have a mean Gram matrix over the window,
     an ellipse whose roundness persistent excitation is. The measure is the ratio of its
-    eigenvalues, smallest to largest: 1 for a sine of 1 Hz about zero, 0 for a hold, where
-    only stiffness shows, and 0 where displacement and velocity are proportional.
+    eigenvalues, smallest to largest: 1 for a sine of that frequency about zero, 0 for a hold,
+    where only stiffness shows, and 0 where displacement and velocity are proportional.
 
     Parameters
     ----------
+    frequency
+        omega / 2 pi [Hz], by which velocity compares with displacement. The default is a
+        palpation a second.
     window
-        Length of the sliding window [s].
+        Length of the sliding window [s]; one period by default.
     resolution
         Displacement [m] below which motion is measurement noise: its square is added to the
         largest eigenvalue, so that noise alone does not count as excitation.
@@ -31,19 +31,27 @@ class Excitation:
         A parameter is not positive.
     """
 
-    def __init__(self, window: float = 1.0, resolution: float = 1e-5) -> None:
-        if not (0.0 < window < math.inf and 0.0 < resolution < math.inf):
-            raise ValueError(
-                f"window and resolution must be positive, got {window} s and {resolution} m"
-            )
+    def __init__(
+        self, frequency: float = 1.0, window: float | None = None, resolution: float = 1e-5
+    ) -> None:
+        if window is None:
+            window = 1.0 / frequency if frequency else math.inf
+        for name, value in (
+            ("frequency", frequency),
+            ("window", window),
+            ("resolution", resolution),
+        ):
+            if not 0.0 < value < math.inf:
+                raise ValueError(f"{name} must be positive, got {value}")
         self.window = window
         self.resolution = resolution
+        self._omega = 2.0 * math.pi * frequency
         self._samples: deque[tuple[float, float, float, float]] = deque()
         self._xx = self._xy = self._yy = self._span = 0.0
 
     def update(self, x: float, v: float, dt: float) -> float:
         """Take in displacement [m] and velocity [m/s] of a sample `dt` [s] after the last."""
-        y = v / OMEGA
+        y = v / self._omega
         sample = (x * x * dt, x * y * dt, y * y * dt, dt)
         self._samples.append(sample)
         self._xx += sample[0]

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from estimation.compiled import Floats, State
-from estimation.estimator import Estimator
+from estimation.estimator import Estimates, Estimator
 from estimation.lattice import inside, least_in_box, lowest_on_border
 
 TIE = 1e-9
@@ -175,15 +175,27 @@ class MultiEstimator(Estimator):
     @property
     def at_edge(self) -> tuple[str, ...]:
         """Parameters, of "b" and "k", whose winning value is the grid's first or last."""
+        edges = self.edges()
+        return tuple(name for name in edges if getattr(self.estimate, name) in edges[name])
+
+    def edges(self) -> dict[str, tuple[float, float]]:
+        """First and last value of "b" and of "k", as the winner takes them."""
         _, b_first, b_step, b_last, _, k_first, k_step, k_last, _ = self.parameters
-        edges = {
+        return {
             "b": (b_first, b_first + b_last * b_step),
             "k": (k_first, k_first + k_last * k_step),
         }
-        return tuple(name for name in edges if getattr(self.estimate, name) in edges[name])
 
-    def note(self) -> str | None:
-        """Whether the winner lies on the grid's edge."""
-        if self.at_edge:
-            return f"the winner lies on the grid's edge in {' and '.join(self.at_edge)}: widen it"
-        return None
+    def note(self, estimates: Estimates) -> str | None:
+        """Whether the winner lay on the grid's edge in one sample of ten, or does now."""
+        shares = {
+            name: float(np.mean(np.isin(getattr(estimates, name), edges)))
+            for name, edges in self.edges().items()
+            if len(estimates.b)
+        }
+        told = [
+            f"in {name} in {share:.0%} of the samples"
+            for name, share in shares.items()
+            if share >= 0.1 or name in self.at_edge
+        ]
+        return f"the winner lies on the grid's edge {' and '.join(told)}" if told else None

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from estimation.compiled import State
-from estimation.estimator import Estimator, positive_pair
+from estimation.estimator import Estimates, Estimator, positive_pair
 
 WINDUP = 1e12
 """Forgetting stops while a variance exceeds its initial value by this factor."""
@@ -77,7 +77,7 @@ class RecursiveLeastSquares(Estimator):
             (forgetting, rate, WINDUP * p_bb, WINDUP * p_kk), (0.0, 0.0, p_bb, 0.0, p_kk)
         )
 
-    def note(self) -> str | None:
+    def note(self, estimates: Estimates) -> str | None:
         """Whether the covariance has wound up."""
         _, _, p_bb_max, p_kk_max = self.parameters
         if self.state[2] > p_bb_max or self.state[4] > p_kk_max:

@@ -37,7 +37,7 @@ def print_estimates(rows: Mapping[str, Mapping[str, Any]], title: str) -> None:
     """The table of estimators, and what to know of each."""
     console = plain_console()
     table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, title_style="bold")
-    table.add_column("estimator")
+    table.add_column("")
     for heading in ("k [N/m]", "b [N s/m]", "e_f [N]", "one-step rms [N]", "rise time [s]"):
         table.add_column(heading, justify="right", no_wrap=True)
     for name, row in rows.items():
@@ -97,5 +97,6 @@ def print_evaluation(summary: Mapping[str, Any], name: str) -> None:
         f"  datum: {datum['position_m'] * 1e3:.6g} mm, {datum['force_n']:.6g} N "
         f"({datum['source']})\n"
         f"  conditioning bandwidth {summary['bandwidth_hz']:.3g} Hz, "
-        f"memory of the estimators {summary['memory_s']:.3g} s"
+        f"memory of the estimators {summary['memory_s']:.3g} s\n"
+        f"  excitation: {summary['excitation']['mean']:.2f} (0 none, 1 round)"
     )

@@ -11,6 +11,7 @@ import numpy as np
 from estimation import (
     Bank,
     Estimates,
+    Excitation,
     Fit,
     Preset,
     force_error,
@@ -78,6 +79,8 @@ class Evaluation:
     """Largest deviation of a sample period from the median, as a share of it."""
     samples: int
     """Samples in the recording, rest included."""
+    excitation: Floats
+    """Excitation measure at the motion's dominant frequency."""
 
     def summary(self) -> dict[str, Any]:
         """What the recording comes to, as `teleop estimate --json` prints it."""
@@ -99,6 +102,10 @@ class Evaluation:
             },
             "bandwidth_hz": self.bandwidth,
             "memory_s": 0.5 / self.preset.forgetting_rate,
+            "excitation": {
+                "mean": float(np.mean(self.excitation)),
+                "last": float(self.excitation[-1]),
+            },
             "estimates": estimates,
             "batch": {
                 "b": self.batch.b,
@@ -112,6 +119,7 @@ class Evaluation:
         """Signals and estimates as columns with their units, for a file."""
         columns = {"Time": self.t, "Displacement": self.x, "Velocity": self.v, "Force": self.f}
         units = {"Time": "s", "Displacement": "m", "Velocity": "m/s", "Force": "N"}
+        columns["Excitation"], units["Excitation"] = self.excitation, "-"
         for name, series in self.estimates.items():
             columns |= {f"{name.upper()} b": series.b, f"{name.upper()} k": series.k}
             units |= {f"{name.upper()} b": "N s/m", f"{name.upper()} k": "N/m"}
@@ -129,12 +137,12 @@ def evaluate(recording: Recording, settings: EstimateSettings) -> Evaluation:
     datum = find_datum(recording, settings.datum)
     dt = recording.dt
     motion = slice(None) if settings.whole else moving_part(recording.x)
+    frequency = dominant_frequency(recording.t[motion], recording.x[motion])
     bandwidth = settings.bandwidth
     if bandwidth is None:
-        bandwidth = PAPER_BANDWIDTH
-        if settings.preset == "scaled":
-            bandwidth = 10.0 * dominant_frequency(recording.t[motion], recording.x[motion])
-    conditioner = make_conditioner(settings.conditioning, bandwidth, smallest_step(recording.x))
+        bandwidth = 10.0 * frequency if settings.preset == "scaled" else PAPER_BANDWIDTH
+    count = smallest_step(recording.x)
+    conditioner = make_conditioner(settings.conditioning, bandwidth, count)
     x, v, f = conditioner.run(recording.x - datum.x, recording.f - datum.f, dt)
     t, x, v, f, dt = (signal[motion] for signal in (recording.t, x, v, f, dt))
     try:
@@ -146,6 +154,8 @@ def evaluate(recording: Recording, settings: EstimateSettings) -> Evaluation:
         raise InputError(str(error)) from error
     bank = preset.bank()
     estimates = bank.run(x, v, f, dt)
+    measure = Excitation(frequency, resolution=10.0 * count)
+    excitation = [measure.update(*sample) for sample in zip(x, v, dt, strict=True)]
     period = float(np.median(dt))
     return Evaluation(
         t=t,
@@ -161,6 +171,7 @@ def evaluate(recording: Recording, settings: EstimateSettings) -> Evaluation:
         rate=1.0 / period,
         jitter=float(np.max(np.abs(dt - period))) / period,
         samples=len(recording.t),
+        excitation=np.array(excitation),
     )
 
 

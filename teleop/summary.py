@@ -46,7 +46,7 @@ def summarise(
         e_f=force_error(f, estimated_force(x, v, estimates)),
         one_step_rms=float(np.sqrt(np.mean(one_step**2))),
         rise_time_s=rise_time(t, estimates.k),
-        note=estimator.note(),
+        note=estimator.note(estimates),
     )
 
 

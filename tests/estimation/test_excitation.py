@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from estimation import Excitation
-from estimation.excitation import OMEGA
+
+OMEGA = 2.0 * math.pi
 
 
 def last(x, v, dt=1e-3, **parameters):
@@ -43,6 +44,13 @@ def test_motion_that_cannot_tell_damping_from_stiffness_has_none(x, v):
     assert last(x, v) == pytest.approx(0.0, abs=1e-6)
 
 
+def test_a_sine_of_any_frequency_is_round_when_compared_at_that_frequency():
+    slow = np.arange(30_000) * 1e-3
+    x = 3e-3 * np.sin(0.2 * OMEGA * slow)
+    v = 3e-3 * 0.2 * OMEGA * np.cos(0.2 * OMEGA * slow)
+    assert last(x, v, frequency=0.2) == pytest.approx(1.0, abs=0.01)
+
+
 def test_encoder_noise_alone_is_no_excitation():
     noise = 1e-6 * np.random.default_rng(0).normal(size=3000)
     assert last(noise, OMEGA * noise[::-1]) < 0.02
@@ -55,7 +63,7 @@ def test_forgets_what_left_the_window_even_after_a_large_motion():
     assert math.isfinite(last(x, v))
 
 
-@pytest.mark.parametrize("parameters", [{"window": 0.0}, {"resolution": -1.0}])
+@pytest.mark.parametrize("parameters", [{"window": 0.0}, {"resolution": -1.0}, {"frequency": 0.0}])
 def test_a_parameter_that_is_not_positive_is_refused(parameters):
     with pytest.raises(ValueError, match="positive"):
         Excitation(**parameters)

@@ -122,13 +122,13 @@ def test_a_hundred_million_candidates_resolve_what_7913_cannot(palpation):
 
 def test_says_on_which_edge_the_winner_lies(palpation):
     inside, edge, corner = (MultiEstimator(PAPER, 10.0) for _ in range(3))
-    inside.run(*palpation())
+    within = inside.run(*palpation())
     edge.run(*palpation(k=1000.0))
-    corner.run(*palpation(b=900.0, k=90_000.0))
-    assert (inside.at_edge, inside.note()) == ((), None)
+    outside = corner.run(*palpation(b=900.0, k=90_000.0))
+    assert (inside.at_edge, inside.note(within)) == ((), None)
     assert edge.at_edge == ("k",)
     assert corner.at_edge == ("b", "k")
-    assert "edge in b and k" in corner.note()
+    assert "edge in b in 98% of the samples and in k in 100% of the" in corner.note(outside)
 
 
 def test_ties_are_the_candidates_within_the_margin(palpation):

@@ -65,14 +65,14 @@ def test_a_nominal_period_forgets_by_beta():
 
 def test_ten_minutes_without_motion_leave_the_estimate_finite_and_say_so(palpation):
     estimator = RecursiveLeastSquares(0.98, (100.0, 100.0))
-    estimator.run(*palpation())
+    moving = estimator.run(*palpation())
     before = estimator.estimate
-    assert estimator.note() is None
+    assert estimator.note(moving) is None
     n = 600_000
-    estimator.run(np.zeros(n), np.zeros(n), np.zeros(n), 1e-3)
+    resting = estimator.run(np.zeros(n), np.zeros(n), np.zeros(n), 1e-3)
     assert estimator.estimate == before
     assert np.isfinite(estimator.state).all()
-    assert "wound up" in estimator.note()
+    assert "wound up" in estimator.note(resting)
     estimator.run(*palpation(k=4400.0))
     assert estimator.estimate.k == pytest.approx(4400.0, rel=1e-4)
 

@@ -118,7 +118,7 @@ def test_estimate_prints_the_estimators_beside_batch_least_squares(capsys, recor
         assert word in out
     assert "<svg" in picture.read_text()
     assert table.read_text().startswith(
-        "Time [s],Displacement [m],Velocity [m/s],Force [N],RLS b [N s/m]"
+        "Time [s],Displacement [m],Velocity [m/s],Force [N],Excitation [-],RLS b"
     )
 
 
