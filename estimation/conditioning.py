@@ -155,6 +155,30 @@ class LowPass:
         self._u = u
 
 
+class Lag:
+    """First-order lag tau y' = u - y, exact for an input that runs straight between samples."""
+
+    def __init__(self, lag: float) -> None:
+        if not 0.0 <= lag < math.inf:
+            raise ValueError(f"lag must be >= 0, got {lag} s")
+        self._lag = lag
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget every sample."""
+        self._u = self.y = math.nan
+
+    def update(self, u: float, dt: float) -> float:
+        """Let `dt` [s] pass in which the input went straight to u; returns the output."""
+        if self._lag == 0.0 or math.isnan(self._u):
+            self.y = u
+        else:
+            behind = (u - self._u) / dt * self._lag
+            self.y = u - behind + (self.y - self._u + behind) * math.exp(-dt / self._lag)
+        self._u = u
+        return self.y
+
+
 class StateVariableFilter(Conditioner):
     """Velocity as the derivative state of a second-order low-pass on position.
 
@@ -184,10 +208,15 @@ class MatchedFilter(Conditioner):
     neither parameter. A way to get velocity that delays v alone by T gives, for motion at an
     angular frequency w, b / cos(w T) and k - b w tan(w T) in their place.
 
+    A force channel that lags by a time constant makes b - k lag of the damping. Given its
+    lag, position passes through the same lag, which makes force and position match again.
+
     Parameters
     ----------
     bandwidth
         Natural frequency of the filter [Hz].
+    force_lag
+        Time constant of the force channel [s], 0 for none.
 
     References
     ----------
@@ -195,18 +224,20 @@ class MatchedFilter(Conditioner):
     17(1), 1981 (state-variable filters).
     """
 
-    def __init__(self, bandwidth: float) -> None:
+    def __init__(self, bandwidth: float, force_lag: float = 0.0) -> None:
+        self._lag = Lag(force_lag)
         self._position = LowPass(bandwidth)
         self._force = LowPass(bandwidth)
 
     def reset(self) -> None:
         """Forget every sample."""
+        self._lag.reset()
         self._position.reset()
         self._force.reset()
 
     def update(self, x: float, f: float, dt: float) -> Conditioned:
         """Take in position [m] and force [N] of a sample `dt` [s] after the last."""
-        self._position.update(x, dt)
+        self._position.update(self._lag.update(x, dt), dt)
         self._force.update(f, dt)
         return Conditioned(self._position.y, self._position.rate, self._force.y)
 

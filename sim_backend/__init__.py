@@ -2,7 +2,7 @@
 
 from sim_backend.cube import Cube
 from sim_backend.operators import ARM, FreePalpation, MimickedSine, Operator
-from sim_backend.paper_rig import CUBES, DEPTH, FORCE_LAG
+from sim_backend.paper_rig import CUBES, DEPTH, FORCE_LAG, Setup, paper_setup
 from sim_backend.plant import Arm, Intention, Plant, PlantParameters
 from sim_backend.rig import SimulatedRig
 from sim_backend.sensors import Sensors
@@ -21,5 +21,7 @@ __all__ = [
     "Plant",
     "PlantParameters",
     "Sensors",
+    "Setup",
     "SimulatedRig",
+    "paper_setup",
 ]

@@ -100,9 +100,9 @@ class FreePalpation(Operator):
         if self._inwards:
             self._to = self.depth * self.random.gauss(1.0, 0.1)
         else:
-            self._to = self.depth * self.random.uniform(0.05, 0.25)
+            self._to = self.depth * self.random.uniform(0.35, 0.65)
         self._duration = max(0.25, self.random.gauss(0.45, 0.06))
-        self._dwell = max(0.0, self.random.gauss(0.1, 0.04))
+        self._dwell = max(0.0, self.random.gauss(0.15, 0.05))
 
 
 class MimickedSine(Operator):

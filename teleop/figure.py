@@ -62,19 +62,49 @@ def estimates_figure(
     return figure
 
 
+def stiffness_figure(
+    panels: Mapping[str, tuple[Floats, Mapping[str, Estimates]]], paper: Mapping[str, float]
+) -> Figure:
+    """Estimated stiffness of several trials, one above the other.
+
+    Parameters
+    ----------
+    panels
+        For each trial, by its title, time [s] and the estimates by estimator.
+    paper
+        The paper's average stiffness for each trial [N/m], drawn as a level.
+    """
+    figure = Figure(figsize=(8.0, 2.3 * len(panels) + 0.6), layout="constrained")
+    axes = figure.subplots(len(panels), 1, sharex=True)
+    for row, (title, (t, estimates)) in zip(axes, panels.items(), strict=True):
+        for name, series in estimates.items():
+            style: dict[str, Any] = STYLES.get(name, {})
+            row.plot(t, series.k * 1e-3, label=name.upper(), **style)
+        row.axhline(paper[title] * 1e-3, color=PROFILE, linewidth=0.9, label="paper, RLS average")
+        row.set_title(title, loc="left", fontsize=10)
+        row.set_ylabel("$\\hat k$ [kN/m]")
+        frame(row, [series.k * 1e-3 for series in estimates.values()], from_zero=True, room=1.0)
+        row.set_xlim(t[0], t[-1])
+    axes[-1].set_xlabel("time [s]")
+    figure.legend(
+        *axes[0].get_legend_handles_labels(), loc="outside upper right", ncols=4, frameon=False
+    )
+    return figure
+
+
 def largest_k(estimates: Mapping[str, Estimates]) -> float:
     """Largest of the estimators' median stiffnesses [N/m]."""
     return max(float(np.median(np.abs(series.k))) for series in estimates.values())
 
 
-def frame(axes: Axes, series: list[Floats], from_zero: bool) -> None:
-    """Limits that show all but each estimator's wildest 4 % of samples, and room for a profile."""
+def frame(axes: Axes, series: list[Floats], from_zero: bool, room: float = 5.0) -> None:
+    """Limits that show all but each estimator's wildest 4 % of samples, and room above them."""
     low = min(float(np.percentile(s, 2)) for s in series)
     high = max(float(np.percentile(s, 98)) for s in series)
     if from_zero:
         low = min(low, 0.0)
     margin = 0.08 * (high - low) or 1.0
-    axes.set_ylim(low - margin, high + 5.0 * margin)
+    axes.set_ylim(low - margin, high + room * margin)
     axes.grid(alpha=0.25, linewidth=0.6)
     axes.spines["top"].set_visible(False)
 

@@ -14,13 +14,13 @@ from estimation import Bank, Conditioner, Estimates, Excitation, Preset, paper_p
 from estimation.compiled import Floats
 from sim_backend import (
     CUBES,
-    DEPTH,
-    FORCE_LAG,
     FreePalpation,
     MimickedSine,
     PlantParameters,
     Sensors,
+    Setup,
     SimulatedRig,
+    paper_setup,
 )
 from teleop.admittance import Admittance, AdmittanceParameters, Coupling
 from teleop.choices import ConditioningName, make_conditioner
@@ -57,7 +57,7 @@ class TrialSettings:
     """Ticks a second [Hz]."""
     seed: int = 0
     """Seed of operator and sensor noise."""
-    signal: Signal = field(default_factory=lambda: Sine(1.0))
+    signal: Signal = field(default_factory=lambda: Sine(2.0))
     """Excitation of the autonomous condition."""
     admittance: AdmittanceParameters = field(default_factory=AdmittanceParameters)
     coupling: Coupling = field(default_factory=Coupling)
@@ -66,6 +66,8 @@ class TrialSettings:
     """Bandwidth of the conditioning's filter [Hz]."""
     preset: Preset | None = None
     """Settings of the estimators; None for the paper's, with the gain for this cube."""
+    custom_setup: Setup | None = None
+    """What is palpated instead of the named cube, and how deep."""
 
     def __post_init__(self) -> None:
         if self.condition not in CONDITIONS:
@@ -85,20 +87,26 @@ class TrialSettings:
                 f"{1.0 / self.rate:g} s"
             )
 
+    @property
+    def setup(self) -> Setup:
+        """What is palpated, and how deep."""
+        return self.custom_setup or paper_setup(self.condition, self.cube)
+
     def make_clock(self) -> Clock:
         """A fresh clock."""
         return RealClock(self.rate) if self.clock == "real" else VirtualClock(self.rate)
 
     def make_rig(self, now: Callable[[], float]) -> SimulatedRig:
         """A fresh simulated rig, with an operator where the condition has one."""
-        depth = DEPTH[self.condition][self.cube] / abs(self.coupling.scale)
+        setup = self.setup
+        depth = setup.depth / abs(self.coupling.scale)
         operators = {"free": FreePalpation, "mimic": MimickedSine}
         operator = operators.get(self.condition)
         return SimulatedRig(
-            CUBES[self.cube],
+            setup.cube,
             now,
             operator=operator(depth, self.seed) if operator else None,
-            parameters=PlantParameters(contact_force_lag=FORCE_LAG[self.cube]),
+            parameters=PlantParameters(contact_force_lag=setup.force_lag),
             seed=self.seed,
         )
 
@@ -109,7 +117,7 @@ class TrialSettings:
         return Autonomous(
             Injector(
                 self.signal,
-                DEPTH[self.condition][self.cube],
+                self.setup.depth,
                 self.admittance,
                 self.coupling.scale,
                 self.duration,
@@ -165,7 +173,7 @@ class Trial:
         settings, columns = self.settings, self.columns
         t = columns["Time"]
         x, v, f = (columns[f"Filtered {name}"] for name in ("displacement", "velocity", "force"))
-        cube = CUBES[settings.cube]
+        cube = settings.setup.cube
         return {
             "condition": settings.condition,
             "cube": settings.cube,
@@ -182,7 +190,7 @@ class Trial:
                 "b": cube.b,
                 "k_surface": cube.k1,
                 "k_deepest": cube.k1 + cube.k3 * float(np.max(columns["Displacement"])) ** 2,
-                "force_lag_s": FORCE_LAG[settings.cube],
+                "force_lag_s": settings.setup.force_lag,
             },
             "excitation": {
                 "mean": float(np.mean(columns["Excitation"])),

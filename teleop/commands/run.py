@@ -24,7 +24,7 @@ def run(
     rate: float = 1000.0,
     seed: int = 0,
     signal: Literal["sine", "multisine", "chirp"] = "sine",
-    frequency: float = 1.0,
+    frequency: float = 2.0,
     coupling: Literal["velocity", "position"] = "velocity",
     conditioning: Literal["matched", "svf", "foaw", "difference"] = "matched",
     bandwidth: float = 20.0,

@@ -1,0 +1,148 @@
+"""Batch fits of a stiffening Kelvin-Voigt body behind a lagging force channel.
+
+    f = L(b v + k x + k3 x^3),    L the lag of the force channel
+
+All signals pass through one state-variable filter, and position and its cube through the lag as
+well, so that the regression is exact but for noise.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from estimation.compiled import Floats
+from estimation.conditioning import Lag, LowPass
+from estimation.estimator import checked_samples
+
+CHI2_95 = 3.841458820694124
+"""95 % quantile of chi-squared with one degree of freedom."""
+
+
+class StiffeningFit(NamedTuple):
+    """A fit to all samples together."""
+
+    b: float
+    """Damping [N s/m]; 0 where it was taken for nil."""
+    k: float
+    """Stiffness at no displacement [N/m]."""
+    k3: float
+    """Stiffening [N/m^3]; 0 where it was taken for nil."""
+    rms: float
+    """Root mean square residual [N], filtered."""
+
+
+class Interval(NamedTuple):
+    """A value with the bounds of its 95 % interval."""
+
+    value: float
+    low: float
+    high: float
+
+
+class LagProfile(NamedTuple):
+    """The best fit for each of many lags, arrays of shape (lags,), and how many samples count."""
+
+    lag: Floats
+    """[s]"""
+    b: Floats
+    """[N s/m]"""
+    k: Floats
+    """[N/m]"""
+    rms: Floats
+    """[N]"""
+    independent: float
+    """Independent samples among the filtered ones."""
+
+    def lag_interval(self) -> Interval:
+        """The lags [s] that the data cannot tell from the best, by likelihood ratio."""
+        return self._interval(self.lag)
+
+    def b_interval(self) -> Interval:
+        """The damping [N s/m] that goes with these lags."""
+        return self._interval(self.b)
+
+    def _interval(self, values: Floats) -> Interval:
+        best = float(self.rms.min())
+        within = values[self.rms <= best * math.sqrt(1.0 + CHI2_95 / self.independent)]
+        value = values[int(np.argmin(self.rms))]
+        return Interval(float(value), float(within.min()), float(within.max()))
+
+
+class MatchedSignals:
+    """Filtered position, its cube, and force, ready to be fitted for any lag.
+
+    Parameters
+    ----------
+    position, force
+        As measured [m], [N], each of shape (n,).
+    dt
+        Time since the sample before [s], of shape (n,), or one number for all.
+    bandwidth
+        Natural frequency of the state-variable filter [Hz].
+
+    Raises
+    ------
+    ValueError
+        As `Estimator.run`; or the bandwidth is not positive.
+    """
+
+    def __init__(
+        self, position: ArrayLike, force: ArrayLike, dt: ArrayLike, bandwidth: float
+    ) -> None:
+        x, _, f, self.dt = checked_samples(position, position, force, dt)
+        self.x, self.v = low_passed(x, self.dt, bandwidth)
+        self.x3, _ = low_passed(x**3, self.dt, bandwidth)
+        self.f, _ = low_passed(f, self.dt, bandwidth)
+        # the equivalent noise bandwidth of this filter is pi/4 of its natural frequency
+        seconds = float(self.dt.sum())
+        self.independent = min(float(len(x)), 2.0 * seconds * 0.25 * math.pi * bandwidth)
+
+    def fit(self, lag: float, damping: bool = True, stiffening: bool = True) -> StiffeningFit:
+        """Least squares with the force channel's lag [s] given.
+
+        Parameters
+        ----------
+        lag
+            Time constant of the force channel [s], >= 0.
+        damping, stiffening
+            Whether b and k3 are sought; else they are nil.
+        """
+        sought = [True, damping, stiffening]
+        regressors = np.column_stack((self.x, self.v, self.x3))[:, sought]
+        regressors = np.column_stack([lagged(column, self.dt, lag) for column in regressors.T])
+        scale = np.sqrt(np.mean(regressors**2, axis=0))
+        scaled, *_ = np.linalg.lstsq(regressors / scale, self.f, rcond=None)
+        values = np.zeros(3)
+        values[sought] = scaled / scale
+        residual = self.f - regressors @ (scaled / scale)
+        k, b, k3 = values.tolist()
+        return StiffeningFit(b, k, k3, float(np.sqrt(np.mean(residual**2))))
+
+    def profile(self, lags: ArrayLike, damping: bool = True, stiffening: bool = True) -> LagProfile:
+        """The best fit for each of many lags [s], shape (lags,)."""
+        lag = np.asarray(lags, dtype=np.float64)
+        fits = [self.fit(float(value), damping, stiffening) for value in lag]
+        b, k, _, rms = np.array(fits).T
+        return LagProfile(lag, b, k, rms, self.independent)
+
+
+def low_passed(signal: Floats, dt: Floats, bandwidth: float) -> tuple[Floats, Floats]:
+    """A signal behind the state-variable filter, and its derivative, each of shape (n,)."""
+    low_pass = LowPass(bandwidth)
+    out = np.empty((2, len(signal)))
+    for n, (u, step) in enumerate(zip(signal.tolist(), dt.tolist(), strict=True)):
+        low_pass.update(u, step)
+        out[0, n] = low_pass.y
+        out[1, n] = low_pass.rate
+    return out[0], out[1]
+
+
+def lagged(signal: Floats, dt: Floats, lag: float) -> Floats:
+    """A signal behind a first-order lag, shape (n,)."""
+    channel = Lag(lag)
+    rows = zip(signal.tolist(), dt.tolist(), strict=True)
+    return np.array([channel.update(u, step) for u, step in rows])

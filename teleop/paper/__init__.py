@@ -1,0 +1,1 @@
+"""The paper's experiment: its Table I and figures, reproduced, explained and taken further."""

@@ -1,0 +1,44 @@
+"""The paper's Table I as data."""
+
+from __future__ import annotations
+
+import csv
+from functools import cache
+from importlib.resources import files
+from typing import NamedTuple
+
+CONDITIONS = ("free", "mimic", "autonomous")
+CUBES = ("soft", "medium", "hard")
+ESTIMATORS = ("rls", "ai", "me")
+
+
+class Cell(NamedTuple):
+    """Average estimates and force error of one estimator in one trial."""
+
+    b: float
+    """Damping [N s/m]."""
+    k: float
+    """Stiffness [N/m]."""
+    e_f: float
+    """Average force error [N]."""
+
+
+@cache
+def table1() -> dict[tuple[str, str, str], Cell]:
+    """The paper's 27 cells by (condition, cube, estimator)."""
+    text = files(__package__).joinpath("table1.csv").read_text(encoding="utf-8")
+    return {
+        (row["condition"], row["cube"], row["estimator"]): Cell(
+            float(row["b"]), float(row["k"]), float(row["e_f"])
+        )
+        for row in csv.DictReader(text.splitlines())
+    }
+
+
+CALIBRATED = ("free", "autonomous")
+"""Conditions whose RLS cells (b and k) the simulated rig is calibrated against."""
+
+
+def is_calibrated(condition: str, estimator: str) -> bool:
+    """Whether b and k of a cell were used to calibrate the simulated rig."""
+    return estimator == "rls" and condition in CALIBRATED

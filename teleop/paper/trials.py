@@ -1,0 +1,145 @@
+"""The paper's nine trials, run with the paper's settings, and what became of their damping."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from concurrent.futures import ProcessPoolExecutor
+from typing import Any, NamedTuple
+
+from estimation import Estimates
+from estimation.compiled import Floats
+from estimation.stiffening import MatchedSignals
+from teleop.paper.table1 import CONDITIONS, CUBES, is_calibrated, table1
+from teleop.trial import Trial, TrialSettings, run_trial
+
+DURATION = 10.0
+"""Length of a trial [s]."""
+BANDWIDTH = 50.0
+"""Bandwidth of the filtered difference that gives velocity [Hz]; the paper tells none."""
+MATCHED_BANDWIDTH = 20.0
+"""Bandwidth of the matched filter that removes the causes of negative damping [Hz]."""
+DRAWN = 10
+"""Every so many ticks are drawn in figures."""
+
+
+class Damping(NamedTuple):
+    """Damping of one trial [N s/m], its causes of error removed one by one."""
+
+    true: float
+    paper: float
+    """The paper's own RLS, on the paper's rig."""
+    rls: float
+    """RLS as in the paper."""
+    matched: float
+    """Kelvin-Voigt, with force and position matched."""
+    stiffening: float
+    """Matched, and with x^3 among the regressors."""
+
+
+class Outcome(NamedTuple):
+    """One trial."""
+
+    condition: str
+    cube: str
+    seed: int
+    estimates: dict[str, dict[str, Any]]
+    """Summary of each estimator."""
+    damping: Damping
+    t: Floats
+    x: Floats
+    v: Floats
+    series: dict[str, Estimates]
+    """Estimates over time, thinned out like t, x and v for drawing."""
+
+
+def paper_trial(condition: str, cube: str, seed: int = 0) -> TrialSettings:
+    """One of the nine trials.
+
+    Force is taken as it comes and velocity from the encoder by a filtered difference, as the
+    paper has it; the estimators have the paper's settings.
+    """
+    return TrialSettings(
+        condition=condition,
+        cube=cube,
+        duration=DURATION,
+        clock="virtual",
+        seed=seed,
+        conditioning="difference",
+        bandwidth=BANDWIDTH,
+    )
+
+
+def damping_steps(trial: Trial) -> Damping:
+    """The damping that the paper's way gives, and what is left once its two errors are removed."""
+    settings, columns = trial.settings, trial.columns
+    signals = MatchedSignals(
+        columns["Displacement"], columns["Force"], columns["Sample period"], MATCHED_BANDWIDTH
+    )
+    lag = settings.setup.force_lag
+    return Damping(
+        true=settings.setup.cube.b,
+        paper=table1()[settings.condition, settings.cube, "rls"].b,
+        rls=float(columns["RLS b"].mean()),
+        matched=signals.fit(lag, stiffening=False).b,
+        stiffening=signals.fit(lag).b,
+    )
+
+
+def palpate(trial: tuple[str, str, int]) -> Outcome:
+    """Run one trial (condition, cube, seed)."""
+    condition, cube, seed = trial
+    run = run_trial(paper_trial(condition, cube, seed))
+    thin = slice(None, None, DRAWN)
+    return Outcome(
+        condition,
+        cube,
+        seed,
+        run.summary()["estimates"],
+        damping_steps(run),
+        run.columns["Time"][thin],
+        run.columns["Filtered displacement"][thin],
+        run.columns["Filtered velocity"][thin],
+        {name: Estimates(e.b[thin], e.k[thin]) for name, e in run.estimates.items()},
+    )
+
+
+def palpate_all(
+    seeds: Iterable[int], on_done: Callable[[Outcome], None] = lambda outcome: None
+) -> list[Outcome]:
+    """Run the nine trials for each seed, on all cores.
+
+    Parameters
+    ----------
+    seeds
+        A seed for each repetition.
+    on_done
+        Called with each outcome in order.
+    """
+    trials = [
+        (condition, cube, seed) for seed in seeds for condition in CONDITIONS for cube in CUBES
+    ]
+    outcomes = []
+    with ProcessPoolExecutor() as pool:
+        for outcome in pool.map(palpate, trials):
+            on_done(outcome)
+            outcomes.append(outcome)
+    return outcomes
+
+
+def as_rows(outcomes: Iterable[Outcome]) -> list[dict[str, Any]]:
+    """A row for each trial and estimator, with the paper's cell beside ours."""
+    return [
+        {
+            "condition": outcome.condition,
+            "cube": outcome.cube,
+            "estimator": name,
+            "b": summary["b"],
+            "k": summary["k"],
+            "e_f": summary["e_f"],
+            "rise_time_s": summary["rise_time_s"],
+            "paper": table1()[outcome.condition, outcome.cube, name]._asdict(),
+            "calibrated": is_calibrated(outcome.condition, name),
+        }
+        for outcome in outcomes
+        for name, summary in outcome.estimates.items()
+    ]
