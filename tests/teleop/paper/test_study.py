@@ -19,7 +19,6 @@ def responses(effect=(0.0, 0.0, 0.0), trial=0.5, seeds=6, seed=0):
     return y
 
 
-@pytest.mark.filterwarnings("ignore:The design matrix is rank-deficient")
 def test_equals_statsmodels_with_each_stratum_fitted_on_its_own():
     y = responses(effect=(0.3, 0.0, 0.8))
     index = np.indices(y.shape).reshape(4, -1)
@@ -30,21 +29,32 @@ def test_equals_statsmodels_with_each_stratum_fitted_on_its_own():
 
     trials = frame.groupby(["cube", "condition", "trial"], as_index=False).y.mean()
     between = anova_lm(ols("y ~ C(cube) * C(condition)", trials).fit())
-    within = anova_lm(
-        ols("y ~ C(trial) + C(estimator) * C(cube) * C(condition)", frame).fit(), typ=1
-    )
-    rows = {
-        "cube": between.loc["C(cube)"],
-        "condition": between.loc["C(condition)"],
-        "cube x condition": between.loc["C(cube):C(condition)"],
-        "estimator": within.loc["C(estimator)"],
-        "cube x estimator": within.loc["C(estimator):C(cube)"],
-        "condition x estimator": within.loc["C(estimator):C(condition)"],
-    }
-    for source, row in rows.items():
+    for source, term in {
+        "cube": "C(cube)",
+        "condition": "C(condition)",
+        "cube x condition": "C(cube):C(condition)",
+    }.items():
+        row = between.loc[term]
         assert got[source].degrees == row.df
+        assert got[source].error_degrees == between.df["Residual"]
         assert got[source].f == pytest.approx(row.F, rel=1e-6)
         assert got[source].p == pytest.approx(row["PR(>F)"], rel=1e-6)
+
+    # the trials' means taken off, statsmodels has the squares but not the degrees of the error
+    frame["y"] -= frame.groupby("trial").y.transform("mean")
+    within = anova_lm(ols("y ~ C(estimator) * C(cube) * C(condition)", frame).fit())
+    error_degrees = 9 * (6 - 1) * (3 - 1)
+    error = within.sum_sq["Residual"] / error_degrees
+    for source, term in {
+        "estimator": "C(estimator)",
+        "cube x estimator": "C(estimator):C(cube)",
+        "condition x estimator": "C(estimator):C(condition)",
+        "cube x condition x estimator": "C(estimator):C(cube):C(condition)",
+    }.items():
+        row = within.loc[term]
+        assert got[source].degrees == row.df
+        assert got[source].error_degrees == error_degrees
+        assert got[source].f == pytest.approx(row.sum_sq / row.df / error, rel=1e-6)
 
 
 def test_effect_sizes_are_shares():
