@@ -83,6 +83,8 @@ class MatchedSignals:
         Time since the sample before [s], of shape (n,), or one number for all.
     bandwidth
         Natural frequency of the state-variable filter [Hz].
+    part
+        The samples that are fitted; the filters run over all.
 
     Raises
     ------
@@ -91,15 +93,21 @@ class MatchedSignals:
     """
 
     def __init__(
-        self, position: ArrayLike, force: ArrayLike, dt: ArrayLike, bandwidth: float
+        self,
+        position: ArrayLike,
+        force: ArrayLike,
+        dt: ArrayLike,
+        bandwidth: float,
+        part: slice = slice(None),
     ) -> None:
         x, _, f, self.dt = checked_samples(position, position, force, dt)
         self.x, self.v = low_passed(x, self.dt, bandwidth)
         self.x3, _ = low_passed(x**3, self.dt, bandwidth)
-        self.f, _ = low_passed(f, self.dt, bandwidth)
+        self.f = low_passed(f, self.dt, bandwidth)[0][part]
+        self.part = part
         # the equivalent noise bandwidth of this filter is pi/4 of its natural frequency
-        seconds = float(self.dt.sum())
-        self.independent = min(float(len(x)), 2.0 * seconds * 0.25 * math.pi * bandwidth)
+        seconds = float(self.dt[part].sum())
+        self.independent = min(float(len(self.f)), 2.0 * seconds * 0.25 * math.pi * bandwidth)
 
     def fit(self, lag: float, damping: bool = True, stiffening: bool = True) -> StiffeningFit:
         """Least squares with the force channel's lag [s] given.
@@ -113,7 +121,9 @@ class MatchedSignals:
         """
         sought = [True, damping, stiffening]
         regressors = np.column_stack((self.x, self.v, self.x3))[:, sought]
-        regressors = np.column_stack([lagged(column, self.dt, lag) for column in regressors.T])
+        regressors = np.column_stack(
+            [lagged(column, self.dt, lag)[self.part] for column in regressors.T]
+        )
         scale = np.sqrt(np.mean(regressors**2, axis=0))
         scaled, *_ = np.linalg.lstsq(regressors / scale, self.f, rcond=None)
         values = np.zeros(3)

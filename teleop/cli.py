@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from cyclopts import App, CycloptsError
 
 from teleop.commands.estimate import estimate
+from teleop.commands.reproduce import reproduce
 from teleop.commands.run import run
 from teleop.errors import InputError
 
@@ -29,7 +30,7 @@ app = App(
     version=installed_version,
     help_format="plaintext",
 )
-for command in (run, estimate):
+for command in (run, estimate, reproduce):
     app.command(command, help_format="markdown")
 
 

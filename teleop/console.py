@@ -18,6 +18,8 @@ def print_json(document: Mapping[str, Any]) -> None:
     def finite(value: Any) -> Any:
         if isinstance(value, dict):
             return {key: finite(item) for key, item in value.items()}
+        if isinstance(value, list):
+            return [finite(item) for item in value]
         return None if isinstance(value, float) and not math.isfinite(value) else value
 
     print(json.dumps(finite(dict(document)), indent=2, allow_nan=False))
@@ -100,3 +102,36 @@ def print_evaluation(summary: Mapping[str, Any], name: str) -> None:
         f"memory of the estimators {summary['memory_s']:.3g} s\n"
         f"  excitation: {summary['excitation']['mean']:.2f} (0 none, 1 round)"
     )
+
+
+def print_reproduction(summary: Mapping[str, Any], page: str) -> None:
+    """Table I cube by cube, the paper's numbers beside ours, and what became of its claims."""
+    console = plain_console()
+    for cube in ("soft", "medium", "hard"):
+        table = Table(
+            title=f"Table I, {cube} cube (paper; * calibrated)",
+            title_justify="left",
+            box=box.SIMPLE_HEAD,
+            title_style="bold",
+        )
+        for heading in ("", "b [N s/m]", "(paper)", "k [N/m]", "(paper)", "e_f [N]", "(paper)"):
+            table.add_column(heading, justify="right" if heading else "left", no_wrap=True)
+        for row in summary["trials"]:
+            if row["cube"] != cube:
+                continue
+            paper, mark = row["paper"], "*" if row["calibrated"] else " "
+            table.add_row(
+                f"{row['condition']} {row['estimator']}",
+                number(row["b"], 1) + mark,
+                f"({paper['b']:.1f})",
+                number(row["k"], 0) + mark,
+                f"({number(paper['k'], 0)})",
+                number(row["e_f"], 2),
+                f"({paper['e_f']:.2f})",
+            )
+        console.print(table)
+    for claim in summary["claims"]:
+        style = "green" if claim["holds"] else "yellow"
+        console.print("holds:   " if claim["holds"] else "does not:", style=style, end=" ")
+        console.print(f"{claim['claim']}\n          {claim['evidence']}")
+    console.print(f"\n{page}")

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Iterable
+from dataclasses import replace
 from typing import Any, NamedTuple
+
+import numpy as np
 
 from estimation import Estimates
 from estimation.compiled import Floats
-from estimation.stiffening import MatchedSignals
-from teleop.paper.table1 import CONDITIONS, CUBES, is_calibrated, table1
+from estimation.stiffening import Interval, MatchedSignals
+from teleop.injector import Sine
+from teleop.paper.table1 import is_calibrated, table1
 from teleop.trial import Trial, TrialSettings, run_trial
 
 DURATION = 10.0
@@ -50,6 +53,21 @@ class Outcome(NamedTuple):
     v: Floats
     series: dict[str, Estimates]
     """Estimates over time, thinned out like t, x and v for drawing."""
+
+
+class SlowTrial(NamedTuple):
+    """What one trial tells of the force channel's lag and of damping, fitted together."""
+
+    frequency: float
+    """Of the excitation [Hz]."""
+    lag: Interval
+    """[s]"""
+    b: Interval
+    """[N s/m]"""
+    true_lag: float
+    """[s]"""
+    true_b: float
+    """[N s/m]"""
 
 
 def paper_trial(condition: str, cube: str, seed: int = 0) -> TrialSettings:
@@ -103,27 +121,30 @@ def palpate(trial: tuple[str, str, int]) -> Outcome:
     )
 
 
-def palpate_all(
-    seeds: Iterable[int], on_done: Callable[[Outcome], None] = lambda outcome: None
-) -> list[Outcome]:
-    """Run the nine trials for each seed, on all cores.
-
-    Parameters
-    ----------
-    seeds
-        A seed for each repetition.
-    on_done
-        Called with each outcome in order.
-    """
-    trials = [
-        (condition, cube, seed) for seed in seeds for condition in CONDITIONS for cube in CUBES
-    ]
-    outcomes = []
-    with ProcessPoolExecutor() as pool:
-        for outcome in pool.map(palpate, trials):
-            on_done(outcome)
-            outcomes.append(outcome)
-    return outcomes
+def lag_and_damping(frequency: float) -> SlowTrial:
+    """Fit lag and damping together to an autonomous trial on the medium cube, ramps left out."""
+    settings = replace(
+        paper_trial("autonomous", "medium"),
+        signal=Sine(frequency),
+        duration=max(DURATION, 1.0 / frequency),
+    )
+    columns = run_trial(settings).columns
+    setup = settings.setup
+    signals = MatchedSignals(
+        columns["Displacement"],
+        columns["Force"],
+        columns["Sample period"],
+        MATCHED_BANDWIDTH,
+        part=slice(1000, -1000),
+    )
+    profile = signals.profile(setup.force_lag * np.linspace(0.6, 1.4, 17))
+    return SlowTrial(
+        frequency,
+        profile.lag_interval(),
+        profile.b_interval(),
+        setup.force_lag,
+        setup.cube.b,
+    )
 
 
 def as_rows(outcomes: Iterable[Outcome]) -> list[dict[str, Any]]:

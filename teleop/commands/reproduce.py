@@ -1,0 +1,55 @@
+"""`teleop reproduce`: the paper's Table I and Figures 3-5."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+
+def reproduce(
+    *,
+    out: Path = Path("reproduction"),
+    seeds: int = 1,
+    json: Annotated[bool, Parameter(negative="")] = False,
+) -> int:
+    """Reproduce the paper's Table I and Figures 3 to 5 on the simulated rig.
+
+    Runs three cubes under three conditions with the paper's settings, holds the paper's
+    claims against the outcome, and shows what makes its damping negative.
+
+    Example: `teleop reproduce --seeds 20 --out reproduction`
+
+    Parameters
+    ----------
+    out
+        Folder for the page (index.html), the table (CSV) and the figures (SVG, PNG).
+    seeds
+        Repetitions of the nine trials; from 2 on, an analysis of variance asks which of cube,
+        condition and estimator matter.
+    json
+        Print one JSON document instead of tables.
+    """
+    from rich.console import Console
+    from rich.progress import Progress
+
+    from teleop import console
+    from teleop.errors import InputError
+    from teleop.paper.reproduce import reproduce as run
+    from teleop.paper.reproduce import write
+
+    if out.exists() and not out.is_dir():
+        raise InputError(f"{out}: expected a folder, this is a file")
+    with Progress(
+        console=Console(stderr=True), transient=True, disable=not sys.stderr.isatty()
+    ) as progress:
+        task = progress.add_task("palpating", total=9 * max(seeds, 0))
+        reproduction = run(seeds, lambda: progress.advance(task))
+    page = write(reproduction, out)
+    if json:
+        console.print_json({**reproduction.summary(), "page": str(page)})
+    else:
+        console.print_reproduction(reproduction.summary(), str(page))
+    return 0

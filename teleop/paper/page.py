@@ -1,0 +1,222 @@
+"""The reproduction as one self-contained HTML page."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from html import escape
+from importlib.resources import files
+from io import StringIO
+from string import Template
+
+from matplotlib.figure import Figure
+
+from teleop.paper.claims import Claim
+from teleop.paper.study import RESPONSES, Effect, finding
+from teleop.paper.table1 import CONDITIONS, CUBES, ESTIMATORS, is_calibrated, table1
+from teleop.paper.trials import Outcome, SlowTrial
+
+ABOUT = """
+<p>Yamamoto, Bernhardt, Peer, Buss and Okamura palpated three silicone cubes through a 1-DOF
+telemanipulator under three control conditions, and estimated stiffness and damping by recursive
+least squares (RLS), adaptive identification (AI) and the multi-estimator (ME). This page runs the
+same nine trials of 10 s at 1 kHz on the simulated rig, with the paper's estimator settings, through
+the same loop as <code>teleop run</code>.</p>
+<p>The rig is calibrated against 12 of the paper's 81 numbers: b and k of RLS under the conditions
+free and autonomous (shaded in the table), by <code>python -m teleop.paper.calibrate</code>. Fitted
+are each cube's stiffness and stiffening and the lag of its force channel. Depths, the frequency of
+the autonomous sine and the cubes' true damping are assumptions; depth and frequency were chosen
+such that AI rises as fast as the paper's figures show, so its rise time is no independent
+prediction. All other numbers are predictions.</p>
+"""
+
+DAMPING = """
+<p>The paper leaves its negative damping to "limitations of the model or noise". In simulation the
+true damping is known, and two causes explain it. A force channel that lags by &tau; turns b into
+b &minus; k&tau;. And a stiffening body has, about a point, the slope of the tangent but the offset
+of the secant, which a Kelvin-Voigt fit puts into b. Passing position through the force channel's
+own lag and all signals through one filter (matched) removes the first, a regressor x&sup3; the
+second.</p>
+"""
+
+SLOW = """
+<p>The lag has to be known: declared, or measured on a reference spring by <code>teleop lag</code>.
+To first order b and &tau; enter a trial only as b &minus; k&tau;. These are the 95 % intervals of
+both when each is fitted together with k and k&sub3; to one autonomous trial on the medium cube,
+whose true damping is $b N s/m and true lag $lag ms. The slower the motion, the less one trial tells
+them apart. At higher frequencies it does so only as far as the body really is one of this model,
+which is certain in simulation alone.</p>
+"""
+
+
+def svg(figure: Figure) -> str:
+    """A figure as an SVG element."""
+    text = StringIO()
+    figure.savefig(text, format="svg")
+    drawing = text.getvalue()
+    return drawing[drawing.index("<svg") :]
+
+
+def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """An HTML table of cells that are HTML already."""
+    head = "".join(f"<th>{cell}</th>" for cell in header)
+    body = "".join(
+        "<tr>"
+        + "".join(cell if cell.startswith("<td") else f"<td>{cell}</td>" for cell in row)
+        + "</tr>"
+        for row in rows
+    )
+    return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+
+
+def table_one(outcomes: Sequence[Outcome]) -> str:
+    """The paper's Table I, its numbers below ours."""
+    by_trial = {(outcome.condition, outcome.cube): outcome for outcome in outcomes}
+    rows = []
+    for condition in CONDITIONS:
+        for estimator in ESTIMATORS:
+            row = [f"{condition} {estimator.upper()}"]
+            for cube in CUBES:
+                ours = by_trial[condition, cube].estimates[estimator]
+                paper = table1()[condition, cube, estimator]
+                for name, digits in (("b", 1), ("k", 0), ("e_f", 2)):
+                    calibrated = is_calibrated(condition, estimator) and name != "e_f"
+                    row.append(
+                        f"<td{' class=calibrated' if calibrated else ''}>{ours[name]:.{digits}f}"
+                        f"<br><span class=paper>{getattr(paper, name):.{digits}f}</span></td>"
+                    )
+            rows.append(row)
+    header = [""] + [
+        f"{cube}<br>{unit}" for cube in CUBES for unit in ("b [N s/m]", "k [N/m]", "e_f [N]")
+    ]
+    return table(header, rows)
+
+
+def claims_table(claims: Sequence[Claim]) -> str:
+    """Each claim with what became of it."""
+    return table(
+        ["claim", "here", "evidence"],
+        [
+            [
+                escape(claim.claim),
+                "<td class=holds>holds</td>" if claim.holds else "<td class=fails>does not</td>",
+                f"<td class=left>{escape(claim.evidence)}</td>",
+            ]
+            for claim in claims
+        ],
+    )
+
+
+def damping_table(outcomes: Sequence[Outcome]) -> str:
+    """Damping of each trial, its causes of error removed one by one."""
+    return table(
+        [
+            "b [N s/m]",
+            "paper, RLS",
+            "RLS the paper's way",
+            "matched",
+            "matched, with x&sup3;",
+            "true",
+        ],
+        [
+            [
+                f"{outcome.condition} {outcome.cube}",
+                f"<td class=paper>{outcome.damping.paper:.1f}</td>",
+                f"{outcome.damping.rls:.1f}",
+                f"{outcome.damping.matched:.1f}",
+                f"{outcome.damping.stiffening:.2f}",
+                f"{outcome.damping.true:g}",
+            ]
+            for outcome in outcomes
+        ],
+    )
+
+
+def slow_table(slow: Sequence[SlowTrial]) -> str:
+    """What one trial tells of lag and damping together, by the speed of its motion."""
+    return table(
+        ["frequency [Hz]", "&tau; [ms]", "95 % interval", "b [N s/m]", "95 % interval"],
+        [
+            [
+                f"{trial.frequency:g}",
+                f"{trial.lag.value * 1e3:.2f}",
+                f"{trial.lag.low * 1e3:.2f} to {trial.lag.high * 1e3:.2f}",
+                f"{trial.b.value:.1f}",
+                f"{trial.b.low:.1f} to {trial.b.high:.1f}",
+            ]
+            for trial in slow
+        ],
+    )
+
+
+def study_section(study: Mapping[str, Sequence[Effect]], seeds: int) -> str:
+    """The analysis of variance, or how to get it."""
+    text = "<h2>Does only the estimator matter?</h2>"
+    if not study:
+        return (
+            text + "<p>Not asked: <code>teleop reproduce --seeds 20</code> repeats the trials.</p>"
+        )
+    text += (
+        f'<p>The paper finds that "only the choice of the estimation algorithm has an effect on '
+        f'estimation performance". Analysis of variance over {seeds} repetitions of the nine '
+        "trials; cube and condition vary between trials, the estimator within.</p>"
+    )
+    for name, effects in study.items():
+        text += f"<p><b>{RESPONSES[name].capitalize()}.</b> {escape(finding(effects))}</p>"
+        text += table(
+            ["effect", "F", "degrees of freedom", "p", "&eta;&sup2;", "partial &eta;&sup2;"],
+            [
+                [
+                    effect.source.replace(" x ", " &times; "),
+                    f"{effect.f:.1f}",
+                    f"{effect.degrees}, {effect.error_degrees}",
+                    "&lt; 0.001" if effect.p < 0.001 else f"{effect.p:.3f}",
+                    f"{effect.eta_squared:.3f}",
+                    f"{effect.partial_eta_squared:.3f}",
+                ]
+                for effect in effects
+            ],
+        )
+    return text
+
+
+def reproduction_page(
+    outcomes: Sequence[Outcome],
+    claims: Sequence[Claim],
+    figures: Mapping[str, str],
+    slow: Sequence[SlowTrial],
+    study: Mapping[str, Sequence[Effect]],
+    seeds: int,
+) -> str:
+    """The whole page.
+
+    Parameters
+    ----------
+    outcomes
+        The nine trials of one seed.
+    claims
+        What became of the paper's claims.
+    figures
+        SVG elements by caption.
+    slow
+        What one trial tells of lag and damping.
+    study
+        Effects by response; empty where there is one seed.
+    seeds
+        Repetitions of the nine trials.
+    """
+    first = slow[0]
+    lag_text = Template(SLOW).substitute(b=f"{first.true_b:g}", lag=f"{first.true_lag * 1e3:g}")
+    drawings = "".join(
+        f"<figure>{drawing}<figcaption>{escape(caption)}</figcaption></figure>"
+        for caption, drawing in figures.items()
+    )
+    title = "Techniques for environment parameter estimation during telemanipulation, reproduced"
+    body = f"""<h1>{title}</h1>{ABOUT}
+<h2>Table I</h2><p>Ours, and below it <span class=paper>the paper's</span>.
+<span class=calibrated>Shaded</span>: calibrated.</p>{table_one(outcomes)}
+<h2>What the paper says</h2>{claims_table(claims)}
+<h2>Figures</h2>{drawings}
+<h2>Why the damping is negative</h2>{DAMPING}{damping_table(outcomes)}{lag_text}{slow_table(slow)}
+{study_section(study, seeds)}"""
+    template = Template(files(__package__).joinpath("page.html").read_text(encoding="utf-8"))
+    return template.substitute(title=title, body=body)

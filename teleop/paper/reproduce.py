@@ -1,0 +1,160 @@
+"""The whole reproduction: trials, claims, study, and the files that hold them."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from teleop.errors import InputError
+from teleop.figure import estimates_figure, save, stiffness_figure
+from teleop.paper.claims import Claim, check_claims
+from teleop.paper.page import reproduction_page, svg
+from teleop.paper.study import RESPONSES, Effect, responses, split_plot
+from teleop.paper.table1 import CONDITIONS, CUBES, table1
+from teleop.paper.trials import Outcome, SlowTrial, as_rows, lag_and_damping, palpate
+
+SLOW_FREQUENCIES = (0.05, 0.2, 1.0)
+"""Frequencies [Hz] at which one trial is asked for lag and damping together."""
+CAPTIONS = {
+    "figure3": "Figure 3. Free palpation of the soft cube: estimated stiffness with the "
+    "displacement profile (grey), estimated damping with the velocity profile (grey).",
+    "figure4": "Figure 4. Estimated stiffness of the three cubes under free palpation.",
+    "figure5": "Figure 5. Estimated stiffness of the soft cube under the three conditions.",
+}
+
+
+@dataclass(frozen=True)
+class Reproduction:
+    """Everything that was found."""
+
+    outcomes: list[Outcome]
+    """The nine trials for every seed."""
+    slow: list[SlowTrial]
+    claims: list[Claim]
+    """Of the first seed."""
+    study: dict[str, list[Effect]]
+    """Analysis of variance by response; empty for one seed."""
+
+    @property
+    def first(self) -> list[Outcome]:
+        """The nine trials of the first seed."""
+        return self.outcomes[: len(CONDITIONS) * len(CUBES)]
+
+    @property
+    def seeds(self) -> int:
+        """Repetitions of the nine trials."""
+        return len(self.outcomes) // (len(CONDITIONS) * len(CUBES))
+
+    def summary(self) -> dict[str, Any]:
+        """What was found, as `teleop reproduce --json` prints it."""
+        return {
+            "seeds": self.seeds,
+            "trials": as_rows(self.first),
+            "claims": [claim._asdict() for claim in self.claims],
+            "damping": [
+                {"condition": o.condition, "cube": o.cube, **o.damping._asdict()}
+                for o in self.first
+            ],
+            "study": {
+                name: [effect._asdict() for effect in effects]
+                for name, effects in self.study.items()
+            },
+        }
+
+
+def reproduce(seeds: int, on_done: Callable[[], None] = lambda: None) -> Reproduction:
+    """Run the nine trials for a number of seeds, on all cores.
+
+    Parameters
+    ----------
+    seeds
+        Repetitions, with the seeds 0, 1, ...
+    on_done
+        Called after each trial.
+
+    Raises
+    ------
+    InputError
+        Fewer than one seed.
+    """
+    if seeds < 1:
+        raise InputError(f"seeds {seeds}: expected at least 1")
+    trials = [(c, q, seed) for seed in range(seeds) for c in CONDITIONS for q in CUBES]
+    outcomes = []
+    with ProcessPoolExecutor() as pool:
+        slow = pool.map(lag_and_damping, SLOW_FREQUENCIES)
+        for outcome in pool.map(palpate, trials):
+            outcomes.append(outcome)
+            on_done()
+        slow_trials = list(slow)
+    study = {}
+    if seeds > 1:
+        study = {name: split_plot(responses(outcomes, name)) for name in RESPONSES}
+    return Reproduction(outcomes, slow_trials, check_claims(outcomes[:9]), study)
+
+
+def write(reproduction: Reproduction, folder: Path) -> Path:
+    """Write the table as CSV, the figures as SVG and PNG, and the page; returns the page's path.
+
+    Raises
+    ------
+    InputError
+        The folder cannot be made or written to.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        write_csv(as_rows(reproduction.first), folder / "table1.csv")
+        figures = draw(reproduction.first)
+        drawings = {}
+        for name, figure in figures.items():
+            save(figure, folder / f"{name}.png")
+            drawings[CAPTIONS[name]] = svg(figure)
+            (folder / f"{name}.svg").write_text(drawings[CAPTIONS[name]], encoding="utf-8")
+        page = folder / "index.html"
+        page.write_text(
+            reproduction_page(
+                reproduction.first,
+                reproduction.claims,
+                drawings,
+                reproduction.slow,
+                reproduction.study,
+                reproduction.seeds,
+            ),
+            encoding="utf-8",
+        )
+    except OSError as error:
+        raise InputError(f"{folder}: {(error.strerror or 'cannot be written').lower()}") from error
+    return page
+
+
+def write_csv(rows: Sequence[dict[str, Any]], path: Path) -> None:
+    """Table I, a row for each trial and estimator, the paper's numbers beside ours."""
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        ours = ["condition", "cube", "estimator", "b", "k", "e_f", "rise_time_s"]
+        writer.writerow([*ours, "paper b", "paper k", "paper e_f", "calibrated"])
+        for row in rows:
+            writer.writerow(
+                [*(row[name] for name in ours), *row["paper"].values(), row["calibrated"]]
+            )
+
+
+def draw(outcomes: Sequence[Outcome]) -> dict[str, Any]:
+    """The paper's Figures 3, 4 and 5."""
+    trial = {(outcome.condition, outcome.cube): outcome for outcome in outcomes}
+    soft = trial["free", "soft"]
+    return {
+        "figure3": estimates_figure("free, soft cube", soft.t, soft.x, soft.v, soft.series),
+        "figure4": stiffness_figure(
+            {f"{q} cube": (trial["free", q].t, trial["free", q].series) for q in CUBES},
+            {f"{q} cube": table1()["free", q, "rls"].k for q in CUBES},
+        ),
+        "figure5": stiffness_figure(
+            {c: (trial[c, "soft"].t, trial[c, "soft"].series) for c in CONDITIONS},
+            {c: table1()[c, "soft", "rls"].k for c in CONDITIONS},
+        ),
+    }
