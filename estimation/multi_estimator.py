@@ -6,10 +6,13 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from estimation.compiled import Floats, State
 from estimation.estimator import Estimates, Estimator
 from estimation.lattice import inside, least_in_box, lowest_on_border
+
+Indices = NDArray[np.int64]
 
 TIE = 1e-9
 """Weight of the tie-breaking term, as a share of the largest monitoring signal on the grid."""
@@ -161,16 +164,42 @@ class MultiEstimator(Estimator):
         ValueError
             The margin is negative.
         """
+        first, last = self.tied_rows(margin)
+        k = self.grid.k.values
+        rows = [
+            np.column_stack((np.full(max(0, b_last - b_first + 1), b), k[b_first : b_last + 1]))
+            for b, b_first, b_last in zip(self.grid.b.values, first, last, strict=True)
+        ]
+        return np.concatenate(rows)
+
+    def tied_rows(self, margin: float) -> tuple[Indices, Indices]:
+        """Index of the first and of the last k that `ties` has for each b; first > last if none.
+
+        Arrays of shape (grid.b.count,). The cost does not grow with the number of k.
+        """
         if not margin >= 0.0:
             raise ValueError(f"margin must be >= 0, got {margin}")
         winner = self.estimate
         bound = (1.0 + margin) * float(self.monitoring_signal(winner.b, winner.k))
-        within = [np.array([winner])]
-        for b in self.grid.b.values:
-            k = self.grid.k.values
-            k = k[self.monitoring_signal(b, k) <= bound]
-            within.append(np.column_stack((np.full(k.shape, b), k)))
-        return np.unique(np.concatenate(within), axis=0)
+        ff, fv, fx, vv, vx, xx = self.state[2:]
+        b, axis = self.grid.b.values, self.grid.k
+        half = b * vx - fx
+        rest = ff + b * (b * vv - 2.0 * fv) - bound
+        with np.errstate(divide="ignore", invalid="ignore"):
+            root = np.sqrt(half**2 - xx * rest)
+            low = (-half - root) / xx
+            high = (-half + root) / xx
+        if xx == 0.0:
+            low = np.where(rest <= 0.0, -np.inf, np.nan)
+            high = -low
+        low = np.where(np.isnan(low), np.inf, (low - axis.first) / axis.spacing)
+        high = np.where(np.isnan(high), -np.inf, (high - axis.first) / axis.spacing)
+        first = np.ceil(np.clip(low - 1e-9, 0, axis.count)).astype(np.int64)
+        last = np.floor(np.clip(high + 1e-9, -1, axis.count - 1)).astype(np.int64)
+        row = round((winner.b - self.grid.b.first) / self.grid.b.spacing)
+        column = round((winner.k - axis.first) / axis.spacing)
+        first[row], last[row] = min(first[row], column), max(last[row], column)
+        return first, last
 
     @property
     def at_edge(self) -> tuple[str, ...]:

@@ -96,11 +96,20 @@ def ambiguity(
     every
         Look after every so many samples; the arrays then have shape (n // every,).
     """
+    b, k = estimator.grid.b.values, estimator.grid.k.values
     rows = []
     for n, sample in enumerate(zip(x, v, f, dt, strict=True), start=1):
         estimator.update(*map(float, sample))
         if n % every == 0:
-            tied = estimator.ties(margin)
-            low, high = tied.min(axis=0), tied.max(axis=0)
-            rows.append((len(tied), low[0], high[0], low[1], high[1]))
+            first, last = estimator.tied_rows(margin)
+            held = np.flatnonzero(first <= last)
+            rows.append(
+                (
+                    (last[held] - first[held] + 1).sum(),
+                    b[held[0]],
+                    b[held[-1]],
+                    k[first[held].min()],
+                    k[last[held].max()],
+                )
+            )
     return Ambiguity(*np.array(rows, dtype=np.float64).reshape(-1, 5).T)

@@ -46,11 +46,32 @@ def make_coupling(name: CouplingName) -> Coupling:
     raise InputError(f"coupling {name!r}: expected one of {', '.join(get_args(CouplingName))}")
 
 
-def make_conditioner(name: ConditioningName, bandwidth: float, resolution: float) -> Conditioner:
-    """Signal conditioning with a filter bandwidth [Hz] or, for FOAW, a position resolution [m]."""
+def make_conditioner(
+    name: ConditioningName, bandwidth: float, resolution: float, force_lag: float
+) -> Conditioner:
+    """Signal conditioning.
+
+    Parameters
+    ----------
+    name
+        Which one.
+    bandwidth
+        Bandwidth of its filter [Hz]; FOAW has none.
+    resolution
+        Position of one encoder count [m], for FOAW.
+    force_lag
+        Time constant of the force channel [s], which only a matched filter makes up for.
+
+    Raises
+    ------
+    InputError
+        The name is unknown, a number is out of its range, or the lag cannot be made up for.
+    """
+    if force_lag != 0.0 and name != "matched":
+        raise InputError(f"force lag {force_lag:g} s: expected matched conditioning, not {name}")
     try:
         if name == "matched":
-            return MatchedFilter(bandwidth)
+            return MatchedFilter(bandwidth, force_lag)
         if name == "svf":
             return StateVariableFilter(bandwidth)
         if name == "difference":

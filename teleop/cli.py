@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from cyclopts import App, CycloptsError
 
 from teleop.commands.estimate import estimate
+from teleop.commands.lag import lag
 from teleop.commands.reproduce import reproduce
 from teleop.commands.run import run
 from teleop.errors import InputError
@@ -30,7 +31,7 @@ app = App(
     version=installed_version,
     help_format="plaintext",
 )
-for command in (run, estimate, reproduce):
+for command in (run, estimate, lag, reproduce):
     app.command(command, help_format="markdown")
 
 

@@ -135,3 +135,18 @@ def print_reproduction(summary: Mapping[str, Any], page: str) -> None:
         console.print("holds:   " if claim["holds"] else "does not:", style=style, end=" ")
         console.print(f"{claim['claim']}\n          {claim['evidence']}")
     console.print(f"\n{page}")
+
+
+def print_lag(summary: Mapping[str, Any]) -> None:
+    """The lag of a force channel."""
+    console = plain_console()
+    low, high = summary["lag_low_s"] * 1e3, summary["lag_high_s"] * 1e3
+    console.print(
+        f"lag {summary['lag_s'] * 1e3:.3f} ms, 95 % interval {low:.3f} to {high:.3f} ms\n"
+        f"spring {number(summary['k'], 0)} N/m, residual {summary['rms']:.2g} N rms"
+    )
+    if "true_lag_s" in summary:
+        console.print(f"true lag (simulated) {summary['true_lag_s'] * 1e3:.3f} ms")
+    console.print(
+        f"take it into account with: teleop estimate FILE --force-lag {summary['lag_s']:.5f}"
+    )

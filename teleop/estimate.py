@@ -55,6 +55,8 @@ class EstimateSettings:
     conditioning: ConditioningName = "matched"
     bandwidth: float | None = None
     """Bandwidth of the conditioning [Hz]; None for ten times the dominant frequency."""
+    force_lag: float = 0.0
+    """Lag of the force channel that matched conditioning makes up for [s]."""
     whole: bool = False
     """Whether to take in rest before and after the motion."""
 
@@ -142,7 +144,7 @@ def evaluate(recording: Recording, settings: EstimateSettings) -> Evaluation:
     if bandwidth is None:
         bandwidth = 10.0 * frequency if settings.preset == "scaled" else PAPER_BANDWIDTH
     count = smallest_step(recording.x)
-    conditioner = make_conditioner(settings.conditioning, bandwidth, count)
+    conditioner = make_conditioner(settings.conditioning, bandwidth, count, settings.force_lag)
     x, v, f = conditioner.run(recording.x - datum.x, recording.f - datum.f, dt)
     t, x, v, f, dt = (signal[motion] for signal in (recording.t, x, v, f, dt))
     try:

@@ -64,6 +64,8 @@ class TrialSettings:
     conditioning: ConditioningName = "matched"
     bandwidth: float = 20.0
     """Bandwidth of the conditioning's filter [Hz]."""
+    force_lag: float = 0.0
+    """Lag of the force channel that matched conditioning makes up for [s]."""
     preset: Preset | None = None
     """Settings of the estimators; None for the paper's, with the gain for this cube."""
     custom_setup: Setup | None = None
@@ -139,7 +141,8 @@ class TrialSettings:
 
     def make_conditioner(self) -> Conditioner:
         """Fresh signal conditioning."""
-        return make_conditioner(self.conditioning, self.bandwidth, Sensors().encoder_resolution)
+        resolution = Sensors().encoder_resolution
+        return make_conditioner(self.conditioning, self.bandwidth, resolution, self.force_lag)
 
     def make_bank(self) -> Bank:
         """A fresh bank of estimators."""

@@ -20,6 +20,7 @@ def estimate(
     cube: Literal["soft", "medium", "hard"] = "soft",
     conditioning: Literal["matched", "svf", "foaw", "difference"] = "matched",
     bandwidth: float | None = None,
+    force_lag: float = 0.0,
     whole: Annotated[bool, Parameter(negative="")] = False,
     out: Path | None = None,
     plot: Path | None = None,
@@ -52,6 +53,9 @@ def estimate(
     bandwidth
         Bandwidth of its filter [Hz]; by default ten times the motion's dominant frequency,
         and 20 Hz with the paper's settings.
+    force_lag
+        Lag of the force channel [s] that matched conditioning makes up for, as `teleop lag`
+        measures it.
     whole
         Take in the rest before and after the motion as well.
     out
@@ -69,7 +73,8 @@ def estimate(
     check_writable(out, plot)
     recording = read_recording(file, position, force, time)
     evaluation = evaluate(
-        recording, EstimateSettings(datum, preset, cube, conditioning, bandwidth, whole)
+        recording,
+        EstimateSettings(datum, preset, cube, conditioning, bandwidth, force_lag, whole),
     )
     if out:
         write_table(out, *evaluation.columns())

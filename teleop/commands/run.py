@@ -28,6 +28,7 @@ def run(
     coupling: Literal["velocity", "position"] = "velocity",
     conditioning: Literal["matched", "svf", "foaw", "difference"] = "matched",
     bandwidth: float = 20.0,
+    force_lag: float = 0.0,
     out: Path | None = None,
     plot: Path | None = None,
     json: Annotated[bool, Parameter(negative="")] = False,
@@ -65,6 +66,9 @@ def run(
         a filtered difference.
     bandwidth
         Bandwidth of that filter [Hz]; foaw has none.
+    force_lag
+        Lag of the force channel [s] that matched conditioning makes up for, as `teleop lag`
+        measures it.
     out
         Write every tick to this CSV file, which `teleop estimate` reads.
     plot
@@ -89,6 +93,7 @@ def run(
         coupling=make_coupling(coupling),
         conditioning=conditioning,
         bandwidth=bandwidth,
+        force_lag=force_lag,
     )
     check_writable(out, plot)
     line = ProgressLine()

@@ -41,9 +41,9 @@ second.</p>
 SLOW = """
 <p>The lag has to be known: declared, or measured on a reference spring by <code>teleop lag</code>.
 To first order b and &tau; enter a trial only as b &minus; k&tau;. These are the 95 % intervals of
-both when each is fitted together with k and k&sub3; to one autonomous trial on the medium cube,
-whose true damping is $b N s/m and true lag $lag ms. The slower the motion, the less one trial tells
-them apart. At higher frequencies it does so only as far as the body really is one of this model,
+both when each is fitted together with k and k<sub>3</sub> to one autonomous trial on the medium
+cube, whose true damping is $b N s/m and true lag $lag ms. The slower the motion, the less one trial
+tells them apart. At higher frequencies it does so only as far as the body really is one of this model,
 which is certain in simulation alone.</p>
 """
 

@@ -143,6 +143,19 @@ def test_ties_are_the_candidates_within_the_margin(palpation):
     assert [*estimator.estimate] in estimator.ties(0.0).tolist()
 
 
+def test_ties_on_a_fine_grid_are_counted_without_a_look_at_each(palpation):
+    fine = Grid(b=Axis(-500.0, 500.0, 10_001), k=Axis(1500.0, 39900.0, 10_001))
+    estimator = MultiEstimator(fine, 10.0)
+    estimator.run(*palpation(seconds=0.3, noise=0.3))
+    first, last = estimator.tied_rows(0.1)
+    tied = estimator.ties(0.1)
+    assert len(tied) == np.maximum(0, last - first + 1).sum() > 100
+    bound = 1.1 * estimator.monitoring_signal(*estimator.estimate)
+    assert (estimator.monitoring_signal(*tied.T) <= bound * (1.0 + 1e-6)).all()
+    beyond = fine.k.values[last[5000] + 1]
+    assert estimator.monitoring_signal(fine.b.values[5000], beyond) > bound
+
+
 def test_monitoring_signal_is_the_integral_of_the_squared_error(palpation):
     s = palpation(seconds=0.2, noise=0.1)
     estimator = MultiEstimator(SMALL, 10.0)

@@ -58,7 +58,7 @@ def moved(candidate):
 def test_lemma_1_an_estimator_beside_the_true_one_is_redundant_on_its_exponential_alone(
     plant, other
 ):
-    assume(abs(plant.b - other.b) > 0 and abs(other.k - plant.k) / abs(other.b - plant.b) < 1000.0)
+    assume(abs(plant.b - other.b) > 0 and abs(other.k - plant.k) / abs(other.b - plant.b) < 100.0)
     result = redundancy(other, plant, plant)
     assert not result.mirrored
     (rate,) = result.rates
@@ -66,7 +66,7 @@ def test_lemma_1_an_estimator_beside_the_true_one_is_redundant_on_its_exponentia
     x, v = exponential(rate)
     assert same(other, plant, plant, x, v)
     assert not same(moved(other), plant, plant, x, v)
-    assert not same(other, plant, plant, *exponential(rate + 1.0))
+    assert not same(other, plant, plant, *exponential(1.1 * rate + 1.0))
     assert not same(other, plant, plant, *sine(2.0))
 
 
@@ -88,7 +88,7 @@ def test_lemma_2_two_wrong_estimators_are_redundant_on_two_exponentials_alone(
     result = redundancy(gamma, epsilon, plant)
     assume(not result.mirrored)
     for rate in result.rates:
-        assume(abs(rate) < 1000.0)
+        assume(abs(rate) < 100.0)
         x, v = exponential(rate)
         assert same(gamma, epsilon, plant, x, v)
         other = moved(gamma)
