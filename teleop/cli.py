@@ -10,6 +10,7 @@ from cyclopts import App, CycloptsError
 
 from teleop.commands.estimate import estimate
 from teleop.commands.lag import lag
+from teleop.commands.report import report
 from teleop.commands.reproduce import reproduce
 from teleop.commands.run import run
 from teleop.errors import InputError
@@ -31,7 +32,7 @@ app = App(
     version=installed_version,
     help_format="plaintext",
 )
-for command in (run, estimate, lag, reproduce):
+for command in (run, estimate, report, lag, reproduce):
     app.command(command, help_format="markdown")
 
 

@@ -69,6 +69,7 @@ class Evaluation:
     x: Floats
     v: Floats
     f: Floats
+    dt: Floats
     estimates: dict[str, Estimates]
     bank: Bank
     batch: Fit
@@ -164,6 +165,7 @@ def evaluate(recording: Recording, settings: EstimateSettings) -> Evaluation:
         x=x,
         v=v,
         f=f,
+        dt=dt,
         estimates=estimates,
         bank=bank,
         batch=least_squares(x, v, f),

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 
 from estimation import Estimates
 from estimation.compiled import Floats
+from estimation.redundancy import Ambiguity
 from teleop.errors import InputError
 
 STYLES = {
@@ -58,6 +59,34 @@ def estimates_figure(
         ncols=len(estimates),
         frameon=False,
     )
+    lower.set_xlim(t[0], t[-1])
+    return figure
+
+
+def ambiguity_figure(t: Floats, tied: Ambiguity, winner: Estimates) -> Figure:
+    """The candidates that the data could not tell apart, as bands about the winner.
+
+    Parameters
+    ----------
+    t
+        Time of each look [s], shape (n,).
+    tied
+        The candidates that tied at each look.
+    winner
+        The multi-estimator's estimate at each look.
+    """
+    figure = Figure(figsize=(8.0, 4.6), layout="constrained")
+    upper, lower = figure.subplots(2, 1, sharex=True)
+    bands = (
+        (upper, tied.k_low * 1e-3, tied.k_high * 1e-3, winner.k * 1e-3, "$\\hat k$ [kN/m]"),
+        (lower, tied.b_low, tied.b_high, winner.b, "$\\hat b$ [N s/m]"),
+    )
+    for axes, low, high, best, label in bands:
+        axes.fill_between(t, low, high, color="#0072B2", alpha=0.25, linewidth=0.0)
+        axes.plot(t, best, color="#000000", linewidth=1.0)
+        axes.set_ylabel(label)
+        frame(axes, [low, high], from_zero=False, room=1.0)
+    lower.set_xlabel("time [s]")
     lower.set_xlim(t[0], t[-1])
     return figure
 

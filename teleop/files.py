@@ -26,3 +26,17 @@ def check_writable(table: Path | None, picture: Path | None) -> None:
             raise InputError(f"{path}: expected a file, this is a folder")
     if picture and picture.suffix.lower() not in PICTURES:
         raise InputError(f"{picture}: expected a file ending in {', '.join(PICTURES)}")
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text file.
+
+    Raises
+    ------
+    InputError
+        The file cannot be written.
+    """
+    try:
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"{path}: {(error.strerror or 'cannot be written').lower()}") from error

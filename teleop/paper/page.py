@@ -4,16 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from html import escape
-from importlib.resources import files
-from io import StringIO
 from string import Template
-
-from matplotlib.figure import Figure
 
 from teleop.paper.claims import Claim
 from teleop.paper.study import RESPONSES, Effect, finding
 from teleop.paper.table1 import CONDITIONS, CUBES, ESTIMATORS, is_calibrated, table1
 from teleop.paper.trials import Outcome, SlowTrial
+from teleop.web_page import captioned, table, web_page
 
 ABOUT = """
 <p>Yamamoto, Bernhardt, Peer, Buss and Okamura palpated three silicone cubes through a 1-DOF
@@ -43,29 +40,9 @@ SLOW = """
 To first order b and &tau; enter a trial only as b &minus; k&tau;. These are the 95 % intervals of
 both when each is fitted together with k and k<sub>3</sub> to one autonomous trial on the medium
 cube, whose true damping is $b N s/m and true lag $lag ms. The slower the motion, the less one trial
-tells them apart. At higher frequencies it does so only as far as the body really is one of this model,
-which is certain in simulation alone.</p>
+tells them apart. At higher frequencies it does so only as far as the body really is one of this
+model, which is certain in simulation alone.</p>
 """
-
-
-def svg(figure: Figure) -> str:
-    """A figure as an SVG element."""
-    text = StringIO()
-    figure.savefig(text, format="svg")
-    drawing = text.getvalue()
-    return drawing[drawing.index("<svg") :]
-
-
-def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """An HTML table of cells that are HTML already."""
-    head = "".join(f"<th>{cell}</th>" for cell in header)
-    body = "".join(
-        "<tr>"
-        + "".join(cell if cell.startswith("<td") else f"<td>{cell}</td>" for cell in row)
-        + "</tr>"
-        for row in rows
-    )
-    return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
 
 
 def table_one(outcomes: Sequence[Outcome]) -> str:
@@ -206,10 +183,7 @@ def reproduction_page(
     """
     first = slow[0]
     lag_text = Template(SLOW).substitute(b=f"{first.true_b:g}", lag=f"{first.true_lag * 1e3:g}")
-    drawings = "".join(
-        f"<figure>{drawing}<figcaption>{escape(caption)}</figcaption></figure>"
-        for caption, drawing in figures.items()
-    )
+    drawings = "".join(captioned(drawing, caption) for caption, drawing in figures.items())
     title = "Techniques for environment parameter estimation during telemanipulation, reproduced"
     body = f"""<h1>{title}</h1>{ABOUT}
 <h2>Table I</h2><p>Ours, and below it <span class=paper>the paper's</span>.
@@ -218,5 +192,4 @@ def reproduction_page(
 <h2>Figures</h2>{drawings}
 <h2>Why the damping is negative</h2>{DAMPING}{damping_table(outcomes)}{lag_text}{slow_table(slow)}
 {study_section(study, seeds)}"""
-    template = Template(files(__package__).joinpath("page.html").read_text(encoding="utf-8"))
-    return template.substitute(title=title, body=body)
+    return web_page(title, body)

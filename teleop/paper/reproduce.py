@@ -12,10 +12,11 @@ from typing import Any
 from teleop.errors import InputError
 from teleop.figure import estimates_figure, save, stiffness_figure
 from teleop.paper.claims import Claim, check_claims
-from teleop.paper.page import reproduction_page, svg
+from teleop.paper.page import reproduction_page
 from teleop.paper.study import RESPONSES, Effect, responses, split_plot
 from teleop.paper.table1 import CONDITIONS, CUBES, table1
 from teleop.paper.trials import Outcome, SlowTrial, as_rows, lag_and_damping, palpate
+from teleop.web_page import svg
 
 SLOW_FREQUENCIES = (0.05, 0.2, 1.0)
 """Frequencies [Hz] at which one trial is asked for lag and damping together."""

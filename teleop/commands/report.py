@@ -1,0 +1,60 @@
+"""`teleop report`: a run as one HTML page with plots."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal
+
+
+def report(
+    file: Path,
+    /,
+    *,
+    out: Path | None = None,
+    position: str | None = None,
+    force: str | None = None,
+    time: str | None = None,
+    datum: str = "auto",
+    preset: Literal["scaled", "paper"] = "scaled",
+    cube: Literal["soft", "medium", "hard"] = "soft",
+    force_lag: float = 0.0,
+) -> int:
+    """Write a recording's estimates and figures to one HTML page that opens offline.
+
+    Shows over time which candidates the data could not tell apart as well.
+
+    Example: `teleop report run.csv --preset paper --out run.html`
+
+    Parameters
+    ----------
+    file
+        CSV or TSV with units in its header, such as `teleop run --out` writes.
+    out
+        The page; by default beside the recording, with the ending .html.
+    position
+        Column of the position, as NAME or, if the header has no unit, NAME=UNIT.
+    force
+        Column of the force, likewise.
+    time
+        Column of the time, likewise.
+    datum
+        Where position and force are zero, as in `teleop estimate`.
+    preset
+        Settings of the estimators: scaled from the data, or the paper's.
+    cube
+        The cube whose adaptation gain the paper's settings take.
+    force_lag
+        Lag of the force channel [s] to make up for.
+    """
+    from teleop.estimate import EstimateSettings, evaluate
+    from teleop.files import check_writable, write_text
+    from teleop.report import report_page
+    from teleop.table import read_recording
+
+    page = out or file.with_suffix(".html")
+    check_writable(page, None)
+    recording = read_recording(file, position, force, time)
+    evaluation = evaluate(recording, EstimateSettings(datum, preset, cube, force_lag=force_lag))
+    write_text(page, report_page(file.name, evaluation))
+    print(page)
+    return 0

@@ -1,0 +1,84 @@
+"""A recording as one HTML page: estimates, figures, and what the data could not tell apart."""
+
+from __future__ import annotations
+
+import math
+from html import escape
+
+from estimation import Estimates, MultiEstimator
+from estimation.redundancy import ambiguity
+from teleop.console import number
+from teleop.estimate import Evaluation
+from teleop.figure import ambiguity_figure, estimates_figure
+from teleop.web_page import captioned, svg, table, web_page
+
+MARGIN = 0.1
+"""A candidate is told apart once its monitoring signal exceeds the winner's by this share."""
+LOOKS = 400
+"""How often the candidates that tie are looked at over a recording, about."""
+
+
+def report_page(name: str, evaluation: Evaluation) -> str:
+    """The page for one recording.
+
+    Parameters
+    ----------
+    name
+        What was recorded; the page's title.
+    evaluation
+        The estimators' answer to it.
+    """
+    e = evaluation
+    summary = e.summary()
+    rows = [
+        [
+            estimator.upper() if estimator != "batch" else "batch",
+            *(number(row[key], digits) for key, digits in (("k", 0), ("b", 1), ("e_f", 3))),
+            number(row["one_step_rms"], 3),
+            number(row.get("rise_time_s", math.nan), 3),
+        ]
+        for estimator, row in {**summary["estimates"], "batch": summary["batch"]}.items()
+    ]
+    notes = "".join(
+        f"<p>{estimator.upper()}: {escape(row['note'])}.</p>"
+        for estimator, row in summary["estimates"].items()
+        if row["note"]
+    )
+    header = ["", "k [N/m]", "b [N s/m]", "e_f [N]", "one-step rms [N]", "rise time [s]"]
+    datum = summary["datum"]
+    figure = svg(estimates_figure(name, e.t, e.x, e.v, e.estimates))
+    body = f"""<h1>{escape(name)}</h1>
+<p>{summary["samples_used"]} of {summary["samples"]} samples, {summary["from_s"]:.3f} to
+{summary["to_s"]:.3f} s, at {summary["rate_hz"]:g} Hz. Datum: {datum["position_m"] * 1e3:.6g} mm,
+{datum["force_n"]:.6g} N ({escape(datum["source"])}). Excitation {summary["excitation"]["mean"]:.2f}
+(0 none, 1 round).</p>
+{table(header, rows)}{notes}
+{
+        captioned(
+            figure,
+            "Estimated stiffness with the displacement profile (grey), estimated damping "
+            "with the velocity profile (grey).",
+        )
+    }
+<h2>What the data could not tell apart</h2>
+{
+        captioned(
+            ambiguity_drawing(e),
+            "The multi-estimator's winner (line) and the candidates whose "
+            f"monitoring signal exceeds its by at most {MARGIN:.0%} (band). A wide band says that "
+            "the motion of the last moments does not show this parameter.",
+        )
+    }"""
+    return web_page(name, body)
+
+
+def ambiguity_drawing(evaluation: Evaluation) -> str:
+    """The bands of tied candidates over time, as an SVG element."""
+    e = evaluation
+    every = max(1, len(e.t) // LOOKS)
+    fresh = e.preset.bank()["me"]
+    assert isinstance(fresh, MultiEstimator)
+    tied = ambiguity(fresh, e.x, e.v, e.f, e.dt, MARGIN, every)
+    looks = slice(every - 1, None, every)
+    winner = Estimates(*(series[looks] for series in e.estimates["me"]))
+    return svg(ambiguity_figure(e.t[looks], tied, winner))
