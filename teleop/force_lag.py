@@ -71,16 +71,20 @@ def measure_lag(position: Floats, force: Floats, dt: Floats) -> ForceLag:
     best = float(
         minimize_scalar(squared, bounds=(0.0, LONGEST), method="bounded", options={"xatol": 1e-7}).x
     )
+    fit = signals.fit(best, damping=False, stiffening=False)
+    if fit.k <= 0.0:
+        raise InputError(
+            f"the spring's stiffness comes out as {fit.k:.4g} N/m: expected force and position "
+            "to be positive in compression"
+        )
     if not 1e-5 < best < 0.99 * LONGEST:
         raise InputError(
             f"the best lag is {best * 1e3:.2f} ms: expected one between 0.01 and "
-            f"{LONGEST * 1e3:g} ms; is force positive in compression, the datum right, and the "
-            "spring without damping?"
+            f"{LONGEST * 1e3:g} ms, as on a spring without damping with the datum at its rest"
         )
     step = 0.05 * best
     curvature = (squared(best + step) - 2.0 * squared(best) + squared(best - step)) / step**2
     half = 1.96 * (2.0 * squared(best) / (signals.independent * curvature)) ** 0.5
-    fit = signals.fit(best, damping=False, stiffening=False)
     return ForceLag(Interval(best, best - half, best + half), fit.k, fit.rms)
 
 
