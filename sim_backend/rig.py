@@ -34,6 +34,8 @@ class SimulatedRig(Rig):
         Imperfections of the sensors.
     max_velocity
         The most that the drives can do [m/s].
+    watchdog
+        Time [s] after which drives that are not commanded stop by themselves.
     seed
         Seed of the sensor noise.
     """
@@ -46,6 +48,7 @@ class SimulatedRig(Rig):
         parameters: PlantParameters | None = None,
         sensors: Sensors | None = None,
         max_velocity: float = 0.5,
+        watchdog: float = 0.05,
         seed: int = 0,
     ) -> None:
         self.plant = Plant(cube, parameters or PlantParameters(), ARM if operator else UNATTENDED)
@@ -53,20 +56,26 @@ class SimulatedRig(Rig):
         self._operator = operator
         self._sensors = sensors or Sensors()
         self._max_velocity = max_velocity
+        self._watchdog = watchdog
+        self._commanded = 0.0
         self._noise = random.Random(f"sensors {seed}")
         self._applied = STANDSTILL
         self._start = self._time = 0.0
 
     def open(self) -> None:
         """Start the plant's time; nothing moves yet."""
-        self._start = self._time = self._now()
+        self._start = self._time = self._commanded = self._now()
 
     def read(self) -> Measurement:
         """Let the plant catch up with the clock, and read every sensor."""
         now = self._now()
         if now > self._time:
             intended = self._operator.intention(now - self._start) if self._operator else AT_REST
-            self.plant.advance(now - self._time, self._applied, intended)
+            trusted = min(now, max(self._time, self._commanded + self._watchdog))
+            if trusted > self._time:
+                self.plant.advance(trusted - self._time, self._applied, intended)
+            if now > trusted:
+                self.plant.advance(now - trusted, STANDSTILL, intended)
             self._time = now
         plant, sensors, noise = self.plant, self._sensors, self._noise
         return Measurement(
@@ -83,6 +92,7 @@ class SimulatedRig(Rig):
         """Command the drives; velocities beyond their greatest are clipped."""
         most = self._max_velocity
         self._applied = Command(*(min(max(v, -most), most) for v in command))
+        self._commanded = self._time
         return self._applied
 
     def stop(self) -> None:

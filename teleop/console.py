@@ -25,6 +25,10 @@ def print_json(document: Mapping[str, Any]) -> None:
     print(json.dumps(finite(dict(document)), indent=2, allow_nan=False))
 
 
+STALL = 0.05
+"""A gap between ticks [s] after which a trial is told to have stalled."""
+
+
 def plain_console() -> Console:
     """A console that takes text as it is: no markup, no highlighting, no wrapping."""
     return Console(highlight=False, markup=False, soft_wrap=True)
@@ -35,20 +39,27 @@ def number(value: float, digits: int) -> str:
     return f"{value:,.{digits}f}".replace(",", " ") if math.isfinite(value) else "-"
 
 
+def small(value: float) -> str:
+    """A number of any size with three digits that count."""
+    if not math.isfinite(value) or value == 0.0:
+        return number(value, 3)
+    return number(value, min(max(2 - math.floor(math.log10(abs(value))), 0), 9))
+
+
 def print_estimates(rows: Mapping[str, Mapping[str, Any]], title: str) -> None:
     """The table of estimators, and what to know of each."""
     console = plain_console()
     table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, title_style="bold")
-    table.add_column("")
+    table.add_column("", no_wrap=True, min_width=5)
     for heading in ("k [N/m]", "b [N s/m]", "e_f [N]", "one-step rms [N]", "rise time [s]"):
         table.add_column(heading, justify="right", no_wrap=True)
     for name, row in rows.items():
         table.add_row(
             name,
             number(row["k"], 0),
-            number(row["b"], 1),
-            number(row["e_f"], 3),
-            number(row["one_step_rms"], 3),
+            number(row["b"], 1 if abs(row["b"]) < 1000.0 else 0),
+            small(row["e_f"]),
+            small(row["one_step_rms"]),
             number(row.get("rise_time_s", math.nan), 3),
         )
     console.print(table)
@@ -66,12 +77,13 @@ def print_trial(summary: Mapping[str, Any]) -> None:
     )
     truth = summary["truth"]
     console.print(
-        f"  truth (simulated): k {number(truth['k_surface'], 0)} N/m at the surface to "
-        f"{number(truth['k_deepest'], 0)} N/m at the deepest, b {truth['b']:g} N s/m;\n"
-        f"  the force channel lags by {truth['force_lag_s'] * 1e3:g} ms, "
-        "which alone reads as b - k * lag"
+        f"  truth (simulated): b {truth['b']:g} N s/m, k {number(truth['k_surface'], 0)} N/m at "
+        f"the surface\n  to {number(truth['k_deepest'], 0)} N/m at the deepest; the force channel "
+        f"lags by {truth['force_lag_s'] * 1e3:g} ms,\n  which alone reads as b - k * lag"
     )
-    console.print(f"  excitation: {summary['excitation']['mean']:.2f} (0 none, 1 round)")
+    console.print(
+        f"  excitation: {summary['excitation']['mean']:.2f} (0 none, 1 a sine of 1 Hz about zero)"
+    )
     loop = summary["loop"]
     if summary["clock"] == "virtual":
         console.print(f"  loop: {summary['ticks']} ticks at {loop['rate_hz']:g} Hz, virtual time")
@@ -83,6 +95,12 @@ def print_trial(summary: Mapping[str, Any]) -> None:
         f"  lateness [us]: p50 {late['p50']:.1f}, p99 {late['p99']:.1f}, "
         f"p99.9 {late['p99_9']:.1f}, max {late['max']:.1f}"
     )
+    if loop["longest_gap_s"] > STALL:
+        console.print(
+            f"  the loop stalled for {loop['longest_gap_s']:.2f} s: the drives stopped meanwhile, "
+            "and estimates about then mean nothing",
+            style="red",
+        )
     if loop["mean_rate_hz"] < 0.99 * loop["rate_hz"]:
         console.print("  the loop did not hold its rate: the machine was busy", style="yellow")
 
@@ -95,13 +113,18 @@ def print_evaluation(summary: Mapping[str, Any], name: str) -> None:
     console.print(
         f"  {summary['samples_used']} of {summary['samples']} samples, "
         f"{summary['from_s']:.3f} to {summary['to_s']:.3f} s, at {summary['rate_hz']:g} Hz, "
-        f"jitter {summary['jitter'] * 100:.2g} %\n"
+        f"jitter {summary['jitter']:.1%}\n"
         f"  datum: {datum['position_m'] * 1e3:.6g} mm, {datum['force_n']:.6g} N "
         f"({datum['source']})\n"
         f"  conditioning bandwidth {summary['bandwidth_hz']:.3g} Hz, "
         f"memory of the estimators {summary['memory_s']:.3g} s\n"
-        f"  excitation: {summary['excitation']['mean']:.2f} (0 none, 1 round)"
+        f"  excitation: {summary['excitation']['mean']:.2f} (0 none, 1 a sine about the datum)"
     )
+    if summary["batch"]["k"] < 0.0:
+        console.print(
+            "  stiffness is negative: is force positive in compression, as position is?",
+            style="yellow",
+        )
 
 
 def print_reproduction(summary: Mapping[str, Any], page: str) -> None:

@@ -137,6 +137,8 @@ def evaluate(recording: Recording, settings: EstimateSettings) -> Evaluation:
     InputError
         A setting is out of its range, or nothing moves in the recording.
     """
+    if np.ptp(recording.f) == 0.0:
+        raise InputError("nothing to estimate from: the force is the same in every sample")
     datum = find_datum(recording, settings.datum)
     dt = recording.dt
     motion = slice(None) if settings.whole else moving_part(recording.x)

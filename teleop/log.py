@@ -56,6 +56,9 @@ class Log:
         self.units = UNITS | estimate_columns(estimators)
         self._rows = array("d")
 
+    def __len__(self) -> int:
+        return len(self._rows) // len(self.units)
+
     def append(self, tick: Tick, record: Record) -> None:
         """Keep one tick."""
         m = record.measurement

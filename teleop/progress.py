@@ -44,7 +44,8 @@ def draw() -> None:
     """Draw each line of standard input over the one before."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     for line in sys.stdin:
-        sys.stderr.write("\r" + line.rstrip("\n") + "\x1b[K")
+        width = os.get_terminal_size(sys.stderr.fileno()).columns or 80
+        sys.stderr.write("\r" + line.rstrip("\n")[: width - 1] + "\x1b[K")
         sys.stderr.flush()
     sys.stderr.write("\r\x1b[K")
 

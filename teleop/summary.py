@@ -70,4 +70,5 @@ def loop_timing(rate: float, t: Floats, lateness: Floats, overruns: Floats) -> d
             for name, q in percentiles.items()
         },
         "overruns": int(overruns.sum()),
+        "longest_gap_s": float(np.max(np.diff(t), initial=0.0)),
     }

@@ -17,7 +17,14 @@ from teleop.errors import InputError
 UNITS = {
     "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "min": 60.0},
     "position": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6},
-    "force": {"N": 1.0, "mN": 1e-3, "kN": 1e3, "gf": 9.80665e-3, "kgf": 9.80665},
+    "force": {
+        "N": 1.0,
+        "mN": 1e-3,
+        "kN": 1e3,
+        "gf": 9.80665e-3,
+        "kgf": 9.80665,
+        "lbf": 4.4482216152605,
+    },
 }
 """Units of each quantity and their size in SI units."""
 
@@ -107,8 +114,9 @@ def read_recording(
     ----------
     path
         The file: a header line with units, such as `Time [s],Position [mm],Force [gf]`, and
-        a line a sample. The separator, of comma, tab and semicolon, is told from the header;
-        with the latter two, numbers may have a decimal comma.
+        a line a sample; lines that begin with # are comments. The separator, of comma, tab
+        and semicolon, is told from the header; with the latter two, numbers may have a
+        decimal comma.
     position, force, time
         Column to take, as NAME or, where the header has no unit, NAME=UNIT; by default the
         one that has a usual name.
@@ -119,13 +127,17 @@ def read_recording(
         The file, a column, a unit or a value is not as expected; names file and line.
     """
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        content = path.read_bytes()
     except OSError as error:
         raise InputError(f"{path}: {(error.strerror or 'cannot be read').lower()}") from error
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path}: not a text file: expected CSV or TSV in UTF-8") from error
-    lines = text.splitlines()
-    if not text.strip():
+    if b"\0" in content:
+        raise InputError(f"{path}: not a text file: expected CSV or TSV in UTF-8 or Latin-1")
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = content.decode("latin-1")
+    lines = ["" if line.startswith("#") else line for line in text.splitlines()]
+    if not any(line.strip() for line in lines):
         raise InputError(f"{path}: the file is empty: expected a header line and samples")
 
     first = next(i for i, line in enumerate(lines) if line.strip())
@@ -145,6 +157,10 @@ def read_recording(
         if delimiter != ",":
             line = line.replace(",", ".")
         cells = next(csv.reader([line], delimiter=delimiter))
+        if len(cells) != len(header):
+            raise InputError(
+                f"{path}, line {number}: {len(cells)} cells, expected {len(header)} by the header"
+            )
         samples.append([read_value(f"{path}, line {number}", cells, c, header) for c in columns])
         numbers.append(number)
     if len(samples) < 3:
@@ -163,8 +179,6 @@ def read_recording(
 
 def read_value(where: str, cells: list[str], column: Column, header: list[str]) -> float:
     """The number in a column of a line."""
-    if column.place >= len(cells):
-        raise InputError(f"{where}: {len(cells)} cells, expected {len(header)}")
     cell = cells[column.place].strip()
     try:
         value = float(cell)

@@ -222,6 +222,25 @@ def tick_cost(settings: TrialSettings) -> float:
     return float(np.percentile(costs[REHEARSAL // 2 :], 90.0))
 
 
+def check_rate(settings: TrialSettings) -> None:
+    """Make sure that this machine can hold the rate, in the best of three rehearsals.
+
+    Raises
+    ------
+    InputError
+        It cannot.
+    """
+    cost = math.inf
+    for _ in range(3):
+        cost = min(cost, tick_cost(settings))
+        if cost <= 0.9 / settings.rate:
+            return
+    raise InputError(
+        f"rate {settings.rate:g} Hz: a tick takes {cost * 1e6:.0f} us on this machine, "
+        f"expected a rate of at most {0.9 / cost:.0f} Hz, or --clock virtual"
+    )
+
+
 def run_trial(
     settings: TrialSettings, on_tick: Callable[[int, Record], None] | None = None
 ) -> Trial:
@@ -239,11 +258,8 @@ def run_trial(
     InputError
         The machine cannot hold the rate.
     """
-    if settings.clock == "real" and (cost := tick_cost(settings)) > 0.9 / settings.rate:
-        raise InputError(
-            f"rate {settings.rate:g} Hz: a tick takes {cost * 1e6:.0f} us on this machine, "
-            f"expected a rate of at most {0.9 / cost:.0f} Hz"
-        )
+    if settings.clock == "real":
+        check_rate(settings)
     bank = settings.make_bank()
     log = Log(bank)
     clock = settings.make_clock()
@@ -263,7 +279,7 @@ def run_trial(
                     on_tick(number, record)
                 number += 1
         except KeyboardInterrupt:
-            if number == 0:
+            if not log:
                 raise
             interrupted = True
     return Trial(settings, log.columns(), log.units, bank, interrupted)

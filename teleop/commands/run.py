@@ -131,10 +131,10 @@ def live_estimates(line: ProgressLine, settings: TrialSettings) -> Callable[[int
     def draw(number: int, record: Record) -> None:
         if number % every:
             return
-        estimates = "   ".join(
-            f"{name} k {estimate.k:7.0f} N/m b {estimate.b:6.1f} N s/m"
+        estimates = "".join(
+            f"  {name} {estimate.k:6.0f} {estimate.b:+5.0f}"
             for name, estimate in record.estimates.items()
         )
-        line.show(f"{record.t:5.1f} of {settings.duration:g} s   {estimates}")
+        line.show(f"{record.t:4.1f} of {settings.duration:g} s  k [N/m], b [N s/m]:{estimates}")
 
     return draw

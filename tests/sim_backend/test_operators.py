@@ -47,8 +47,8 @@ def test_same_seed_same_person_other_seed_another(make):
 
 def test_free_palpation_pokes_about_once_a_second():
     position = positions(FreePalpation(9e-3, 3))[:, 0]
-    pokes = np.count_nonzero((position[:-1] < 5e-3) & (position[1:] >= 5e-3))
-    assert 14 <= pokes <= 24
+    pokes = np.count_nonzero((position[:-1] < 6.5e-3) & (position[1:] >= 6.5e-3))
+    assert 12 <= pokes <= 22
 
 
 def test_mimicking_errs_in_amplitude_and_in_phase():

@@ -62,12 +62,23 @@ def test_after_a_stop_the_slave_comes_to_rest():
     rig = SimulatedRig(CUBES["soft"], clock)
     rig.open()
     rig.write(Command(0.0, 0.05))
-    clock.time = 0.1
+    clock.time = 0.04
     assert rig.read().slave_velocity > 0.01
     rig.stop()
     clock.time = 1.0
     assert abs(rig.read().slave_velocity) < 1e-6
     assert rig.write(STANDSTILL) == STANDSTILL
+
+
+def test_drives_that_are_not_commanded_any_more_stop_by_themselves():
+    clock = HandClock()
+    rig = SimulatedRig(CUBES["soft"], clock, watchdog=0.05)
+    rig.open()
+    rig.write(Command(0.02, 0.02))
+    clock.time = 2.0
+    stalled = rig.read()
+    assert stalled.slave_position < 0.02 * 0.06
+    assert abs(stalled.slave_velocity) < 1e-6
 
 
 def test_reading_twice_at_one_time_moves_nothing():

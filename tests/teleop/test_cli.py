@@ -233,7 +233,7 @@ def test_the_progress_line_shows_live_estimates_and_goes_when_done():
         pass
     terminal.process.communicate(timeout=20)
     assert terminal.process.returncode == 0
-    assert b"of 0.5 s   rls k" in terminal.text
+    assert b"of 0.5 s  k [N/m], b [N s/m]:  rls" in terminal.text
     assert terminal.text.endswith(b"\r\x1b[K")
 
 

@@ -112,7 +112,7 @@ def test_every_conditioning_finds_the_stiffness(conditioning):
     ("change", "message"),
     [
         ({"x": np.zeros(2400)}, "nothing moves"),
-        ({"f": np.zeros(2400)}, "the force is zero throughout"),
+        ({"f": np.zeros(2400)}, "the force is the same in every sample"),
     ],
 )
 def test_a_recording_that_shows_nothing_is_told(change, message):

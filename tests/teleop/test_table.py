@@ -60,6 +60,7 @@ def test_knows_units_of_time(write, unit, size):
         "\ufeff" + GOOD,
         GOOD.replace("\n", "\r\n"),
         "\n" + GOOD + "\n\n",
+        "# made by hand\n" + GOOD,
         GOOD.replace("Time [s]", "TIME (s)").replace("Position [mm]", "displacement (mm)"),
         '"Time [s]","Position [mm]","Force [gf]"\n' + GOOD.partition("\n")[2],
         "Force [gf],note,Position [mm],Time [s]\n100,a,1,0\n150,b,1.5,.01\n200,,2,.03\n",
@@ -71,6 +72,7 @@ def test_knows_units_of_time(write, unit, size):
         "bom",
         "crlf",
         "blank lines",
+        "comments",
         "names",
         "quotes",
         "order",
@@ -100,7 +102,7 @@ def test_columns_can_be_named_and_given_a_unit(write):
             GOOD.replace("Force [gf]", "Temperature [K]"),
             "line 1: no force column: expected one named force",
         ),
-        (GOOD.replace("gf", "lbf"), "'Force' has unknown unit 'lbf': expected N, mN, kN, gf, kgf"),
+        (GOOD.replace("gf", "bar"), "'Force' has unknown unit 'bar': expected N, mN, kN, gf, kgf"),
         (GOOD.replace(" [gf]", ""), "'Force' has no unit: expected a header such as 'Force .N.'"),
         (GOOD.replace("1.5", "abc"), "line 3: 'Position .mm.' is 'abc', expected a number"),
         (GOOD.replace("1.5", "nan"), "line 3: 'Position .mm.' is nan, expected a finite number"),
@@ -118,6 +120,7 @@ def test_columns_can_be_named_and_given_a_unit(write):
             "2 columns are named 'force'",
         ),
         (b"\xff\xfe\x00binary", "not a text file"),
+        (GOOD.replace("1.5,", "1,5,"), "line 3: 4 cells, expected 3"),
     ],
 )
 def test_bad_content_is_told_in_one_line_with_its_place(write, text, message):
