@@ -42,9 +42,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         code = app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
         sys.stdout.flush()
     except UnusedCliTokensError as error:
-        print(
-            f"teleop: unexpected argument {error.unused_tokens[0]!r}: see --help", file=sys.stderr
-        )
+        unused = " ".join(error.unused_tokens or [])
+        print(f"teleop: unexpected argument {unused!r}: see --help", file=sys.stderr)
         return 2
     except (InputError, CycloptsError) as error:
         print("teleop:", " ".join(str(error).split()), file=sys.stderr)
