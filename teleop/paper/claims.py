@@ -71,9 +71,10 @@ def error_claims(cell: dict[tuple[str, str, str], dict[str, Any]]) -> list[Claim
                 errors = {e: cell[condition, cube, e]["e_f"] for e in ESTIMATORS}
                 winner = pick(errors, key=errors.__getitem__)
                 if winner != name:
+                    note = cell[condition, cube, winner]["note"]
                     others.append(
                         f"{condition} {cube}: {winner} {errors[winner]:.2f} N, "
-                        f"{name} {errors[name]:.2f} N"
+                        f"{name} {errors[name]:.2f} N" + (f" ({note})" if note else "")
                     )
         evidence = f"{9 - len(others)} of 9" + "".join(f"; {other}" for other in others)
         claims.append(Claim(wording, 9 - len(others) >= least, evidence))

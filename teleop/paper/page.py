@@ -138,7 +138,7 @@ def study_section(study: Mapping[str, Sequence[Effect]], seeds: int) -> str:
         "trials; cube and condition vary between trials, the estimator within.</p>"
     )
     for name, effects in study.items():
-        text += f"<p><b>{RESPONSES[name].capitalize()}.</b> {escape(finding(effects))}</p>"
+        text += f"<p><b>{RESPONSES[name]}.</b> {escape(finding(effects))}</p>"
         text += table(
             ["effect", "F", "degrees of freedom", "p", "&eta;&sup2;", "partial &eta;&sup2;"],
             [

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from teleop.paper.table1 import CONDITIONS, CUBES, ESTIMATORS
 from teleop.paper.trials import Outcome
 
-RESPONSES = {"e_f": "average force error [N]", "rise_time_s": "rise time [s]"}
+RESPONSES = {"e_f": "Average force error [N]", "rise_time_s": "Rise time [s]"}
 FACTORS = ("cube", "condition", "estimator")
 
 

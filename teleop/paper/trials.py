@@ -158,6 +158,7 @@ def as_rows(outcomes: Iterable[Outcome]) -> list[dict[str, Any]]:
             "k": summary["k"],
             "e_f": summary["e_f"],
             "rise_time_s": summary["rise_time_s"],
+            "note": summary["note"],
             "paper": table1()[outcome.condition, outcome.cube, name]._asdict(),
             "calibrated": is_calibrated(outcome.condition, name),
         }

@@ -54,7 +54,7 @@ def outcomes(change=None):
     for condition in ("free", "mimic", "autonomous"):
         for cube in ("soft", "medium", "hard"):
             estimates = {
-                e: {**table1()[condition, cube, e]._asdict(), "rise_time_s": 0.3}
+                e: {**table1()[condition, cube, e]._asdict(), "rise_time_s": 0.3, "note": None}
                 for e in ("rls", "ai", "me")
             }
             if change and change[:2] == (condition, cube):
