@@ -66,7 +66,7 @@ def test_lemma_1_an_estimator_beside_the_true_one_is_redundant_on_its_exponentia
     x, v = exponential(rate)
     assert same(other, plant, plant, x, v)
     assert not same(moved(other), plant, plant, x, v)
-    assert not same(other, plant, plant, *exponential(1.1 * rate + 1.0))
+    assert not same(other, plant, plant, *exponential(rate + 1.0 + 0.1 * abs(rate)))
     assert not same(other, plant, plant, *sine(2.0))
 
 
