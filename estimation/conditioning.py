@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from estimation.compiled import Floats
-from estimation.estimator import checked_samples
+from estimation.estimator import LARGEST, checked_samples
 
 
 class Conditioned(NamedTuple):
@@ -29,9 +29,25 @@ class Conditioner(ABC):
     def reset(self) -> None:
         """Forget every sample."""
 
-    @abstractmethod
     def update(self, x: float, f: float, dt: float) -> Conditioned:
-        """Take in position [m] and force [N] of a sample `dt` [s] after the last."""
+        """Take in position [m] and force [N] of a sample `dt` [s] after the last.
+
+        Raises
+        ------
+        ValueError
+            A value is not finite or absurdly large, or `dt` is not positive. The conditioner
+            stays as it was.
+        """
+        if not (abs(x) + abs(f) < LARGEST and 0.0 < dt < math.inf):
+            raise ValueError(
+                f"a sample must be finite, below {LARGEST:g}, with dt > 0, "
+                f"got x={x!r}, f={f!r}, dt={dt!r}"
+            )
+        return self._condition(x, f, dt)
+
+    @abstractmethod
+    def _condition(self, x: float, f: float, dt: float) -> Conditioned:
+        """What `update` gives for a sample that has been checked."""
 
     def run(self, x: ArrayLike, f: ArrayLike, dt: ArrayLike) -> tuple[Floats, Floats, Floats]:
         """Take in n samples as `update` would: arrays x, v, f of shape (n,).
@@ -65,8 +81,7 @@ class FilteredDifference(Conditioner):
         self._x = math.nan
         self._v = 0.0
 
-    def update(self, x: float, f: float, dt: float) -> Conditioned:
-        """Take in position [m] and force [N] of a sample `dt` [s] after the last."""
+    def _condition(self, x: float, f: float, dt: float) -> Conditioned:
         if not math.isnan(self._x):
             self._v -= math.expm1(-self._omega * dt) * ((x - self._x) / dt - self._v)
         self._x = x
@@ -107,8 +122,7 @@ class FirstOrderAdaptiveWindowing(Conditioner):
         self._past.clear()
         self._time = 0.0
 
-    def update(self, x: float, f: float, dt: float) -> Conditioned:
-        """Take in position [m] and force [N] of a sample `dt` [s] after the last."""
+    def _condition(self, x: float, f: float, dt: float) -> Conditioned:
         self._time += dt
         v = 0.0
         low, high = -math.inf, math.inf
@@ -195,8 +209,7 @@ class StateVariableFilter(Conditioner):
         """Forget every sample."""
         self._position.reset()
 
-    def update(self, x: float, f: float, dt: float) -> Conditioned:
-        """Take in position [m] and force [N] of a sample `dt` [s] after the last."""
+    def _condition(self, x: float, f: float, dt: float) -> Conditioned:
         self._position.update(x, dt)
         return Conditioned(x, self._position.rate, f)
 
@@ -235,15 +248,14 @@ class MatchedFilter(Conditioner):
         self._position.reset()
         self._force.reset()
 
-    def update(self, x: float, f: float, dt: float) -> Conditioned:
-        """Take in position [m] and force [N] of a sample `dt` [s] after the last."""
+    def _condition(self, x: float, f: float, dt: float) -> Conditioned:
         self._position.update(self._lag.update(x, dt), dt)
         self._force.update(f, dt)
         return Conditioned(self._position.y, self._position.rate, self._force.y)
 
 
 def angular(bandwidth: float) -> float:
-    """2 pi times a frequency [Hz], or ValueError unless it is positive."""
-    if not 0.0 < bandwidth < math.inf:
-        raise ValueError(f"bandwidth must be positive, got {bandwidth} Hz")
+    """2 pi times a frequency [Hz], or ValueError unless it is positive and of this world."""
+    if not 1e-6 <= bandwidth <= 1e6:
+        raise ValueError(f"bandwidth must be positive, 1e-6 to 1e6 Hz, got {bandwidth} Hz")
     return 2.0 * math.pi * bandwidth

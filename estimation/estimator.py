@@ -11,6 +11,9 @@ from numpy.typing import ArrayLike
 
 from estimation.compiled import Floats, Helpers, State, sweep
 
+LARGEST = 1e30
+"""A sample at least this large is refused; the square of a sum of such would soon overflow."""
+
 
 class Estimate(NamedTuple):
     """Damping `b` [N s/m] and stiffness `k` [N/m] after one sample."""
@@ -72,11 +75,14 @@ class Estimator(ABC):
         Raises
         ------
         ValueError
-            A value is not finite, or `dt` is not positive. The estimator stays as it was.
+                A value is not finite or absurdly large (`LARGEST`), or `dt` is not positive. The
+            estimator stays as it was.
         """
-        if not (math.isfinite(x + v + f) and 0.0 < dt < math.inf):
+        x, v, f, dt = float(x), float(v), float(f), float(dt)
+        if not (abs(x) + abs(v) + abs(f) < LARGEST and 0.0 < dt < math.inf):
             raise ValueError(
-                f"a sample must be finite with dt > 0, got x={x!r}, v={v!r}, f={f!r}, dt={dt!r}"
+                f"a sample must be finite, below {LARGEST:g}, with dt > 0, "
+                f"got x={x!r}, v={v!r}, f={f!r}, dt={dt!r}"
             )
         self.state = state = type(self).step(self.parameters, self.state, v, x, f, dt)
         return Estimate(state[0], state[1])
@@ -124,10 +130,10 @@ def checked_samples(
         array = np.ascontiguousarray(channel, dtype=np.float64)
         if array.shape != shape:
             raise ValueError(f"{name} has shape {array.shape}, but x has {shape}")
-        good = np.isfinite(array) & ((array > 0.0) | (name != "dt"))
+        good = (array > 0.0) & (array < np.inf) if name == "dt" else np.abs(array) < LARGEST
         if not good.all():
             n = int(np.argmin(good))
-            expected = "a positive number" if name == "dt" else "a finite number"
+            expected = "a positive number" if name == "dt" else f"a finite number below {LARGEST:g}"
             raise ValueError(f"{name}[{n}] is {array[n]}, expected {expected}")
         checked.append(array)
     return checked[0], checked[1], checked[2], checked[3]

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections import deque
 
+from estimation.estimator import LARGEST
+
 
 class Excitation:
     """How far the regressors of a sliding window are from rank-deficient, 0 to 1.
@@ -50,7 +52,18 @@ class Excitation:
         self._xx = self._xy = self._yy = self._span = 0.0
 
     def update(self, x: float, v: float, dt: float) -> float:
-        """Take in displacement [m] and velocity [m/s] of a sample `dt` [s] after the last."""
+        """Take in displacement [m] and velocity [m/s] of a sample `dt` [s] after the last.
+
+        Raises
+        ------
+        ValueError
+            A value is not finite or absurdly large, or `dt` is not positive.
+        """
+        if not (abs(x) + abs(v) < LARGEST and 0.0 < dt < math.inf):
+            raise ValueError(
+                f"a sample must be finite, below {LARGEST:g}, with dt > 0, "
+                f"got x={x!r}, v={v!r}, dt={dt!r}"
+            )
         y = v / self._omega
         sample = (x * x * dt, x * y * dt, y * y * dt, dt)
         self._samples.append(sample)

@@ -18,6 +18,12 @@ TIE = 1e-9
 """Weight of the tie-breaking term, as a share of the largest monitoring signal on the grid."""
 
 
+FASTEST = 1e6
+"""Largest forgetting rate [1/s]."""
+MOST = 10**8
+"""Most candidates along one axis."""
+
+
 @dataclass(frozen=True)
 class Axis:
     """Evenly spaced candidate values of one parameter, from `first` to `last`.
@@ -35,8 +41,10 @@ class Axis:
     def __post_init__(self) -> None:
         if not -math.inf < self.first < self.last < math.inf:
             raise ValueError(f"candidates must rise, got {self.first} to {self.last}")
-        if self.count != int(self.count) or self.count < 2:
-            raise ValueError(f"an axis needs at least two candidates, got {self.count}")
+        if not 2 <= self.count <= MOST or self.count != int(self.count):
+            raise ValueError(
+                f"an axis needs at least two candidates and at most {MOST:g}, got {self.count}"
+            )
 
     @property
     def spacing(self) -> float:
@@ -78,7 +86,7 @@ def step(parameters: State, state: State, v: float, x: float, f: float, dt: floa
     twice_lambda, b_first, b_step, b_last, b_zero, k_first, k_step, k_last, k_zero = parameters
     _, _, ff, fv, fx, vv, vx, xx = state
     decay = math.exp(-twice_lambda * dt)
-    weight = (1.0 - decay) / twice_lambda if twice_lambda > 0.0 else dt
+    weight = -math.expm1(-twice_lambda * dt) / twice_lambda if twice_lambda > 0.0 else dt
     ff = ff * decay + weight * f * f
     fv = fv * decay + weight * f * v
     fx = fx * decay + weight * f * x
@@ -131,8 +139,10 @@ class MultiEstimator(Estimator):
     helpers = (inside, lowest_on_border, least_in_box)
 
     def __init__(self, grid: Grid, forgetting_rate: float) -> None:
-        if not 0.0 <= forgetting_rate < math.inf:
-            raise ValueError(f"forgetting rate must be >= 0, got {forgetting_rate}")
+        if not 0.0 <= forgetting_rate <= FASTEST:
+            raise ValueError(
+                f"forgetting rate must be between 0 and {FASTEST:g}/s, got {forgetting_rate}"
+            )
         self.grid = grid
         parameters = [2.0 * forgetting_rate]
         for axis in (grid.b, grid.k):
@@ -180,8 +190,9 @@ class MultiEstimator(Estimator):
         if not margin >= 0.0:
             raise ValueError(f"margin must be >= 0, got {margin}")
         winner = self.estimate
-        bound = (1.0 + margin) * float(self.monitoring_signal(winner.b, winner.k))
         ff, fv, fx, vv, vx, xx = self.state[2:]
+        rounding = 1e-12 * ff
+        bound = (1.0 + margin) * float(self.monitoring_signal(winner.b, winner.k)) + rounding
         b, axis = self.grid.b.values, self.grid.k
         half = b * vx - fx
         rest = ff + b * (b * vv - 2.0 * fv) - bound

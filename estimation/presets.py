@@ -93,6 +93,8 @@ def scaled_preset(x: ArrayLike, v: ArrayLike, f: ArrayLike, dt: ArrayLike) -> Pr
     for what, size in (("displacement", x_rms), ("velocity", v_rms), ("force", f_rms)):
         if size == 0.0:
             raise ValueError(f"nothing to estimate from: the {what} is zero throughout")
+    if np.ptp(x) == 0.0:
+        raise ValueError("nothing to estimate from: the displacement is constant")
     b_scale, k_scale = f_rms / v_rms, f_rms / x_rms
     period = float(np.median(dt))
     memory = math.pi * float(np.std(x)) / v_rms

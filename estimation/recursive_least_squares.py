@@ -7,8 +7,8 @@ import math
 from estimation.compiled import State
 from estimation.estimator import Estimates, Estimator, positive_pair
 
-WINDUP = 1e12
-"""Forgetting stops while a variance exceeds its initial value by this factor."""
+WINDUP = 1e10
+"""A variance grows by forgetting to this multiple of its initial value at the most."""
 
 
 def step(parameters: State, state: State, v: float, x: float, f: float, dt: float) -> State:
@@ -17,8 +17,7 @@ def step(parameters: State, state: State, v: float, x: float, f: float, dt: floa
     b, k, p_bb, p_bk, p_kk = state
     if rate > 0.0:
         beta = math.exp(-rate * dt)
-    if p_bb > p_bb_max or p_kk > p_kk_max:
-        beta = 1.0
+    beta = min(max(beta, p_bb / p_bb_max, p_kk / p_kk_max), 1.0)
     phi_b = p_bb * v + p_bk * x
     phi_k = p_bk * v + p_kk * x
     scale = beta + v * phi_b + x * phi_k
@@ -40,8 +39,9 @@ class RecursiveLeastSquares(Estimator):
     Minimises sum_n beta^(N-n) (f_n - phi_n' theta)^2 + beta^N theta' P0^-1 theta.
 
     Without motion nothing is learned while forgetting goes on, and the covariance grows by
-    1/beta a sample. It is held once a variance is `WINDUP` times its initial value, before
-    double precision gives out; a recording with motion does not come near.
+    1/beta a sample, or at once over a gap in the data. It grows no further once a variance is
+    `WINDUP` times its initial value, before double precision gives out; a recording with
+    motion does not come near.
 
     Parameters
     ----------
@@ -80,6 +80,6 @@ class RecursiveLeastSquares(Estimator):
     def note(self, estimates: Estimates) -> str | None:
         """Whether the covariance has wound up."""
         _, _, p_bb_max, p_kk_max = self.parameters
-        if self.state[2] > p_bb_max or self.state[4] > p_kk_max:
+        if self.state[2] > 0.5 * p_bb_max or self.state[4] > 0.5 * p_kk_max:
             return "too little motion: the covariance has wound up and forgetting is held"
         return None

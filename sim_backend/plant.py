@@ -164,6 +164,8 @@ class Plant:
         arm: Arm = UNATTENDED,
         max_step: float = MAX_STEP,
     ) -> None:
+        if not 0.0 < max_step < math.inf:
+            raise ValueError(f"max_step must be positive, got {max_step} s")
         self.handle = Handle(parameters.handle_bandwidth)
         self.slave = Slave(cube, parameters)
         self.master_force = ForceChannel(parameters.master_force_lag)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import random
 from collections.abc import Callable
 
@@ -38,6 +39,11 @@ class SimulatedRig(Rig):
         Time [s] after which drives that are not commanded stop by themselves.
     seed
         Seed of the sensor noise.
+
+    Raises
+    ------
+    ValueError
+        The greatest velocity or the watchdog's time is not positive.
     """
 
     def __init__(
@@ -51,6 +57,9 @@ class SimulatedRig(Rig):
         watchdog: float = 0.05,
         seed: int = 0,
     ) -> None:
+        for name, value in (("max_velocity", max_velocity), ("watchdog", watchdog)):
+            if not 0.0 < value < math.inf:
+                raise ValueError(f"{name} must be positive, got {value}")
         self.plant = Plant(cube, parameters or PlantParameters(), ARM if operator else UNATTENDED)
         self._now = now
         self._operator = operator

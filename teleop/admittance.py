@@ -50,7 +50,7 @@ class Admittance:
 
         With s = d / 2m and g^2 = s^2 - c/m, the matrix exponential of the homogeneous
         equation is e^(-s dt) (cosh(g dt) I + sinh(g dt) / g (A + s I)), and turns into
-        cosine and sine where g^2 < 0.
+        cosine and sine where g^2 < 0. `even` and `odd` are its two factors, decay included.
         """
         m, d, c = self.parameters.mass, self.parameters.damping, self.parameters.stiffness
         if c == 0.0:
@@ -63,15 +63,17 @@ class Admittance:
         square = s * s - c / m
         g = math.sqrt(abs(square))
         if g * dt < 1e-9:
-            even, odd = 1.0, dt
+            even = math.exp(-s * dt)
+            odd = dt * even
         elif square > 0.0:
-            even, odd = math.cosh(g * dt), math.sinh(g * dt) / g
+            slow, fast = math.exp((g - s) * dt), math.exp(-(g + s) * dt)
+            even, odd = 0.5 * (slow + fast), 0.5 * (slow - fast) / g
         else:
-            even, odd = math.cos(g * dt), math.sin(g * dt) / g
-        decay = math.exp(-s * dt)
+            decay = math.exp(-s * dt)
+            even, odd = decay * math.cos(g * dt), decay * math.sin(g * dt) / g
         offset, velocity = self.position - force / c, self.velocity
-        self.position = force / c + decay * ((even + odd * s) * offset + odd * velocity)
-        self.velocity = decay * ((even - odd * s) * velocity - odd * c / m * offset)
+        self.position = force / c + (even + odd * s) * offset + odd * velocity
+        self.velocity = (even - odd * s) * velocity - odd * c / m * offset
         return self.velocity
 
 

@@ -11,6 +11,7 @@ from estimation import (
     MatchedFilter,
     StateVariableFilter,
 )
+from estimation.conditioning import angular
 from teleop.admittance import Coupling
 from teleop.errors import InputError
 from teleop.injector import Chirp, Multisine, Signal, Sine
@@ -70,6 +71,7 @@ def make_conditioner(
     if force_lag != 0.0 and name != "matched":
         raise InputError(f"force lag {force_lag:g} s: expected matched conditioning, not {name}")
     try:
+        angular(bandwidth)
         if name == "matched":
             return MatchedFilter(bandwidth, force_lag)
         if name == "svf":

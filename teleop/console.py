@@ -25,13 +25,19 @@ def print_json(document: Mapping[str, Any]) -> None:
     print(json.dumps(finite(dict(document)), indent=2, allow_nan=False))
 
 
+WIDEST = 110
+"""Columns that a table may take; a narrower terminal wraps it and loses nothing."""
+GAP = 20.0
+"""A sample period this many times longer than the median is told as a gap."""
 STALL = 0.05
 """A gap between ticks [s] after which a trial is told to have stalled."""
 
 
 def plain_console() -> Console:
-    """A console that takes text as it is: no markup, no highlighting, no wrapping."""
-    return Console(highlight=False, markup=False, soft_wrap=True)
+    """A console that takes text as it is: no markup, no highlighting, nothing cut off."""
+    console = Console(highlight=False, markup=False, soft_wrap=True)
+    console.width = max(console.width, WIDEST)
+    return console
 
 
 def number(value: float, digits: int) -> str:
@@ -120,6 +126,12 @@ def print_evaluation(summary: Mapping[str, Any], name: str) -> None:
         f"memory of the estimators {summary['memory_s']:.3g} s\n"
         f"  excitation: {summary['excitation']['mean']:.2f} (0 none, 1 a sine about the datum)"
     )
+    if summary["jitter"] > GAP:
+        console.print(
+            f"  a gap of {summary['longest_gap_s']:.3g} s in the recording: what was estimated "
+            "before it is forgotten after it",
+            style="yellow",
+        )
     if summary["batch"]["k"] < 0.0:
         console.print(
             "  stiffness is negative: is force positive in compression, as position is?",

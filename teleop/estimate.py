@@ -23,10 +23,12 @@ from estimation.compiled import Floats
 from teleop.choices import ConditioningName, make_conditioner
 from teleop.errors import InputError
 from teleop.summary import summarise
-from teleop.table import UNITS, Recording
+from teleop.table import LARGEST, UNITS, Recording
 
 FROM_DATUM = ("displacement", "indentation", "depth")
 """Names of a position that is already measured from the contact datum."""
+FEWEST = 10
+"""Fewest moving samples that are evaluated."""
 PAPER_BANDWIDTH = 20.0
 """Bandwidth of the conditioning for the paper's preset [Hz], that of `teleop run`."""
 
@@ -96,6 +98,7 @@ class Evaluation:
             "samples_used": len(self.t),
             "rate_hz": self.rate,
             "jitter": self.jitter,
+            "longest_gap_s": float(np.max(self.dt)),
             "from_s": float(self.t[0]),
             "to_s": float(self.t[-1]),
             "datum": {
@@ -142,6 +145,8 @@ def evaluate(recording: Recording, settings: EstimateSettings) -> Evaluation:
     datum = find_datum(recording, settings.datum)
     dt = recording.dt
     motion = slice(None) if settings.whole else moving_part(recording.x)
+    if len(dt[motion]) < FEWEST:
+        raise InputError(f"only {len(dt[motion])} samples move: expected at least {FEWEST}")
     frequency = dominant_frequency(recording.t[motion], recording.x[motion])
     bandwidth = settings.bandwidth
     if bandwidth is None:
@@ -207,7 +212,8 @@ def find_datum(recording: Recording, wanted: str) -> Datum:
     for part, quantity in zip(parts, ("position", "force"), strict=False):
         match = re.fullmatch(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\d\s.]+)", part)
         if match and match[2] in UNITS[quantity]:
-            values.append(float(match[1]) * UNITS[quantity][match[2]])
+            value = float(match[1]) * UNITS[quantity][match[2]]
+            values += [value] if abs(value) < LARGEST else []
     if len(parts) != 2 or len(values) != 2:
         raise InputError(
             f"datum {wanted!r}: expected auto, file, start, mean, or a position and a force "
@@ -219,20 +225,24 @@ def find_datum(recording: Recording, wanted: str) -> Datum:
 def moving_part(x: Floats) -> slice:
     """The samples from the first to the last that leave the rest at either end.
 
-    A position has left a rest when it is off by more than 2 % of the peak-to-peak.
+    A position has left a rest when it is off by more than 2 % of the range that holds 98 %
+    of the samples, which one glitch of the sensor does not stretch.
     """
-    band = 0.02 * float(np.ptp(x))
-    if band == 0.0:
+    if np.ptp(x) == 0.0:
         raise InputError("nothing moves: the position is the same in every sample")
+    band = 0.02 * float(np.subtract(*np.percentile(x, [99.0, 1.0])) or np.ptp(x))
     first = int(np.argmax(np.abs(x - x[0]) > band))
     last = len(x) - int(np.argmax(np.abs(x[::-1] - x[-1]) > band))
     return slice(max(first - 1, 0), min(last + 1, len(x))) if first < last else slice(None)
 
 
 def dominant_frequency(t: Floats, x: Floats) -> float:
-    """Frequency [Hz] of the largest peak of a motion's spectrum."""
+    """Frequency [Hz] of the largest peak of a motion's spectrum, a drift taken off."""
     even = np.linspace(t[0], t[-1], len(t))
-    spectrum = np.abs(np.fft.rfft(np.interp(even, t, x - x.mean())))
+    motion = np.interp(even, t, x)
+    seconds = even - even.mean()
+    drift = (seconds @ motion) / (seconds @ seconds) * seconds
+    spectrum = np.abs(np.fft.rfft(motion - motion.mean() - drift))
     return max(int(np.argmax(spectrum[1:])) + 1, 1) / float(t[-1] - t[0])
 
 

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from estimation import Estimates
 from estimation.compiled import Floats
 from estimation.redundancy import Ambiguity
-from teleop.errors import InputError
+from teleop.files import unwritable
 
 STYLES = {
     "rls": {"color": "#0072B2", "linewidth": 2.4, "alpha": 0.55},
@@ -45,7 +45,7 @@ def estimates_figure(
         style: dict[str, Any] = STYLES.get(name, {})
         upper.plot(t, series.k * scale, label=name.upper(), **style)
         lower.plot(t, series.b, **style)
-    upper.set_title(title, loc="left", fontsize=11)
+    upper.set_title(plain(title), loc="left", fontsize=11)
     upper.set_ylabel(f"stiffness $\\hat k$ [{prefix}]")
     lower.set_ylabel("damping $\\hat b$ [N s/m]")
     lower.set_xlabel("time [s]")
@@ -61,6 +61,11 @@ def estimates_figure(
     )
     lower.set_xlim(t[0], t[-1])
     return figure
+
+
+def plain(text: str) -> str:
+    """A text for a figure as it is, whatever characters a file's name has."""
+    return text.encode("utf-8", "replace").decode().replace("$", r"\$")
 
 
 def ambiguity_figure(t: Floats, tied: Ambiguity, winner: Estimates) -> Figure:
@@ -155,11 +160,9 @@ def save(figure: Figure, path: Path) -> None:
     Raises
     ------
     InputError
-        The ending is no picture format, or the file cannot be written.
+        The file cannot be written.
     """
     try:
         figure.savefig(path, dpi=150)
-    except ValueError as error:
-        raise InputError(f"{path}: expected a file ending in .png, .svg or .pdf") from error
     except OSError as error:
-        raise InputError(f"{path}: {(error.strerror or 'cannot be written').lower()}") from error
+        raise unwritable(path, error) from error

@@ -9,23 +9,41 @@ from teleop.errors import InputError
 PICTURES = (".png", ".svg", ".pdf")
 
 
-def check_writable(table: Path | None, picture: Path | None) -> None:
-    """Make sure that a table and a picture could be written there.
+def check_outputs(
+    *outputs: Path | None, picture: Path | None = None, source: Path | None = None
+) -> None:
+    """Make sure that these files can be written, and that none would overwrite another.
+
+    Parameters
+    ----------
+    outputs
+        Files to be written; None for one that is not wanted.
+    picture
+        A picture to be written.
+    source
+        The file that is read, which must survive.
 
     Raises
     ------
     InputError
-        The folder is missing, the path is a folder, or a picture's ending is unknown.
+        A file cannot be written, would overwrite another, or a picture's ending is unknown.
     """
-    for path in (table, picture):
-        if path is None:
-            continue
-        if not path.parent.is_dir():
-            raise InputError(f"{path}: expected an existing folder, {path.parent} is none")
-        if path.is_dir():
-            raise InputError(f"{path}: expected a file, this is a folder")
     if picture and picture.suffix.lower() not in PICTURES:
         raise InputError(f"{picture}: expected a file ending in {', '.join(PICTURES)}")
+    taken = [source.resolve()] if source else []
+    for path in (*outputs, picture):
+        if path is None:
+            continue
+        if path.resolve() in taken:
+            raise InputError(f"{path}: would overwrite the recording or another output")
+        taken.append(path.resolve())
+        try:
+            new = not path.exists()
+            path.open("a").close()
+            if new:
+                path.unlink()
+        except OSError as error:
+            raise unwritable(path, error) from error
 
 
 def write_text(path: Path, text: str) -> None:
@@ -39,4 +57,9 @@ def write_text(path: Path, text: str) -> None:
     try:
         path.write_text(text, encoding="utf-8")
     except OSError as error:
-        raise InputError(f"{path}: {(error.strerror or 'cannot be written').lower()}") from error
+        raise unwritable(path, error) from error
+
+
+def unwritable(path: Path, error: OSError) -> InputError:
+    """The one line that says why a file cannot be written."""
+    return InputError(f"{path}: cannot be written: {(error.strerror or str(error)).lower()}")

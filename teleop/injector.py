@@ -21,6 +21,9 @@ class Motion(NamedTuple):
 class Signal(ABC):
     """An excitation within [-1, 1]."""
 
+    highest: float
+    """Its highest frequency [Hz]."""
+
     @abstractmethod
     def at(self, t: float) -> Motion:
         """The signal at time t [s]."""
@@ -42,6 +45,7 @@ class Multisine(Signal):
     def __init__(self, frequencies: Sequence[float]) -> None:
         if not frequencies or not all(0.0 < f < math.inf for f in frequencies):
             raise ValueError(f"excitation frequencies must be positive, got {list(frequencies)}")
+        self.highest = max(frequencies)
         n = len(frequencies)
         self._terms = [(2.0 * math.pi * f, -math.pi * i * i / n) for i, f in enumerate(frequencies)]
 
@@ -86,6 +90,7 @@ class Chirp(Signal):
             raise ValueError(
                 f"a chirp needs 0 < low < high and a positive sweep, got {low}, {high}, {sweep}"
             )
+        self.highest = high
         self._mean = math.pi * (low + high)
         self._half = math.pi * (high - low)
         self._slow = 2.0 * math.pi / sweep
@@ -148,6 +153,8 @@ class Injector:
             raise ValueError(f"duration and ramp must be positive, got {duration} s and {ramp} s")
         if not 0.0 <= touch < 1.0:
             raise ValueError(f"touch must be in [0, 1), got {touch}")
+        if not math.isfinite(scale) or scale == 0.0:
+            raise ValueError(f"motion scale must be finite and not zero, got {scale}")
         self._signal = signal
         self._mean = 0.5 * depth * (1.0 + touch) / scale
         self._half = 0.5 * depth * (1.0 - touch) / scale

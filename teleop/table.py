@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import math
-import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import NamedTuple
@@ -13,6 +12,7 @@ import numpy as np
 
 from estimation.compiled import Floats
 from teleop.errors import InputError
+from teleop.files import unwritable
 
 UNITS = {
     "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "min": 60.0},
@@ -35,7 +35,10 @@ NAMES = {
 }
 """Names by which a quantity's column is found, in any case."""
 
-HEADER = re.compile(r"^\s*(?P<name>.*?)\s*[\[(](?P<unit>[^\])]*)[\])]\s*$")
+LARGEST = 1e12
+"""Largest time, position and force in SI units that is taken for a measurement."""
+SHORTEST = 1e-9
+"""Shortest sample period [s]."""
 
 
 class Recording(NamedTuple):
@@ -64,8 +67,11 @@ class Column(NamedTuple):
 
 def split_header(cell: str) -> tuple[str, str | None]:
     """Name and unit of a header cell such as `Force [gf]` or `Force (gf)`."""
-    match = HEADER.match(cell)
-    return (match["name"], match["unit"].strip()) if match else (cell.strip(), None)
+    cell = cell.strip()
+    start = max(cell.rfind("["), cell.rfind("("))
+    if start < 0 or not cell.endswith(("]", ")")):
+        return cell, None
+    return cell[:start].strip(), cell[start + 1 : -1].strip()
 
 
 def find_column(where: str, header: list[str], quantity: str, wanted: str | None) -> Column:
@@ -79,7 +85,9 @@ def find_column(where: str, header: list[str], quantity: str, wanted: str | None
         name, equals, given = wanted.rpartition("=")
         if wanted not in header and equals:
             wanted, unit = name, given
-        names = [split_header(wanted)[0]]
+        name, named_unit = split_header(wanted)
+        unit = unit or named_unit
+        names = [name]
         expected = f"one of {', '.join(repr(name) for name, _ in cells)}"
     matches = [i for i, (name, _) in enumerate(cells) if names and name.lower() == names[0].lower()]
     if not matches:
@@ -89,6 +97,10 @@ def find_column(where: str, header: list[str], quantity: str, wanted: str | None
         raise InputError(f"{where}: {len(matches)} columns are named {names[0]!r}, expected one")
     index = matches[0]
     name = cells[index][0]
+    if unit and cells[index][1] not in (None, unit):
+        raise InputError(
+            f"{where}: column {name!r} is in {cells[index][1]!r} by the header, not in {unit!r}"
+        )
     unit = unit or cells[index][1]
     units = ", ".join(UNITS[quantity])
     if unit is None:
@@ -126,6 +138,8 @@ def read_recording(
     InputError
         The file, a column, a unit or a value is not as expected; names file and line.
     """
+    if path.exists() and not path.is_file():
+        raise InputError(f"{path}: expected a file")
     try:
         content = path.read_bytes()
     except OSError as error:
@@ -142,8 +156,8 @@ def read_recording(
 
     first = next(i for i, line in enumerate(lines) if line.strip())
     delimiter = max("\t;,", key=lines[first].count)
-    header = [cell.strip() for cell in next(csv.reader([lines[first]], delimiter=delimiter))]
     where = f"{path}, line {first + 1}"
+    header = split_line(where, lines[first], delimiter)
     columns = [
         find_column(where, header, quantity, wanted)
         for quantity, wanted in (("time", time), ("position", position), ("force", force))
@@ -156,7 +170,7 @@ def read_recording(
             continue
         if delimiter != ",":
             line = line.replace(",", ".")
-        cells = next(csv.reader([line], delimiter=delimiter))
+        cells = split_line(f"{path}, line {number}", line, delimiter)
         if len(cells) != len(header):
             raise InputError(
                 f"{path}, line {number}: {len(cells)} cells, expected {len(header)} by the header"
@@ -166,7 +180,18 @@ def read_recording(
     if len(samples) < 3:
         raise InputError(f"{path}: {len(samples)} samples: expected at least 3")
     t, x, f = (np.array(samples) * [column.scale for column in columns]).T
+    if len({column.place for column in columns}) < len(columns):
+        raise InputError(f"{where}: time, position and force must be three columns")
+    for name, channel in (("time", t), ("position", x), ("force", f)):
+        if not np.abs(channel).max() < LARGEST:
+            i = int(np.argmax(np.abs(channel)))
+            raise InputError(
+                f"{path}, line {numbers[i]}: a {name} of {channel[i]:g} in SI units, "
+                f"expected less than {LARGEST:g}"
+            )
     steps = np.diff(t)
+    if (steps > 0.0).all() and steps.min() < SHORTEST:
+        raise InputError(f"{path}: times {steps.min():g} s apart: expected {SHORTEST:g} s or more")
     if not (steps > 0.0).all():
         i = int(np.argmin(steps > 0.0))
         what = "repeats" if steps[i] == 0.0 else "runs backwards"
@@ -177,11 +202,19 @@ def read_recording(
     return Recording(t, x, f, columns[1].name)
 
 
+def split_line(where: str, line: str, delimiter: str) -> list[str]:
+    """The cells of a line."""
+    try:
+        return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter))]
+    except csv.Error as error:
+        raise InputError(f"{where}: cannot be read as a table: {error}") from error
+
+
 def read_value(where: str, cells: list[str], column: Column, header: list[str]) -> float:
     """The number in a column of a line."""
-    cell = cells[column.place].strip()
+    cell = cells[column.place]
     try:
-        value = float(cell)
+        value = float("text" if "_" in cell else cell)
     except ValueError:
         value = math.nan
         if cell.lower() not in ("nan", ""):
@@ -211,4 +244,4 @@ def write_table(path: Path, columns: Mapping[str, Floats], units: Mapping[str, s
             writer.writerow(header)
             writer.writerows(rows)
     except OSError as error:
-        raise InputError(f"{path}: {(error.strerror or 'cannot be written').lower()}") from error
+        raise unwritable(path, error) from error

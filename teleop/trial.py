@@ -34,6 +34,8 @@ from teleop.summary import loop_timing, summarise
 
 RATES = (50.0, 100_000.0)
 """Lowest and highest rate of the loop [Hz]: below, hand and admittance do not hold together."""
+LONGEST = 3600.0
+"""Longest trial [s]; every tick is kept in memory, 0.2 MB a second at 1 kHz."""
 REHEARSAL = 600
 """Ticks by which a rate is tried before a trial; the second half of them counts."""
 
@@ -83,10 +85,15 @@ class TrialSettings:
         if not RATES[0] <= self.rate <= RATES[1]:
             raise InputError(f"rate {self.rate:g} Hz: expected {RATES[0]:g} to {RATES[1]:g} Hz")
         self.make_conditioner()
-        if not 1.0 / self.rate <= self.duration < math.inf:
+        if not 1.0 / self.rate <= self.duration <= LONGEST:
             raise InputError(
-                f"duration {self.duration:g} s: expected a time of at least one tick, "
-                f"{1.0 / self.rate:g} s"
+                f"duration {self.duration:g} s: expected at least one tick, {1.0 / self.rate:g} s, "
+                f"and at most {LONGEST:g} s"
+            )
+        if self.signal.highest > 0.05 * self.rate:
+            raise InputError(
+                f"frequency {self.signal.highest:g} Hz in the excitation: expected at most a "
+                f"twentieth of the rate, {0.05 * self.rate:g} Hz"
             )
 
     @property
@@ -192,7 +199,8 @@ class Trial:
             "truth": {
                 "b": cube.b,
                 "k_surface": cube.k1,
-                "k_deepest": cube.k1 + cube.k3 * float(np.max(columns["Displacement"])) ** 2,
+                "k_deepest": cube.k1
+                + cube.k3 * float(np.max(np.abs(columns["Displacement"]))) ** 2,
                 "force_lag_s": settings.setup.force_lag,
             },
             "excitation": {

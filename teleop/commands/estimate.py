@@ -67,15 +67,20 @@ def estimate(
     """
     from teleop import console
     from teleop.estimate import EstimateSettings, evaluate
-    from teleop.files import check_writable
+    from teleop.files import check_outputs
     from teleop.table import read_recording, write_table
 
-    check_writable(out, plot)
+    check_outputs(out, picture=plot, source=file)
     recording = read_recording(file, position, force, time)
     evaluation = evaluate(
         recording,
         EstimateSettings(datum, preset, cube, conditioning, bandwidth, force_lag, whole),
     )
+    summary = {"file": str(file), **evaluation.summary()}
+    if json:
+        console.print_json(summary)
+    else:
+        console.print_evaluation(summary, file.name)
     if out:
         write_table(out, *evaluation.columns())
     if plot:
@@ -87,9 +92,4 @@ def estimate(
             ),
             plot,
         )
-    summary = {"file": str(file), **evaluation.summary()}
-    if json:
-        console.print_json(summary)
-    else:
-        console.print_evaluation(summary, file.name)
     return 0

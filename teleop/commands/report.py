@@ -47,12 +47,12 @@ def report(
         Lag of the force channel [s] to make up for.
     """
     from teleop.estimate import EstimateSettings, evaluate
-    from teleop.files import check_writable, write_text
+    from teleop.files import check_outputs, write_text
     from teleop.report import report_page
     from teleop.table import read_recording
 
     page = out or file.with_suffix(".html")
-    check_writable(page, None)
+    check_outputs(page, source=file)
     recording = read_recording(file, position, force, time)
     evaluation = evaluate(recording, EstimateSettings(datum, preset, cube, force_lag=force_lag))
     write_text(page, report_page(file.name, evaluation))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal as signals
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -78,7 +79,7 @@ def run(
     """
     from teleop import console
     from teleop.choices import make_coupling, make_signal
-    from teleop.files import check_writable
+    from teleop.files import check_outputs
     from teleop.progress import ProgressLine
     from teleop.trial import TrialSettings, run_trial
 
@@ -95,12 +96,17 @@ def run(
         bandwidth=bandwidth,
         force_lag=force_lag,
     )
-    check_writable(out, plot)
+    check_outputs(out, picture=plot)
+    end_like_ctrl_c()
     line = ProgressLine()
     try:
         trial = run_trial(settings, live_estimates(line, settings) if line.shown else None)
     finally:
         line.close()
+    if json:
+        console.print_json(trial.summary())
+    else:
+        console.print_trial(trial.summary())
     if out:
         from teleop.table import write_table
 
@@ -117,11 +123,14 @@ def run(
             trial.estimates,
         )
         save(figure, plot)
-    if json:
-        console.print_json(trial.summary())
-    else:
-        console.print_trial(trial.summary())
     return 130 if trial.interrupted else 0
+
+
+def end_like_ctrl_c() -> None:
+    """Let a request to end or a closed terminal stop the run as Ctrl-C does."""
+    for name in ("SIGTERM", "SIGHUP"):
+        if hasattr(signals, name):
+            signals.signal(getattr(signals, name), signals.default_int_handler)
 
 
 def live_estimates(line: ProgressLine, settings: TrialSettings) -> Callable[[int, Record], None]:

@@ -112,6 +112,16 @@ def test_a_bandwidth_that_is_not_positive_is_refused(make, bandwidth):
         make(bandwidth)
 
 
+def test_a_bad_sample_is_refused_and_leaves_no_trace(make):
+    conditioner, twin = make(), make()
+    for c in (conditioner, twin):
+        c.update(1e-3, 2.0, 1e-3)
+    for bad in ((np.nan, 2.0, 1e-3), (1e-3, np.inf, 1e-3), (1e-3, 2.0, 0.0), (1e-3, 2.0, -1e-3)):
+        with pytest.raises(ValueError, match="must be finite"):
+            conditioner.update(*bad)
+    assert conditioner.update(2e-3, 4.0, 1e-3) == twin.update(2e-3, 4.0, 1e-3)
+
+
 def test_foaw_refuses_an_impossible_window():
     with pytest.raises(ValueError, match="resolution"):
         FirstOrderAdaptiveWindowing(0.0)

@@ -65,6 +65,44 @@ def test_is_finite_whatever_the_signals(seed, size, name):
     assert np.isfinite(estimator.state).all()
 
 
+@settings(max_examples=100, deadline=None)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    gap=st.floats(0.1, 1e5),
+    name=st.sampled_from([name for name in ESTIMATORS if "never forgets" not in name]),
+    at=st.integers(1500, 1700),
+)
+def test_recovers_from_a_gap_in_the_data(seed, gap, name, at):
+    rng = np.random.default_rng(seed)
+    t = np.arange(4000) * 1e-3
+    x = 5e-3 + 3e-3 * np.sin(7.0 * t)
+    v = 21e-3 * np.cos(7.0 * t)
+    f = 10.0 * v + 5000.0 * x + rng.normal(0.0, 0.02, t.size)
+    dt = np.full(t.size, 1e-3)
+    dt[at] = gap
+    estimator = ESTIMATORS[name]()
+    estimates = estimator.run(x, v, f, dt)
+    assert np.isfinite(estimates).all()
+    assert np.isfinite(estimator.state).all()
+    assert estimates.k[-1] == pytest.approx(5000.0, rel=0.05)
+
+
+def test_numbers_of_any_kind_give_the_same_estimate(make):
+    plain, odd = make(), make()
+    for value in (1e-3, 2e-3, 4e-3):
+        single = np.float32(value)
+        expected = plain.update(float(single), 10.0 * float(single), 5.0, 1e-3)
+        assert odd.update(single, np.float32(10.0) * np.float64(single), 5, 1e-3) == expected
+
+
+@pytest.mark.parametrize("sample", [(1e308, -1e308, 1.0), (1e31, 0.0, 0.0), (0.0, 0.0, 1e154)])
+def test_an_absurdly_large_sample_is_refused(make, sample):
+    with pytest.raises(ValueError, match="below 1e.30"):
+        make().update(*sample, 1e-3)
+    with pytest.raises(ValueError, match="below 1e.30"):
+        make().run(*([value] for value in sample), 1e-3)
+
+
 def test_a_bad_sample_is_refused_and_leaves_no_trace(make):
     estimator = make()
     estimator.update(1e-3, 0.01, 2.0, 1e-3)

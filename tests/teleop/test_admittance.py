@@ -37,6 +37,12 @@ def test_critical_damping_is_no_exception():
         assert critical.step(1.0, 1e-3) == pytest.approx(near.step(1.0, 1e-3), rel=1e-6)
 
 
+def test_a_long_pause_overflows_nothing():
+    admittance = Admittance(AdmittanceParameters(0.5, 1000.0, 10.0))
+    admittance.step(5.0, 1e5)
+    assert admittance.position == pytest.approx(0.5)
+
+
 @given(m=masses, d=dampings, c=stiffnesses, dt=periods)
 def test_one_period_is_the_same_as_its_halves(m, d, c, dt):
     once, twice = (Admittance(AdmittanceParameters(m, d, c)) for _ in range(2))

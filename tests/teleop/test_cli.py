@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -136,8 +137,11 @@ def test_estimate_prints_the_estimators_beside_batch_least_squares(capsys, recor
         (["run", "--seed", "x"], ["--seed"]),
         (["run", "--frequency", "0", "--condition", "autonomous"], ["frequency 0 Hz"]),
         (["run", "--bandwidth", "-1"], ["bandwidth"]),
-        (["run", "--out", "/nowhere/run.csv"], ["/nowhere/run.csv", "folder"]),
-        (["run", "--out", "/"], ["/", "folder"]),
+        (
+            ["run", "--out", "/nowhere/run.csv"],
+            ["/nowhere/run.csv", "cannot be written: no such file"],
+        ),
+        (["run", "--out", "/"], ["/: cannot be written: is a directory"]),
         (["run", "--plot", "run.xyz"], ["run.xyz", ".png"]),
         (["run", "--speed", "3"], ["--speed"]),
         (["fly"], ["fly"]),
@@ -254,6 +258,77 @@ def test_a_run_is_reproducible_through_the_command_line(capsys):
         assert main([*RUN, "--seed", "5", "--json"]) == 0
         documents.append(capsys.readouterr().out)
     assert documents[0] == documents[1]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["run", "--duration", "1e308"], ["duration 1e+308 s", "at most 3600 s"]),
+        (["run", "--bandwidth", "1e308"], ["bandwidth must be positive"]),
+        (["run", "--conditioning", "foaw", "--bandwidth", "nan"], ["bandwidth"]),
+        (["run", "--frequency", "990", "--condition", "autonomous"], ["990 Hz", "50 Hz"]),
+        (["run", "--frequency", "1e308", "--condition", "autonomous"], ["at most a twentieth"]),
+        (["run", "--force-lag", "-1"], ["lag must be >= 0"]),
+        (["run", "--force-lag", "0.01", "--conditioning", "foaw"], ["matched"]),
+        (["run", "--out", "a.svg", "--plot", "a.svg"], ["a.svg: would overwrite"]),
+        (["run", "--out", "x" * 300], ["cannot be written", "too long"]),
+        (["run", "stray"], ["unexpected argument 'stray'"]),
+        (["estimate", "/dev/zero"], ["/dev/zero: expected a file"]),
+    ],
+)
+def test_hostile_arguments_are_told_in_one_line(capsys, tmp_path, monkeypatch, arguments, words):
+    monkeypatch.chdir(tmp_path)
+    error = refused(capsys, *arguments)
+    for word in words:
+        assert word in error
+
+
+@pytest.mark.parametrize("option", ["--out", "--plot"])
+def test_a_recording_is_never_overwritten_by_its_estimates(capsys, tmp_path, option):
+    path = tmp_path / "data.svg"
+    path.write_text(GOOD)
+    link = tmp_path / "link.svg"
+    link.symlink_to(path)
+    for output in (path, link):
+        assert "would overwrite" in refused(capsys, "estimate", str(path), option, str(output))
+    assert path.read_text() == GOOD
+
+
+def test_a_file_name_with_any_characters_is_drawn(tmp_path, capsys):
+    path = tmp_path / "$x^$.csv"
+    path.write_text(GOOD)
+    assert main(["estimate", str(path), "--plot", str(tmp_path / "a.png"), "--json"]) == 0
+
+
+def test_closed_streams_are_no_defect():
+    for closed in (">&-", "2>&-"):
+        command = f"{sys.executable} -m teleop run --clock virtual --duration 0.1 {closed}"
+        assert subprocess.run(["sh", "-c", command], capture_output=True).returncode == 0
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+def test_a_full_disk_behind_standard_output_is_told():
+    command = f"{sys.executable} -m teleop run --clock virtual --duration 0.1 > /dev/full"
+    done = subprocess.run(["sh", "-c", command], capture_output=True, text=True)
+    assert done.returncode == 2
+    assert done.stderr == "teleop: standard output: no space left on device\n"
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+def test_a_table_that_does_not_fit_is_told_and_the_summary_is_not_lost(capsys):
+    assert main([*RUN, "--out", "/dev/full"]) == 2
+    out, err = capsys.readouterr()
+    assert "k [N/m]" in out
+    assert err == "teleop: /dev/full: cannot be written: no space left on device\n"
+
+
+def test_a_request_to_end_stops_a_run_like_ctrl_c():
+    terminal = Terminal("run", "--duration", "600", "--json")
+    assert b"of 600 s" in terminal.read()
+    terminal.process.terminate()
+    out, _ = terminal.process.communicate(timeout=20)
+    assert terminal.process.returncode == 130
+    assert json.loads(out)["interrupted"]
 
 
 def test_random_bytes_as_a_file_are_told_and_never_a_traceback(capsys, tmp_path):

@@ -94,6 +94,24 @@ def test_the_papers_preset_takes_the_papers_settings():
     assert evaluation.bandwidth == 20.0
 
 
+def test_a_glitch_of_the_sensor_does_not_discard_the_recording():
+    recording = preloaded()
+    recording.x[1200] += 0.1
+    assert evaluate(recording, EstimateSettings()).t[0] == pytest.approx(1.0, abs=0.02)
+
+
+def test_a_drift_does_not_hide_the_motion():
+    recording = preloaded()
+    drift = recording.x + 0.5e-3 * recording.t
+    assert dominant_frequency(recording.t, drift) == pytest.approx(1.0, rel=0.1)
+
+
+def test_too_few_moving_samples_are_told():
+    recording = Recording(*(channel[195:206] for channel in preloaded()[:3]), "Position")
+    with pytest.raises(InputError, match="samples move: expected at least 10"):
+        evaluate(recording, EstimateSettings())
+
+
 def test_dominant_frequency_is_that_of_the_motion():
     recording = preloaded()
     motion = moving_part(recording.x)
@@ -122,7 +140,7 @@ def test_a_recording_that_shows_nothing_is_told(change, message):
 
 
 @pytest.mark.parametrize(
-    "datum", ["middle", "1mm", "1mm,2", "1mm,2N,3", "1N,2mm", "", "mm,N", "1..2mm,3N"]
+    "datum", ["middle", "1mm", "1mm,2", "1mm,2N,3", "1N,2mm", "", "mm,N", "1..2mm,3N", "1e400mm,1N"]
 )
 def test_a_datum_that_cannot_be_read_is_told(datum):
     with pytest.raises(InputError, match="expected auto, file, start, mean"):

@@ -138,7 +138,7 @@ def test_a_line_number_counts_blank_lines(write):
 def test_a_missing_file_and_a_folder_are_told(tmp_path):
     with pytest.raises(InputError, match="nothing.csv: no such file"):
         read_recording(tmp_path / "nothing.csv")
-    with pytest.raises(InputError, match="is a directory"):
+    with pytest.raises(InputError, match="expected a file"):
         read_recording(tmp_path)
 
 
@@ -148,7 +148,30 @@ def test_an_unknown_column_names_those_there_are(write):
     ):
         read_recording(write(GOOD), force="Load")
     with pytest.raises(InputError, match="unknown unit 'stone'"):
-        read_recording(write(GOOD), force="Force=stone")
+        read_recording(write(GOOD.replace(" [gf]", "")), force="Force=stone")
+
+
+def test_a_unit_that_contradicts_the_header_is_told(write):
+    for position in ("Position=m", "Position [m]"):
+        with pytest.raises(InputError, match="'Position' is in 'mm' by the header, not in 'm'"):
+            read_recording(write(GOOD), position=position)
+    with pytest.raises(InputError, match="must be three columns"):
+        read_recording(write(GOOD.replace(" [gf]", "")), position="Force=mm", force="Force=N")
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (GOOD.replace("1.5", "1e300"), "line 3: a position of 1e.297 in SI units"),
+        (GOOD.replace("0.01,", "1e-12,"), "times 1e-12 s apart"),
+        (GOOD.replace("1.5", "1_5"), "'1_5', expected a number"),
+        ("x" * 200_000 + "\n" + GOOD, "line 1"),
+        (" " * 50_000 + "[" + GOOD, "data.csv"),
+    ],
+)
+def test_hostile_content_is_told_at_once(write, text, message):
+    with pytest.raises(InputError, match=message):
+        read_recording(write(text))
 
 
 def test_what_is_written_is_read_back_to_the_bit(tmp_path):
