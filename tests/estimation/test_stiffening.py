@@ -5,7 +5,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from estimation import MatchedFilter, least_squares
-from estimation.stiffening import MatchedSignals
+from estimation.conditioning import Lag
+from estimation.stiffening import MatchedSignals, evenly_lagged, lagged
 
 B, K, K3 = 20.0, 15_000.0, 4e9
 
@@ -86,6 +87,17 @@ def test_the_interval_of_lag_and_damping_widens_as_the_motion_slows():
         assert lag.low - 1e-9 <= 6e-3 <= lag.high + 1e-9
         widths[frequency] = interval.high - interval.low
     assert widths[0.1] > 5.0 * widths[2.0]
+
+
+def test_a_lag_by_convolution_is_the_lag_sample_by_sample():
+    signal = np.random.default_rng(0).normal(size=500)
+    for lag in (0.2e-3, 5e-3, 80e-3):
+        channel = Lag(lag)
+        expected = [channel.update(float(u), 1e-3) for u in signal]
+        np.testing.assert_allclose(evenly_lagged(signal, 1e-3, lag), expected, atol=1e-12)
+        jittered = np.full(500, 1e-3)
+        jittered[7] = 2e-3
+        assert not np.allclose(lagged(signal, jittered, lag)[8:], expected[8:], atol=1e-9)
 
 
 def test_a_negative_lag_is_refused():
