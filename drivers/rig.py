@@ -52,8 +52,9 @@ STANDSTILL = Command(0.0, 0.0)
 class Rig(ABC):
     """A telemanipulator, real or simulated.
 
-    Used as a context manager: it is opened on entry, and stopped and closed on every exit,
-    whatever the reason.
+    Used as a context manager: it is opened on entry, and stopped and closed on every exit from
+    the block, whatever the reason. A process that is killed does not get there: for that the
+    drives have watchdogs of their own.
     """
 
     @abstractmethod
@@ -66,7 +67,13 @@ class Rig(ABC):
 
     @abstractmethod
     def write(self, command: Command) -> Command:
-        """Command the drives, and return what was applied: the command within their limits."""
+        """Command the drives, and return what was applied: the command within their limits.
+
+        Raises
+        ------
+        ValueError
+            A velocity is not finite; nothing was commanded.
+        """
 
     @abstractmethod
     def stop(self) -> None:
@@ -74,10 +81,14 @@ class Rig(ABC):
 
     @abstractmethod
     def close(self) -> None:
-        """Release the devices."""
+        """Release the devices; also those of an `open` that failed half-way."""
 
     def __enter__(self) -> Self:
-        self.open()
+        try:
+            self.open()
+        except BaseException:
+            self.close()
+            raise
         return self
 
     def __exit__(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import inspect
+import sys
 from collections.abc import Callable
 from functools import cache
 from importlib.util import find_spec
@@ -66,8 +67,10 @@ def compiled(step: Step, helpers: Helpers) -> Callable[..., Floats]:
     for helper in helpers:
         numba.extending.register_jitable(helper)
     # numba's disk cache looks neither into called functions nor past a closure. So the step
-    # is a global of a copy of `_template`, and the copy's name carries the step's source.
-    source = "".join(inspect.getsource(function) for function in (*helpers, step))
+    # is a global of a copy of `_template`, and the copy's name carries the source of the
+    # modules of the step and its helpers, their constants included.
+    modules = {function.__module__ for function in (step, *helpers)}
+    source = "".join(inspect.getsource(sys.modules[module]) for module in sorted(modules))
     loop = FunctionType(_template.__code__, {"np": np, "_step": numba.njit(step)})
     loop.__module__ = __name__
     loop.__qualname__ = f"{step.__module__}.{hashlib.sha256(source.encode()).hexdigest()[:16]}"

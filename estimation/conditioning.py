@@ -15,7 +15,7 @@ from estimation.estimator import LARGEST, checked_samples
 
 
 class Conditioned(NamedTuple):
-    """Displacement `x` [m], velocity `v` [m/s] and force `f` [N], one sample or arrays."""
+    """Displacement `x` [m], velocity `v` [m/s] and force `f` [N] of one sample."""
 
     x: float
     v: float

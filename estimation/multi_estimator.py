@@ -15,7 +15,7 @@ from estimation.lattice import inside, least_in_box, lowest_on_border
 Indices = NDArray[np.int64]
 
 TIE = 1e-9
-"""Weight of the tie-breaking term, as a share of the largest monitoring signal on the grid."""
+"""Weight of the tie-breaking term, as a share of the monitoring signal that the grid spans."""
 
 
 FASTEST = 1e6
@@ -118,8 +118,9 @@ class MultiEstimator(Estimator):
     found without visiting the others, so the cost does not grow with the grid.
 
     Ties are broken by one rule: to the monitoring signal of a candidate is added `TIE` times
-    the grid's largest, times its squared distance from the candidate nearest to
-    (b, k) = (0, 0), in units of the axes' lengths. So a damping of which the data says
+    the signal that the grid spans (int f^2 + (b v)^2 + (k x)^2, b and k the axes' lengths),
+    times its squared distance from the candidate nearest to (b, k) = (0, 0), in units of the
+    axes' lengths. So a damping of which the data says
     nothing reads as zero, and candidates that the data does tell apart are not affected.
 
     Parameters

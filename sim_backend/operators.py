@@ -5,8 +5,9 @@ from the intention here, the arm, and the admittance that the controller gives t
 
 Sources of the values. Pokes are minimum-jerk movements [1]. Arm stiffness 400 N/m and
 damping 12 N s/m lie in the range measured at the hand [2, 3]. Physiological tremor has 8 to
-12 Hz and, at the tool of a surgeon, about 0.1 mm [4]. Depth and timing vary by 10 to 15 %
-from one poke or cycle to the next, and a person starts 0.2 s late; these two are our choice.
+12 Hz and, at the tool of a surgeon, a size of the order of 0.1 mm [4]. Depth and timing vary by
+10 to 15 % from one poke or cycle to the next, a poke is let go only in part, and a person starts
+0.2 s late; these are our choice.
 
 [1] T. Flash, N. Hogan, J. Neurosci. 5(7), 1985.
 [2] F. A. Mussa-Ivaldi, N. Hogan, E. Bizzi, J. Neurosci. 5(10), 1985.
@@ -24,7 +25,7 @@ from sim_backend.plant import Arm, Intention
 
 ARM = Arm(stiffness=400.0, damping=12.0)
 TREMOR_AMPLITUDE = 0.05e-3
-"""Amplitude of each of three tremor components [m], about 0.1 mm together."""
+"""Amplitude of each of three tremor components of the intention [m]."""
 REACTION = 0.2
 """Time from the start of the trial to the first movement [s]."""
 
@@ -65,10 +66,11 @@ class Operator(ABC):
             return Intention(0.0, 0.0)
         t -= REACTION
         position, velocity = self.movement(t)
-        onset = min(1.0, t)
+        onset, onset_rate = (t, 1.0) if t < 1.0 else (1.0, 0.0)
         for omega, phase in self._tremor:
-            position += onset * TREMOR_AMPLITUDE * math.sin(omega * t + phase)
-            velocity += onset * TREMOR_AMPLITUDE * omega * math.cos(omega * t + phase)
+            sine, cosine = math.sin(omega * t + phase), math.cos(omega * t + phase)
+            position += TREMOR_AMPLITUDE * onset * sine
+            velocity += TREMOR_AMPLITUDE * (onset_rate * sine + onset * omega * cosine)
         return Intention(position, velocity)
 
 
@@ -138,7 +140,8 @@ class MimickedSine(Operator):
             half += 0.45 * self.depth * size * math.sin(slow * t + offset)
             half_rate += 0.45 * self.depth * size * slow * math.cos(slow * t + offset)
         lift = 1.0 - math.cos(phase)
-        light = 0.1 * self.depth * min(1.0, t)
+        light, light_rate = (t, 1.0) if t < 1.0 else (1.0, 0.0)
         return Intention(
-            light + half * lift, half_rate * lift + half * phase_rate * math.sin(phase)
+            0.1 * self.depth * light + half * lift,
+            0.1 * self.depth * light_rate + half_rate * lift + half * phase_rate * math.sin(phase),
         )

@@ -2,7 +2,9 @@
 
 Under a stiffening cube and a lagging force channel the RLS rows of Table I are about
 k_hat = k1 + k3 x^2 and b_hat = b - k_hat tau. The values here are those of
-`python -m teleop.paper.calibrate`.
+`python -m teleop.paper.calibrate`. A sensor's lag does not depend on what it touches: one lag a
+cube stands in for whatever else differed between the paper's trials, and does not bring all of
+its damping values at once.
 """
 
 from __future__ import annotations
@@ -27,7 +29,7 @@ DEPTH = {
     "mimic": {"soft": 13e-3, "medium": 7.5e-3, "hard": 2.6e-3},
     "autonomous": {"soft": 11e-3, "medium": 5.6e-3, "hard": 1.35e-3},
 }
-"""Greatest depth of palpation [m] under each condition."""
+"""Depth of palpation [m] that operator or injector aims for under each condition."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +46,7 @@ class Setup:
     force_lag: float
     """Time constant of the contact force channel [s]."""
     depth: float
-    """Greatest depth of palpation [m]."""
+    """Depth of palpation [m] that operator or injector aims for."""
 
     def __post_init__(self) -> None:
         for name in ("force_lag", "depth"):

@@ -98,7 +98,15 @@ class SimulatedRig(Rig):
         )
 
     def write(self, command: Command) -> Command:
-        """Command the drives; velocities beyond their greatest are clipped."""
+        """Command the drives; velocities beyond their greatest are clipped.
+
+        Raises
+        ------
+        ValueError
+            A velocity is not finite; the drives go on as before.
+        """
+        if not all(map(math.isfinite, command)):
+            raise ValueError(f"a velocity command must be finite, got {command}")
         most = self._max_velocity
         self._applied = Command(*(min(max(v, -most), most) for v in command))
         self._commanded = self._time

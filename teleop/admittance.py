@@ -86,7 +86,7 @@ class Coupling:
     Parameters
     ----------
     scale
-        Slave motion for a unit of master motion, not zero.
+        Slave motion for a unit of master motion, > 0.
     position_gain
         Rate [1/s] at which the slave makes up for a difference in position, >= 0.
 
@@ -97,8 +97,8 @@ class Coupling:
     """
 
     def __init__(self, scale: float = 1.0, position_gain: float = 0.0) -> None:
-        if not math.isfinite(scale) or scale == 0.0:
-            raise ValueError(f"motion scale must be finite and not zero, got {scale}")
+        if not 0.0 < scale < math.inf:
+            raise ValueError(f"motion scale must be positive, got {scale}")
         if not 0.0 <= position_gain < math.inf:
             raise ValueError(f"position gain must be >= 0, got {position_gain}")
         self.scale = scale

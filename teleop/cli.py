@@ -15,7 +15,7 @@ from teleop.commands.lag import lag
 from teleop.commands.report import report
 from teleop.commands.reproduce import reproduce
 from teleop.commands.run import run
-from teleop.errors import InputError
+from teleop.errors import InputError, SafetyStop
 
 
 def installed_version() -> str:
@@ -48,7 +48,11 @@ def prepare_streams() -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run a command; the exit code is 0, or 2 for bad input, told in one line."""
+    """Run a command.
+
+    The exit code is 0; 2 for bad input and 3 for a stop for safety, told in one line; 130 after
+    Ctrl-C. A defect raises, which ends in a traceback and 1.
+    """
     prepare_streams()
     try:
         code = app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
@@ -57,6 +61,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         unused = " ".join(error.unused_tokens or [])
         print(f"teleop: unexpected argument {unused!r}: see --help", file=sys.stderr)
         return 2
+    except SafetyStop as error:
+        print("teleop:", error, file=sys.stderr)
+        return 3
     except (InputError, CycloptsError) as error:
         print("teleop:", " ".join(str(error).split()), file=sys.stderr)
         return 2

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 from drivers import Command, Measurement, Rig
 from estimation import Bank, Conditioner, Estimate, Excitation
 from teleop.admittance import Admittance, Coupling
 from teleop.conditions import Condition
+from teleop.errors import SafetyStop
 
 
 class Record(NamedTuple):
@@ -30,6 +32,21 @@ class Record(NamedTuple):
     """Force that the estimators were given [N]."""
     estimates: dict[str, Estimate]
     excitation: float
+
+
+NEEDED = ("master_force", "slave_position", "contact_force")
+"""Channels without which there is no loop."""
+
+
+def check(measurement: Measurement) -> None:
+    """Raise SafetyStop unless every needed channel is a finite number."""
+    for channel in NEEDED:
+        value = getattr(measurement, channel)
+        if not math.isfinite(value):
+            raise SafetyStop(
+                f"{channel.replace('_', ' ')} is {value} at {measurement.time:.3f} s, expected a "
+                "number: the rig was stopped"
+            )
 
 
 class Controller:
@@ -76,8 +93,15 @@ class Controller:
         self._last = 0.0
 
     def tick(self) -> Record:
-        """Read, map, write, estimate."""
+        """Read, map, write, estimate.
+
+        Raises
+        ------
+        SafetyStop
+            A channel that the loop needs is not a number; nothing was commanded.
+        """
         measurement = self._rig.read()
+        check(measurement)
         if self._start is None:
             self._start = measurement.time
             self._last = measurement.time - self._period

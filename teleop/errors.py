@@ -1,6 +1,10 @@
-"""Bad input: what a person can put right, told in one line."""
+"""What ends a command other than a defect, told in one line."""
 
 from __future__ import annotations
+
+
+class SafetyStop(Exception):
+    """The rig was stopped for safety; the message names what was wrong, and where."""
 
 
 class InputError(Exception):

@@ -22,6 +22,7 @@ from estimation import (
 from estimation.compiled import Floats
 from teleop.choices import ConditioningName, make_conditioner
 from teleop.errors import InputError
+from teleop.log import estimate_units
 from teleop.summary import summarise
 from teleop.table import LARGEST, UNITS, Recording
 
@@ -126,10 +127,9 @@ class Evaluation:
         columns = {"Time": self.t, "Displacement": self.x, "Velocity": self.v, "Force": self.f}
         units = {"Time": "s", "Displacement": "m", "Velocity": "m/s", "Force": "N"}
         columns["Excitation"], units["Excitation"] = self.excitation, "-"
-        for name, series in self.estimates.items():
-            columns |= {f"{name.upper()} b": series.b, f"{name.upper()} k": series.k}
-            units |= {f"{name.upper()} b": "N s/m", f"{name.upper()} k": "N/m"}
-        return columns, units
+        series = (values for estimates in self.estimates.values() for values in estimates)
+        named = estimate_units(self.estimates)
+        return columns | dict(zip(named, series, strict=True)), units | named
 
 
 def evaluate(recording: Recording, settings: EstimateSettings) -> Evaluation:
@@ -243,7 +243,7 @@ def dominant_frequency(t: Floats, x: Floats) -> float:
     seconds = even - even.mean()
     drift = (seconds @ motion) / (seconds @ seconds) * seconds
     spectrum = np.abs(np.fft.rfft(motion - motion.mean() - drift))
-    return max(int(np.argmax(spectrum[1:])) + 1, 1) / float(t[-1] - t[0])
+    return (int(np.argmax(spectrum[1:])) + 1) / float(t[-1] - t[0])
 
 
 def smallest_step(x: Floats) -> float:

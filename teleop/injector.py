@@ -110,7 +110,7 @@ class Chirp(Signal):
 class Injector:
     """Force [N] that takes the master, and with it the slave, through an excitation.
 
-    The slave goes between a light touch and a depth: x(t) = ramp(t) (mean + half signal(t)).
+    The slave stays between a light touch and a depth: x(t) = ramp(t) (mean + half signal(t)).
     The force is what the admittance needs for this motion, so contact holds whatever the
     signal, and a sine of displacement is a sine of force.
 
@@ -153,8 +153,8 @@ class Injector:
             raise ValueError(f"duration and ramp must be positive, got {duration} s and {ramp} s")
         if not 0.0 <= touch < 1.0:
             raise ValueError(f"touch must be in [0, 1), got {touch}")
-        if not math.isfinite(scale) or scale == 0.0:
-            raise ValueError(f"motion scale must be finite and not zero, got {scale}")
+        if not 0.0 < scale < math.inf:
+            raise ValueError(f"motion scale must be positive, got {scale}")
         self._signal = signal
         self._mean = 0.5 * depth * (1.0 + touch) / scale
         self._half = 0.5 * depth * (1.0 - touch) / scale

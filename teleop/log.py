@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from array import array
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,30 +12,38 @@ from estimation.compiled import Floats
 from teleop.clock import Tick
 from teleop.controller import Record
 
-UNITS = {
-    "Time": "s",
-    "Displacement": "m",
-    "Force": "N",
-    "Filtered displacement": "m",
-    "Filtered velocity": "m/s",
-    "Filtered force": "N",
-    "Slave velocity": "m/s",
-    "Desired slave velocity": "m/s",
-    "Applied slave velocity": "m/s",
-    "Master position": "m",
-    "Master force": "N",
-    "Drive force": "N",
-    "Applied master velocity": "m/s",
-    "Sample period": "s",
-    "Lateness": "s",
-    "Overrun": "-",
-    "Skipped periods": "-",
-    "Excitation": "-",
-}
-"""Column names and units, in the order in which they are kept."""
+
+class Column(NamedTuple):
+    """A quantity that is kept of each tick."""
+
+    name: str
+    unit: str
+    value: Callable[[Tick, Record], float]
 
 
-def estimate_columns(estimators: Iterable[str]) -> dict[str, str]:
+COLUMNS = (
+    Column("Time", "s", lambda tick, r: r.t),
+    Column("Displacement", "m", lambda tick, r: r.measurement.slave_position),
+    Column("Force", "N", lambda tick, r: r.measurement.contact_force),
+    Column("Filtered displacement", "m", lambda tick, r: r.x),
+    Column("Filtered velocity", "m/s", lambda tick, r: r.v),
+    Column("Filtered force", "N", lambda tick, r: r.f),
+    Column("Slave velocity", "m/s", lambda tick, r: r.measurement.slave_velocity),
+    Column("Desired slave velocity", "m/s", lambda tick, r: r.desired.slave_velocity),
+    Column("Applied slave velocity", "m/s", lambda tick, r: r.applied.slave_velocity),
+    Column("Master position", "m", lambda tick, r: r.measurement.master_position),
+    Column("Master force", "N", lambda tick, r: r.measurement.master_force),
+    Column("Drive force", "N", lambda tick, r: r.drive_force),
+    Column("Applied master velocity", "m/s", lambda tick, r: r.applied.master_velocity),
+    Column("Sample period", "s", lambda tick, r: r.dt),
+    Column("Lateness", "s", lambda tick, r: tick.lateness),
+    Column("Overrun", "-", lambda tick, r: tick.overrun),
+    Column("Skipped periods", "-", lambda tick, r: tick.skipped),
+    Column("Excitation", "-", lambda tick, r: r.excitation),
+)
+
+
+def estimate_units(estimators: Iterable[str]) -> dict[str, str]:
     """Names and units of the columns of each estimator's b and k."""
     return {
         f"{name.upper()} {parameter}": unit
@@ -53,7 +62,9 @@ class Log:
     """
 
     def __init__(self, estimators: Iterable[str]) -> None:
-        self.units = UNITS | estimate_columns(estimators)
+        self.units = {column.name: column.unit for column in COLUMNS}
+        self.units |= estimate_units(estimators)
+        self._values = [column.value for column in COLUMNS]
         self._rows = array("d")
 
     def __len__(self) -> int:
@@ -61,27 +72,7 @@ class Log:
 
     def append(self, tick: Tick, record: Record) -> None:
         """Keep one tick."""
-        m = record.measurement
-        row = [
-            record.t,
-            m.slave_position,
-            m.contact_force,
-            record.x,
-            record.v,
-            record.f,
-            m.slave_velocity,
-            record.desired.slave_velocity,
-            record.applied.slave_velocity,
-            m.master_position,
-            m.master_force,
-            record.drive_force,
-            record.applied.master_velocity,
-            record.dt,
-            tick.lateness,
-            tick.overrun,
-            tick.skipped,
-            record.excitation,
-        ]
+        row = [value(tick, record) for value in self._values]
         for estimate in record.estimates.values():
             row += estimate
         self._rows.extend(row)

@@ -16,7 +16,7 @@ class ProgressLine:
         self._process: subprocess.Popen[bytes] | None = None
         if sys.stderr.isatty() and hasattr(os, "set_blocking"):
             self._process = subprocess.Popen(
-                [sys.executable, "-S", __file__], stdin=subprocess.PIPE, bufsize=0
+                [sys.executable, "-S", "-P", __file__], stdin=subprocess.PIPE, bufsize=0
             )
             assert self._process.stdin
             self._pipe = self._process.stdin.fileno()

@@ -108,7 +108,7 @@ class TrialSettings:
     def make_rig(self, now: Callable[[], float]) -> SimulatedRig:
         """A fresh simulated rig, with an operator where the condition has one."""
         setup = self.setup
-        depth = setup.depth / abs(self.coupling.scale)
+        depth = setup.depth / self.coupling.scale
         operators = {"free": FreePalpation, "mimic": MimickedSine}
         operator = operators.get(self.condition)
         return SimulatedRig(

@@ -47,6 +47,13 @@ def test_a_normal_exit_stops_and_closes_too():
     assert rig.calls == ["open", "stop", "close"]
 
 
+def test_an_open_that_fails_still_closes():
+    rig = Recorder(failing="open")
+    with pytest.raises(OSError, match="open failed"), rig:
+        pass
+    assert rig.calls == ["open", "close"]
+
+
 def test_a_stop_that_fails_still_closes():
     rig = Recorder(failing="stop")
     with pytest.raises(OSError, match="stop failed"), rig:

@@ -55,6 +55,11 @@ def test_the_papers_preset_has_the_papers_values():
     )
 
 
+def test_the_papers_gain_fits_the_cube():
+    gains = {cube: paper_preset(cube).adaptation_gain for cube in ("soft", "medium", "hard")}
+    assert gains == {"soft": (2e3, 1.2e5), "medium": (5e3, 5e5), "hard": (5e4, 1e7)}
+
+
 def test_an_unknown_cube_is_refused():
     with pytest.raises(ValueError, match="soft, medium, hard, got 'wood'"):
         paper_preset("wood")

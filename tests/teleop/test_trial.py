@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from drivers import STANDSTILL
-from estimation import force_error
+from estimation import force_error, rise_time
 from sim_backend import CUBES, DEPTH, SimulatedRig
 from teleop.errors import InputError
+from teleop.summary import loop_timing
 from teleop.trial import TrialSettings, run_trial, tick_cost
 
 QUICK = TrialSettings(clock="virtual", duration=3.0)
@@ -48,6 +49,27 @@ def test_same_seed_same_run_to_the_bit(condition):
     assert not np.array_equal(first.columns["Force"], other.columns["Force"])
 
 
+def test_the_signal_and_the_ramps_are_those_that_were_asked_for():
+    from teleop.injector import Chirp, Sine
+
+    settings = replace(QUICK, condition="autonomous", signal=Sine(3.0))
+    columns = run_trial(settings).columns
+    spectrum = np.abs(np.fft.rfft(columns["Displacement"] - columns["Displacement"].mean()))
+    assert (np.argmax(spectrum[3:]) + 3) / 3.0 == pytest.approx(3.0)
+    assert abs(columns["Displacement"][-1]) < 0.05 * columns["Displacement"].max()
+    chirped = run_trial(replace(settings, signal=Chirp(1.0, 4.0))).columns
+    assert not np.allclose(chirped["Displacement"], columns["Displacement"], atol=1e-3)
+
+
+def test_the_truth_is_the_secant_at_the_deepest():
+    trial = run_trial(QUICK)
+    depth = np.abs(trial.columns["Displacement"]).max()
+    cube = CUBES["soft"]
+    truth = trial.summary()["truth"]
+    assert truth["k_deepest"] == pytest.approx(cube.force(depth, 0.0) / depth)
+    assert truth["k_surface"] == cube.k1
+
+
 def test_position_coupling_keeps_the_slave_closer_to_the_master():
     from teleop.choices import make_coupling
 
@@ -79,6 +101,16 @@ def test_summary_agrees_with_the_columns():
     assert rls["b"] == pytest.approx(c["RLS b"].mean())
     assert rls["k"] == pytest.approx(c["RLS k"].mean())
     f_hat = c["RLS b"] * c["Filtered velocity"] + c["RLS k"] * c["Filtered displacement"]
+    prior = c["RLS b"][:-1] * c["Filtered velocity"][1:]
+    prior += c["RLS k"][:-1] * c["Filtered displacement"][1:]
+    one_step = np.concatenate((c["Filtered force"][:1], c["Filtered force"][1:] - prior))
+    assert rls["one_step_rms"] == pytest.approx(np.sqrt(np.mean(one_step**2)))
+    assert rls["rise_time_s"] == rise_time(c["Time"], c["RLS k"])
+    late = np.linspace(0.0, 1e-3, 1001)
+    timing = loop_timing(1000.0, np.arange(1001) * 1e-3, late, late > 0.9e-3)
+    assert timing["lateness_us"] == pytest.approx(
+        {"p50": 500.0, "p99": 990.0, "p99_9": 999.0, "max": 1000.0}
+    )
     assert rls["e_f"] == pytest.approx(force_error(c["Filtered force"], f_hat))
     assert summary["loop"]["mean_rate_hz"] == pytest.approx(1000.0)
     assert json.dumps(summary)
