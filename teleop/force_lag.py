@@ -9,7 +9,8 @@ from estimation.stiffening import Interval, MatchedSignals
 from sim_backend import Cube, Setup, paper_setup
 from teleop.errors import InputError
 from teleop.injector import Chirp
-from teleop.trial import TrialSettings, run_trial
+from teleop.settings import TrialSettings
+from teleop.trial import run_trial
 
 BANDWIDTH = 20.0
 """Bandwidth of the matched filter [Hz]."""

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from teleop.controller import Record
     from teleop.progress import ProgressLine
-    from teleop.trial import TrialSettings
+    from teleop.settings import TrialSettings
 
 
 def run(
@@ -81,7 +81,8 @@ def run(
     from teleop.choices import make_coupling, make_signal
     from teleop.files import check_outputs
     from teleop.progress import ProgressLine
-    from teleop.trial import TrialSettings, run_trial
+    from teleop.settings import TrialSettings
+    from teleop.trial import run_trial
 
     settings = TrialSettings(
         condition=condition,

@@ -24,7 +24,8 @@ from estimation import Bank, RecursiveLeastSquares, paper_preset
 from sim_backend import CUBES, DEPTH, FORCE_LAG, Cube, Setup
 from teleop.paper.table1 import CALIBRATED, table1
 from teleop.paper.trials import paper_trial
-from teleop.trial import TrialSettings, run_trial
+from teleop.settings import TrialSettings
+from teleop.trial import run_trial
 
 K_TOLERANCE = 0.02
 """Error of k, as a share of it, that weighs as much as ..."""

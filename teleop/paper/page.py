@@ -21,8 +21,9 @@ the same loop as <code>teleop run</code>.</p>
 <p>The rig is calibrated against 12 of the paper's 81 numbers: b and k of RLS under the conditions
 free and autonomous (shaded in the table), by <code>python -m teleop.paper.calibrate</code>. Fitted
 are each cube's stiffness and stiffening and the lag of the force channel in its trials, which
-stands in for whatever else differed between them. Depths, the frequency of the autonomous sine and the cubes' true damping are assumptions; depth and frequency were chosen
-such that AI rises as fast as the paper's figures show, so its rise time is no independent
+stands in for whatever else differed between them. Depths, the frequency of the autonomous sine and
+the cubes' true damping are assumptions; depth and frequency were chosen such that AI rises as fast
+as the paper's figures show, so its rise time is no independent
 prediction. All other numbers are predictions.</p>
 """
 

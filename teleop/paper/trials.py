@@ -13,7 +13,8 @@ from estimation.compiled import Floats
 from estimation.stiffening import Interval, MatchedSignals
 from teleop.injector import Sine
 from teleop.paper.table1 import is_calibrated, table1
-from teleop.trial import Trial, TrialSettings, run_trial
+from teleop.settings import TrialSettings
+from teleop.trial import Trial, run_trial
 
 DURATION = 10.0
 """Length of a trial [s]."""

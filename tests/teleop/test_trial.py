@@ -10,8 +10,9 @@ from drivers import STANDSTILL
 from estimation import force_error, rise_time
 from sim_backend import CUBES, DEPTH, SimulatedRig
 from teleop.errors import InputError
+from teleop.settings import TrialSettings
 from teleop.summary import loop_timing
-from teleop.trial import TrialSettings, run_trial, tick_cost
+from teleop.trial import run_trial, tick_cost
 
 QUICK = TrialSettings(clock="virtual", duration=3.0)
 
@@ -127,7 +128,7 @@ class Spy(SimulatedRig):
 
 @pytest.mark.parametrize("error", [RuntimeError, SystemExit])
 def test_an_error_in_a_tick_stops_the_rig_and_is_not_swallowed(monkeypatch, error):
-    monkeypatch.setattr("teleop.trial.SimulatedRig", Spy)
+    monkeypatch.setattr("teleop.settings.SimulatedRig", Spy)
     Spy.stops = 0
 
     def fail(number, record):
@@ -139,7 +140,7 @@ def test_an_error_in_a_tick_stops_the_rig_and_is_not_swallowed(monkeypatch, erro
 
 
 def test_ctrl_c_stops_the_rig_and_keeps_what_was_logged(monkeypatch):
-    monkeypatch.setattr("teleop.trial.SimulatedRig", Spy)
+    monkeypatch.setattr("teleop.settings.SimulatedRig", Spy)
     Spy.stops = 0
 
     def interrupt(number, record):
