@@ -1,0 +1,58 @@
+"""What the README shows is what happens."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+
+from teleop.cli import main
+
+README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
+BLOCKS = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
+COMMANDS = [
+    shlex.split(line, comments=True)[1:]
+    for line in README.splitlines()
+    if line.startswith("    teleop ")
+]
+
+
+QUICKLY = ("--clock", "virtual", "--duration", "3")
+
+
+def without(command: list[str], *options: str) -> list[str]:
+    """A command less some options and their values."""
+    dropped = {i + j for i, word in enumerate(command) if word in options for j in (0, 1)}
+    return [word for i, word in enumerate(command) if i not in dropped]
+
+
+def test_the_notebook_example_prints_what_the_readme_says(capsys):
+    exec(compile(BLOCKS[0], "README.md", "exec"), {})
+    printed = capsys.readouterr().out.splitlines()
+    assert len(printed) == 3
+    for line in printed:
+        assert f"    {line}\n" in README
+
+
+def test_the_other_example_runs():
+    namespace: dict = {}
+    exec(compile(BLOCKS[1], "README.md", "exec"), namespace)
+    assert set(namespace["trial"].estimates) == {"rls", "ai", "me"}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("readme")
+
+
+@pytest.mark.parametrize("command", COMMANDS, ids=" ".join)
+def test_a_command_of_the_readme_works(command, folder, monkeypatch, capsys):
+    monkeypatch.chdir(folder)
+    if command[0] == "reproduce":
+        pytest.skip("run by tests/teleop/paper/test_reproduce.py")
+    if command[0] == "run":
+        command = [*without(command, "--clock", "--duration"), *QUICKLY]
+    assert main(command) == 0
+    assert capsys.readouterr().out
