@@ -85,8 +85,9 @@ def step(parameters: State, state: State, v: float, x: float, f: float, dt: floa
     """
     twice_lambda, b_first, b_step, b_last, b_zero, k_first, k_step, k_last, k_zero = parameters
     _, _, ff, fv, fx, vv, vx, xx = state
-    decay = math.exp(-twice_lambda * dt)
-    weight = -math.expm1(-twice_lambda * dt) / twice_lambda if twice_lambda > 0.0 else dt
+    loss = -math.expm1(-twice_lambda * dt)
+    decay = 1.0 - loss
+    weight = loss / twice_lambda if twice_lambda > 0.0 else dt
     ff = ff * decay + weight * f * f
     fv = fv * decay + weight * f * v
     fx = fx * decay + weight * f * x
