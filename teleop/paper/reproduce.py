@@ -158,6 +158,7 @@ def draw(name: str, outcomes: Sequence[Outcome], folder: Path) -> str:
             {c: table1()[c, "soft", "rls"].k for c in CONDITIONS},
         )
     save(figure, folder / f"{name}.png")
+    figure.set_layout_engine("none")  # the layout that was found stays
     drawing = svg(figure)
     (folder / f"{name}.svg").write_text(drawing, encoding="utf-8")
     return drawing

@@ -138,7 +138,10 @@ def lag_and_damping(frequency: float) -> SlowTrial:
         MATCHED_BANDWIDTH,
         part=slice(1000, -1000),
     )
-    profile = signals.profile(setup.force_lag * np.linspace(0.6, 1.4, 17))
+    coarse = setup.force_lag * np.linspace(0.6, 1.4, 17)
+    around = signals.profile(coarse).lag_interval()
+    step = coarse[1] - coarse[0]
+    profile = signals.profile(np.linspace(around.low - step, around.high + step, 33))
     return SlowTrial(
         frequency,
         profile.lag_interval(),
