@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 
 from numpy.typing import ArrayLike
 
-from estimation.estimator import Estimate, Estimates, Estimator
+from estimation.estimator import Estimate, Estimates, Estimator, check_sample
 
 
 class Bank(Mapping[str, Estimator]):
@@ -51,7 +51,9 @@ class Bank(Mapping[str, Estimator]):
 
     def update(self, x: float, v: float, f: float, dt: float) -> dict[str, Estimate]:
         """Take in one sample; arguments and errors as `Estimator.update`."""
-        return {name: e.update(x, v, f, dt) for name, e in self._estimators.items()}
+        x, v, f, dt = float(x), float(v), float(f), float(dt)
+        check_sample(dt, x=x, v=v, f=f)
+        return {name: e.advance(x, v, f, dt) for name, e in self._estimators.items()}
 
     def run(self, x: ArrayLike, v: ArrayLike, f: ArrayLike, dt: ArrayLike) -> dict[str, Estimates]:
         """Take in n samples; arguments and errors as `Estimator.run`."""

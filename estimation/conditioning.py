@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from estimation.compiled import Floats
-from estimation.estimator import LARGEST, checked_samples
+from estimation.estimator import check_sample, checked_samples
 
 
 class Conditioned(NamedTuple):
@@ -38,11 +38,7 @@ class Conditioner(ABC):
             A value is not finite or absurdly large, or `dt` is not positive. The conditioner
             stays as it was.
         """
-        if not (abs(x) + abs(f) < LARGEST and 0.0 < dt < math.inf):
-            raise ValueError(
-                f"a sample must be finite, below {LARGEST:g}, with dt > 0, "
-                f"got x={x!r}, f={f!r}, dt={dt!r}"
-            )
+        check_sample(dt, x=x, f=f)
         return self._condition(x, f, dt)
 
     @abstractmethod
@@ -59,7 +55,7 @@ class Conditioner(ABC):
         """
         x, _, f, dt = checked_samples(x, x, f, dt)
         rows = zip(x.tolist(), f.tolist(), dt.tolist(), strict=True)
-        out = np.array([self.update(*row) for row in rows]).reshape(-1, 3)
+        out = np.array([self._condition(*row) for row in rows]).reshape(-1, 3)
         return out[:, 0].copy(), out[:, 1].copy(), out[:, 2].copy()
 
 

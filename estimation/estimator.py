@@ -79,11 +79,11 @@ class Estimator(ABC):
             estimator stays as it was.
         """
         x, v, f, dt = float(x), float(v), float(f), float(dt)
-        if not (abs(x) + abs(v) + abs(f) < LARGEST and 0.0 < dt < math.inf):
-            raise ValueError(
-                f"a sample must be finite, below {LARGEST:g}, with dt > 0, "
-                f"got x={x!r}, v={v!r}, f={f!r}, dt={dt!r}"
-            )
+        check_sample(dt, x=x, v=v, f=f)
+        return self.advance(x, v, f, dt)
+
+    def advance(self, x: float, v: float, f: float, dt: float) -> Estimate:
+        """Take in one sample of floats that `check_sample` has passed."""
         self.state = state = type(self).step(self.parameters, self.state, v, x, f, dt)
         return Estimate(state[0], state[1])
 
@@ -108,6 +108,15 @@ class Estimator(ABC):
         if len(states):
             self.state = tuple(states[-1].tolist())
         return Estimates(states[:, 0].copy(), states[:, 1].copy())
+
+
+def check_sample(dt: float, **values: float) -> None:
+    """Raise ValueError unless the values are finite and not absurdly large, and dt is positive."""
+    if not (sum(map(abs, values.values())) < LARGEST and 0.0 < dt < math.inf):
+        got = ", ".join(f"{name}={value!r}" for name, value in values.items())
+        raise ValueError(
+            f"a sample must be finite, below {LARGEST:g}, with dt > 0, got {got}, dt={dt!r}"
+        )
 
 
 def checked_samples(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 
-from estimation.estimator import LARGEST
+from estimation.estimator import check_sample
 
 
 class Excitation:
@@ -59,11 +59,7 @@ class Excitation:
         ValueError
             A value is not finite or absurdly large, or `dt` is not positive.
         """
-        if not (abs(x) + abs(v) < LARGEST and 0.0 < dt < math.inf):
-            raise ValueError(
-                f"a sample must be finite, below {LARGEST:g}, with dt > 0, "
-                f"got x={x!r}, v={v!r}, dt={dt!r}"
-            )
+        check_sample(dt, x=x, v=v)
         y = v / self._omega
         sample = (x * x * dt, x * y * dt, y * y * dt, dt)
         self._samples.append(sample)

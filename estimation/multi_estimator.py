@@ -16,8 +16,6 @@ Indices = NDArray[np.int64]
 
 TIE = 1e-9
 """Weight of the tie-breaking term, as a share of the monitoring signal that the grid spans."""
-
-
 FASTEST = 1e6
 """Largest forgetting rate [1/s]."""
 MOST = 10**8
@@ -121,8 +119,8 @@ class MultiEstimator(Estimator):
     Ties are broken by one rule: to the monitoring signal of a candidate is added `TIE` times
     the signal that the grid spans (int f^2 + (b v)^2 + (k x)^2, b and k the axes' lengths),
     times its squared distance from the candidate nearest to (b, k) = (0, 0), in units of the
-    axes' lengths. So a damping of which the data says
-    nothing reads as zero, and candidates that the data does tell apart are not affected.
+    axes' lengths. So a damping of which the data says nothing reads as zero, and candidates
+    that the data does tell apart are not affected.
 
     Parameters
     ----------
@@ -134,7 +132,7 @@ class MultiEstimator(Estimator):
     Raises
     ------
     ValueError
-        The forgetting rate is negative.
+        The forgetting rate is out of its range.
     """
 
     step = staticmethod(step)

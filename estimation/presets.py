@@ -15,8 +15,6 @@ from estimation.estimator import checked_samples
 from estimation.multi_estimator import Axis, Grid, MultiEstimator
 from estimation.recursive_least_squares import RecursiveLeastSquares
 
-CUBES = ("soft", "medium", "hard")
-
 
 @dataclass(frozen=True)
 class Preset:
@@ -53,7 +51,7 @@ def paper_preset(cube: str = "soft") -> Preset:
     Raises
     ------
     ValueError
-        The cube is not one of `CUBES`.
+        The cube is not soft, medium or hard.
     """
     gains = {"soft": (2000.0, 1.2e5), "medium": (5000.0, 5.0e5), "hard": (50000.0, 1.0e7)}
     if cube not in gains:

@@ -11,6 +11,15 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
+WIDEST = 110
+"""Columns that a table may take; a narrower terminal wraps it and loses nothing."""
+GAP = 20.0
+"""A sample period this many times longer than the median is told as a gap."""
+STALL = 0.05
+"""A gap between ticks [s] after which a trial is told to have stalled."""
+HEADINGS = ("", "k [N/m]", "b [N s/m]", "e_f [N]", "one-step rms [N]", "rise time [s]")
+"""Of the table of estimators."""
+
 
 def print_json(document: Mapping[str, Any]) -> None:
     """Print a JSON document in which numbers that are not finite have become null."""
@@ -23,14 +32,6 @@ def print_json(document: Mapping[str, Any]) -> None:
         return None if isinstance(value, float) and not math.isfinite(value) else value
 
     print(json.dumps(finite(dict(document)), indent=2, allow_nan=False))
-
-
-WIDEST = 110
-"""Columns that a table may take; a narrower terminal wraps it and loses nothing."""
-GAP = 20.0
-"""A sample period this many times longer than the median is told as a gap."""
-STALL = 0.05
-"""A gap between ticks [s] after which a trial is told to have stalled."""
 
 
 def plain_console() -> Console:
@@ -52,22 +53,29 @@ def small(value: float) -> str:
     return number(value, min(max(2 - math.floor(math.log10(abs(value))), 0), 9))
 
 
-def print_estimates(rows: Mapping[str, Mapping[str, Any]], title: str) -> None:
-    """The table of estimators, and what to know of each."""
-    console = plain_console()
-    table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, title_style="bold")
-    table.add_column("", no_wrap=True, min_width=5)
-    for heading in ("k [N/m]", "b [N s/m]", "e_f [N]", "one-step rms [N]", "rise time [s]"):
-        table.add_column(heading, justify="right", no_wrap=True)
-    for name, row in rows.items():
-        table.add_row(
+def estimate_cells(rows: Mapping[str, Mapping[str, Any]]) -> list[list[str]]:
+    """The table of estimators as text, a row each, below `HEADINGS`."""
+    return [
+        [
             name,
             number(row["k"], 0),
             number(row["b"], 1 if abs(row["b"]) < 1000.0 else 0),
             small(row["e_f"]),
             small(row["one_step_rms"]),
             number(row.get("rise_time_s", math.nan), 3),
-        )
+        ]
+        for name, row in rows.items()
+    ]
+
+
+def print_estimates(rows: Mapping[str, Mapping[str, Any]], title: str) -> None:
+    """The table of estimators, and what to know of each."""
+    console = plain_console()
+    table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, title_style="bold")
+    for heading in HEADINGS:
+        table.add_column(heading, justify="right" if heading else "left", no_wrap=True)
+    for cells in estimate_cells(rows):
+        table.add_row(*cells)
     console.print(table)
     for name, row in rows.items():
         if row.get("note"):

@@ -83,9 +83,9 @@ def measure_lag(position: Floats, force: Floats, dt: Floats) -> ForceLag:
             f"the best lag is {best * 1e3:.2f} ms: expected one between 0.01 and "
             f"{LONGEST * 1e3:g} ms, as on a spring without damping with the datum at its rest"
         )
-    step = 0.05 * best
-    curvature = (squared(best + step) - 2.0 * squared(best) + squared(best - step)) / step**2
-    half = 1.96 * (2.0 * squared(best) / (signals.independent * curvature)) ** 0.5
+    least, step = fit.rms**2, 0.05 * best
+    curvature = (squared(best + step) - 2.0 * least + squared(best - step)) / step**2
+    half = 1.96 * (2.0 * least / (signals.independent * curvature)) ** 0.5
     return ForceLag(Interval(best, best - half, best + half), fit.k, fit.rms)
 
 

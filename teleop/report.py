@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from html import escape
 
 from estimation import Estimates, MultiEstimator
 from estimation.redundancy import ambiguity
-from teleop.console import number
+from teleop.console import HEADINGS, estimate_cells
 from teleop.estimate import Evaluation
 from teleop.figure import ambiguity_figure, estimates_figure
 from teleop.web_page import captioned, svg, table, web_page
@@ -30,29 +29,20 @@ def report_page(name: str, evaluation: Evaluation) -> str:
     """
     e = evaluation
     summary = e.summary()
-    rows = [
-        [
-            estimator.upper() if estimator != "batch" else "batch",
-            *(number(row[key], digits) for key, digits in (("k", 0), ("b", 1), ("e_f", 3))),
-            number(row["one_step_rms"], 3),
-            number(row.get("rise_time_s", math.nan), 3),
-        ]
-        for estimator, row in {**summary["estimates"], "batch": summary["batch"]}.items()
-    ]
+    rows = estimate_cells({**summary["estimates"], "batch": summary["batch"]})
     notes = "".join(
-        f"<p>{estimator.upper()}: {escape(row['note'])}.</p>"
+        f"<p>{estimator}: {escape(row['note'])}.</p>"
         for estimator, row in summary["estimates"].items()
         if row["note"]
     )
-    header = ["", "k [N/m]", "b [N s/m]", "e_f [N]", "one-step rms [N]", "rise time [s]"]
     datum = summary["datum"]
     figure = svg(estimates_figure(name, e.t, e.x, e.v, e.estimates))
     body = f"""<h1>{escape(name)}</h1>
 <p>{summary["samples_used"]} of {summary["samples"]} samples, {summary["from_s"]:.3f} to
 {summary["to_s"]:.3f} s, at {summary["rate_hz"]:g} Hz. Datum: {datum["position_m"] * 1e3:.6g} mm,
 {datum["force_n"]:.6g} N ({escape(datum["source"])}). Excitation {summary["excitation"]["mean"]:.2f}
-(0 none, 1 round).</p>
-{table(header, rows)}{notes}
+(0 none, 1 a sine about the datum).</p>
+{table(HEADINGS, rows)}{notes}
 {
         captioned(
             figure,

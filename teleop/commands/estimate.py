@@ -7,15 +7,14 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
+from teleop.commands.recording import BY_NAME, ColumnOptions
+
 
 def estimate(
     file: Path,
     /,
     *,
-    position: str | None = None,
-    force: str | None = None,
-    time: str | None = None,
-    datum: str = "auto",
+    columns: ColumnOptions = BY_NAME,
     preset: Literal["scaled", "paper"] = "scaled",
     cube: Literal["soft", "medium", "hard"] = "soft",
     conditioning: Literal["matched", "svf", "foaw", "difference"] = "matched",
@@ -34,16 +33,8 @@ def estimate(
     ----------
     file
         CSV or TSV with units in its header, such as `Time [s],Position [mm],Force [gf]`.
-    position
-        Column of the position, as NAME or, if the header has no unit, NAME=UNIT.
-    force
-        Column of the force, likewise.
-    time
-        Column of the time, likewise.
-    datum
-        Where position and force are zero: as in the file, at the first sample (start), at
-        the mean of the motion, or given as in 1.5mm,20N. By default as in the file for a
-        column named displacement, indentation or depth, and the mean for any other.
+    columns
+        Which columns to take, and where they are zero.
     preset
         Settings of the estimators: scaled from the data, or the paper's.
     cube
@@ -68,13 +59,13 @@ def estimate(
     from teleop import console
     from teleop.estimate import EstimateSettings, evaluate
     from teleop.files import check_outputs
-    from teleop.table import read_recording, write_table
+    from teleop.table import write_table
 
     check_outputs(out, picture=plot, source=file)
-    recording = read_recording(file, position, force, time)
+    recording = columns.read(file)
     evaluation = evaluate(
         recording,
-        EstimateSettings(datum, preset, cube, conditioning, bandwidth, force_lag, whole),
+        EstimateSettings(columns.datum, preset, cube, conditioning, bandwidth, force_lag, whole),
     )
     summary = {"file": str(file), **evaluation.summary()}
     if json:

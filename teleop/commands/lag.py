@@ -7,15 +7,14 @@ from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 
+from teleop.commands.recording import BY_NAME, ColumnOptions
+
 
 def lag(
     file: Path | None = None,
     /,
     *,
-    position: str | None = None,
-    force: str | None = None,
-    time: str | None = None,
-    datum: str = "auto",
+    columns: ColumnOptions = BY_NAME,
     cube: Literal["soft", "medium", "hard"] = "soft",
     seed: int = 0,
     json: Annotated[bool, Parameter(negative="")] = False,
@@ -32,14 +31,8 @@ def lag(
     ----------
     file
         Recording on the spring: CSV or TSV with units in its header.
-    position
-        Column of the position, as NAME or, if the header has no unit, NAME=UNIT.
-    force
-        Column of the force, likewise.
-    time
-        Column of the time, likewise.
-    datum
-        Where position and force are zero, as in `teleop estimate`.
+    columns
+        Which columns to take, and where they are zero.
     cube
         Without a file: the simulated force channel of the trials with this cube.
     seed
@@ -50,15 +43,14 @@ def lag(
     from teleop import console
     from teleop.estimate import find_datum
     from teleop.force_lag import measure_lag, measure_simulated_lag
-    from teleop.table import read_recording
 
     summary: dict[str, Any]
     if file is None:
         measured, true = measure_simulated_lag(cube, seed)
         summary = {**measured.summary(), "true_lag_s": true}
     else:
-        recording = read_recording(file, position, force, time)
-        zero = find_datum(recording, datum)
+        recording = columns.read(file)
+        zero = find_datum(recording, columns.datum)
         measured = measure_lag(recording.x - zero.x, recording.f - zero.f, recording.dt)
         summary = {"file": str(file), **measured.summary()}
     if json:

@@ -5,16 +5,15 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Literal
 
+from teleop.commands.recording import BY_NAME, ColumnOptions
+
 
 def report(
     file: Path,
     /,
     *,
     out: Path | None = None,
-    position: str | None = None,
-    force: str | None = None,
-    time: str | None = None,
-    datum: str = "auto",
+    columns: ColumnOptions = BY_NAME,
     preset: Literal["scaled", "paper"] = "scaled",
     cube: Literal["soft", "medium", "hard"] = "soft",
     force_lag: float = 0.0,
@@ -31,14 +30,8 @@ def report(
         CSV or TSV with units in its header, such as `teleop run --out` writes.
     out
         The page; by default beside the recording, with the ending .html.
-    position
-        Column of the position, as NAME or, if the header has no unit, NAME=UNIT.
-    force
-        Column of the force, likewise.
-    time
-        Column of the time, likewise.
-    datum
-        Where position and force are zero, as in `teleop estimate`.
+    columns
+        Which columns to take, and where they are zero.
     preset
         Settings of the estimators: scaled from the data, or the paper's.
     cube
@@ -49,12 +42,13 @@ def report(
     from teleop.estimate import EstimateSettings, evaluate
     from teleop.files import check_outputs, write_text
     from teleop.report import report_page
-    from teleop.table import read_recording
 
     page = out or file.with_suffix(".html")
     check_outputs(page, source=file)
-    recording = read_recording(file, position, force, time)
-    evaluation = evaluate(recording, EstimateSettings(datum, preset, cube, force_lag=force_lag))
+    recording = columns.read(file)
+    evaluation = evaluate(
+        recording, EstimateSettings(columns.datum, preset, cube, force_lag=force_lag)
+    )
     write_text(page, report_page(file.name, evaluation))
     print(page)
     return 0

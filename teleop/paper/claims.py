@@ -6,7 +6,9 @@ import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from teleop.paper.table1 import CONDITIONS, CUBES, ESTIMATORS
+from sim_backend import CUBES
+from teleop.conditions import CONDITIONS
+from teleop.paper.table1 import ESTIMATORS
 from teleop.paper.trials import Damping, Outcome, as_rows
 
 RISE = 0.6

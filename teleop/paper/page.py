@@ -6,9 +6,11 @@ from collections.abc import Mapping, Sequence
 from html import escape
 from string import Template
 
+from sim_backend import CUBES
+from teleop.conditions import CONDITIONS
 from teleop.paper.claims import Claim
 from teleop.paper.study import RESPONSES, Effect, finding
-from teleop.paper.table1 import CONDITIONS, CUBES, ESTIMATORS, is_calibrated, table1
+from teleop.paper.table1 import ESTIMATORS, is_calibrated, table1
 from teleop.paper.trials import Outcome, SlowTrial
 from teleop.web_page import captioned, table, web_page
 

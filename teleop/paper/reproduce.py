@@ -9,12 +9,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from sim_backend import CUBES
+from teleop.conditions import CONDITIONS
 from teleop.errors import InputError
 from teleop.figure import estimates_figure, save, stiffness_figure
+from teleop.files import unwritable
 from teleop.paper.claims import Claim, check_claims
 from teleop.paper.page import reproduction_page
 from teleop.paper.study import RESPONSES, Effect, responses, split_plot
-from teleop.paper.table1 import CONDITIONS, CUBES, table1
+from teleop.paper.table1 import table1
 from teleop.paper.trials import Outcome, SlowTrial, as_rows, lag_and_damping, palpate
 from teleop.web_page import svg
 
@@ -125,7 +128,7 @@ def write(reproduction: Reproduction, folder: Path) -> Path:
             encoding="utf-8",
         )
     except OSError as error:
-        raise InputError(f"{folder}: {(error.strerror or 'cannot be written').lower()}") from error
+        raise unwritable(folder, error) from error
     return page
 
 

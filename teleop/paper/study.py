@@ -15,7 +15,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from teleop.paper.table1 import CONDITIONS, CUBES, ESTIMATORS
+from sim_backend import CUBES
+from teleop.conditions import CONDITIONS
+from teleop.paper.table1 import ESTIMATORS
 from teleop.paper.trials import Outcome
 
 RESPONSES = {"e_f": "Average force error [N]", "rise_time_s": "Rise time [s]"}

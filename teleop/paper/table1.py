@@ -7,8 +7,6 @@ from functools import cache
 from importlib.resources import files
 from typing import NamedTuple
 
-CONDITIONS = ("free", "mimic", "autonomous")
-CUBES = ("soft", "medium", "hard")
 ESTIMATORS = ("rls", "ai", "me")
 
 

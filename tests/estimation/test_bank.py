@@ -90,3 +90,13 @@ def test_data_that_shows_nothing_is_refused(palpation, zero):
     s[zero] = 0.0 * s[zero]
     with pytest.raises(ValueError, match="zero throughout"):
         scaled_preset(*s)
+
+
+def test_a_bad_sample_leaves_every_estimator_as_it_was():
+    bank = paper_preset("soft").bank()
+    bank.update(1e-3, 0.01, 2.0, 1e-3)
+    before = {name: e.state for name, e in bank.items()}
+    for bad in ((np.nan, 0.0, 0.0, 1e-3), (0.0, 0.0, 0.0, 0.0), (0.0, 1e31, 0.0, 1e-3)):
+        with pytest.raises(ValueError, match="must be finite"):
+            bank.update(*bad)
+    assert {name: e.state for name, e in bank.items()} == before
