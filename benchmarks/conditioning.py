@@ -46,7 +46,7 @@ def signals(condition: str, cube: str) -> tuple[Cube, np.ndarray, np.ndarray, np
     linear = replace(CUBES[cube], k3=0.0)
     plant = Plant(linear, PlantParameters(contact_force_lag=1e-6))
     rows = []
-    for velocity in trial.columns["Applied slave velocity"]:
+    for velocity in trial.columns["applied_slave_velocity"]:
         rows.append((plant.slave.x, plant.slave.v, plant.slave.force))
         plant.advance(1e-3, Command(0.0, velocity))
     x, v, f = np.array(rows).T

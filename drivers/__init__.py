@@ -1,5 +1,5 @@
 """Drivers: what a rig is to the controller, and the devices behind it."""
 
-from drivers.rig import STANDSTILL, Ages, Command, Measurement, Rig
+from drivers.rig import CHANNELS, STANDSTILL, Ages, Command, Measurement, Rig, RigError
 
-__all__ = ["STANDSTILL", "Ages", "Command", "Measurement", "Rig"]
+__all__ = ["CHANNELS", "STANDSTILL", "Ages", "Command", "Measurement", "Rig", "RigError"]

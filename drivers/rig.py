@@ -7,6 +7,10 @@ from types import TracebackType
 from typing import NamedTuple, Self
 
 
+class RigError(Exception):
+    """A device failed or fell silent; the message names which, and what was expected."""
+
+
 class Ages(NamedTuple):
     """Time [s] since each channel's sample was taken."""
 
@@ -37,6 +41,14 @@ class Measurement(NamedTuple):
     slave_velocity: float
     """Velocity of the slave [m/s], where the drive reports it."""
     age: Ages
+    drive_error: str = ""
+    """The error that a drive reports of itself; empty for none."""
+    emergency_stop: bool = False
+    """Whether the emergency-stop input that is wired to the rig is open."""
+
+
+CHANNELS = Ages._fields
+"""Names of the measured channels."""
 
 
 class Command(NamedTuple):
@@ -52,9 +64,9 @@ STANDSTILL = Command(0.0, 0.0)
 class Rig(ABC):
     """A telemanipulator, real or simulated.
 
-    Used as a context manager: it is opened on entry, and stopped and closed on every exit from
-    the block, whatever the reason. A process that is killed does not get there: for that the
-    drives have watchdogs of their own.
+    Used as a context manager: it is opened on entry, and its drives are idled and it is closed
+    on every exit from the block, whatever the reason. A process that is killed does not get
+    there: for that the drives have watchdogs of their own, armed by `enable`.
     """
 
     @abstractmethod
@@ -63,7 +75,23 @@ class Rig(ABC):
 
     @abstractmethod
     def read(self) -> Measurement:
-        """The latest sample of every channel, without waiting for a new one."""
+        """The latest sample of every channel, without waiting for a new one.
+
+        Raises
+        ------
+        RigError
+            A device cannot be read.
+        """
+
+    @abstractmethod
+    def enable(self) -> None:
+        """Let the drives take commands, at standstill, and arm their watchdogs.
+
+        Raises
+        ------
+        RigError
+            A drive refuses.
+        """
 
     @abstractmethod
     def write(self, command: Command) -> Command:
@@ -73,11 +101,13 @@ class Rig(ABC):
         ------
         ValueError
             A velocity is not finite; nothing was commanded.
+        RigError
+            A drive cannot be commanded.
         """
 
     @abstractmethod
-    def stop(self) -> None:
-        """Bring both drives to standstill."""
+    def idle(self) -> None:
+        """Take the drives out of operation at once, whatever they were doing; may be repeated."""
 
     @abstractmethod
     def close(self) -> None:
@@ -98,6 +128,6 @@ class Rig(ABC):
         traceback: TracebackType | None,
     ) -> None:
         try:
-            self.stop()
+            self.idle()
         finally:
             self.close()

@@ -36,7 +36,8 @@ class SimulatedRig(Rig):
     max_velocity
         The most that the drives can do [m/s].
     watchdog
-        Time [s] after which drives that are not commanded stop by themselves.
+        Time [s] after which enabled drives that are not commanded stop, report the error
+        `watchdog`, and have to be enabled again.
     seed
         Seed of the sensor noise.
 
@@ -54,7 +55,7 @@ class SimulatedRig(Rig):
         parameters: PlantParameters | None = None,
         sensors: Sensors | None = None,
         max_velocity: float = 0.5,
-        watchdog: float = 0.05,
+        watchdog: float = 0.1,
         seed: int = 0,
     ) -> None:
         for name, value in (("max_velocity", max_velocity), ("watchdog", watchdog)):
@@ -69,36 +70,51 @@ class SimulatedRig(Rig):
         self._commanded = 0.0
         self._noise = random.Random(f"sensors {seed}")
         self._applied = STANDSTILL
-        self._start = self._time = 0.0
+        self._enabled = False
+        self._error = ""
+        self._start = math.inf
+        self._time = 0.0
 
     def open(self) -> None:
         """Start the plant's time; nothing moves yet."""
-        self._start = self._time = self._commanded = self._now()
+        self._time = self._now()
 
     def read(self) -> Measurement:
         """Let the plant catch up with the clock, and read every sensor."""
         now = self._now()
         if now > self._time:
-            intended = self._operator.intention(now - self._start) if self._operator else AT_REST
-            trusted = min(now, max(self._time, self._commanded + self._watchdog))
-            if trusted > self._time:
-                self.plant.advance(trusted - self._time, self._applied, intended)
-            if now > trusted:
-                self.plant.advance(now - trusted, STANDSTILL, intended)
+            held = self._operator is not None and now >= self._start
+            intended = self._operator.intention(now - self._start) if held else AT_REST
+            silent = self._commanded + self._watchdog
+            if self._enabled and now > silent:
+                if silent > self._time:
+                    self.plant.advance(silent - self._time, self._applied, intended)
+                    self._time = silent
+                self.idle()
+                self._error = "watchdog"
+            self.plant.advance(now - self._time, self._applied, intended)
             self._time = now
         plant, sensors, noise = self.plant, self._sensors, self._noise
         return Measurement(
             time=now,
-            master_force=sensors.force(plant.master_force.y, noise),
+            master_force=sensors.force(plant.master_force.y, noise) + sensors.master_zero,
             master_position=sensors.position(plant.handle.x),
-            slave_position=sensors.position(plant.slave.x),
-            contact_force=sensors.force(plant.contact_force.y, noise),
+            slave_position=sensors.position(plant.slave.x + sensors.contact_position),
+            contact_force=sensors.force(plant.contact_force.y, noise) + sensors.contact_zero,
             slave_velocity=plant.slave.v,
             age=FRESH,
+            drive_error=self._error,
         )
+
+    def enable(self) -> None:
+        """Let the drives take commands; the operator's time starts, too."""
+        self._enabled, self._error = True, ""
+        self._start = self._commanded = self._time
 
     def write(self, command: Command) -> Command:
         """Command the drives; velocities beyond their greatest are clipped.
+
+        Drives that are not enabled stand still.
 
         Raises
         ------
@@ -107,13 +123,15 @@ class SimulatedRig(Rig):
         """
         if not all(map(math.isfinite, command)):
             raise ValueError(f"a velocity command must be finite, got {command}")
-        most = self._max_velocity
-        self._applied = Command(*(min(max(v, -most), most) for v in command))
-        self._commanded = self._time
+        if self._enabled:
+            most = self._max_velocity
+            self._applied = Command(*(min(max(v, -most), most) for v in command))
+            self._commanded = self._time
         return self._applied
 
-    def stop(self) -> None:
-        """Command standstill."""
+    def idle(self) -> None:
+        """Hold both drives by their brakes."""
+        self._enabled = False
         self._applied = STANDSTILL
 
     def close(self) -> None:

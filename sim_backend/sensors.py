@@ -21,6 +21,12 @@ class Sensors:
     """Position of one encoder count [m]."""
     force_noise: float = 0.02
     """Standard deviation of a force sample [N]."""
+    master_zero: float = 0.0
+    """What the handle's force sensor reads at no force [N]."""
+    contact_zero: float = 0.0
+    """What the contact force sensor reads at no force [N]."""
+    contact_position: float = 0.0
+    """What the slave's encoder reads where contact begins [m]."""
 
     def __post_init__(self) -> None:
         if not 0.0 < self.encoder_resolution < math.inf:

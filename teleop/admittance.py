@@ -76,6 +76,11 @@ class Admittance:
         self.velocity = (even - odd * s) * velocity - odd * c / m * offset
         return self.velocity
 
+    def follow(self, velocity: float, dt: float) -> None:
+        """Take note that the handle was moved at this velocity [m/s] over dt [s] instead."""
+        self.position += (velocity - self.velocity) * dt
+        self.velocity = velocity
+
 
 class Coupling:
     """Slave velocity from the master's motion, scaled.

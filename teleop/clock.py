@@ -20,6 +20,8 @@ class Tick(NamedTuple):
     """Whether the tick before was still at work at this deadline."""
     skipped: int
     """Whole periods that it therefore left out."""
+    busy: float = 0.0
+    """How long the tick before was at work, from its start to the wait after it [s]."""
 
 
 class Clock(ABC):
@@ -47,6 +49,10 @@ class Clock(ABC):
         """Time [s] since the clock was made."""
 
     @abstractmethod
+    def stopwatch(self) -> float:
+        """Time [s] by which the parts of a tick are timed."""
+
+    @abstractmethod
     def wait(self) -> Tick:
         """Return at the next deadline; the first call sets the first deadline to now."""
 
@@ -61,6 +67,8 @@ class VirtualClock(Clock):
     def now(self) -> float:
         """Time [s] since the clock was made."""
         return max(self._tick, 0) / self.rate
+
+    stopwatch = now
 
     def wait(self) -> Tick:
         """Move on to the next deadline."""
@@ -78,12 +86,16 @@ class RealClock(Clock):
     def __init__(self, rate: float) -> None:
         super().__init__(rate)
         self._origin = time.monotonic_ns()
-        self._first = 0
+        self._first = self._woken = 0
         self._tick = -1
 
     def now(self) -> float:
         """Time [s] since the clock was made."""
         return (time.monotonic_ns() - self._origin) * 1e-9
+
+    def stopwatch(self) -> float:
+        """The finest clock that there is [s]."""
+        return time.perf_counter()
 
     def _deadline(self, tick: int) -> int:
         return self._first + round(tick * 1e9 / self.rate)
@@ -92,13 +104,15 @@ class RealClock(Clock):
         """Sleep until the next deadline, the last `SPIN` of it awake."""
         now = time.monotonic_ns()
         if self._tick < 0:
-            self._first = now
+            self._first = self._woken = now
         due = self._deadline(self._tick + 1)
         skipped = max(0, int((now - due) * 1e-9 * self.rate))
         self._tick += 1 + skipped
         deadline = self._deadline(self._tick)
         if deadline - now > SPIN:
             time.sleep((deadline - now - SPIN) * 1e-9)
+        busy = now - self._woken
         while (woken := time.monotonic_ns()) < deadline:
             pass
-        return Tick((woken - deadline) * 1e-9, now > due, skipped)
+        self._woken = woken
+        return Tick((woken - deadline) * 1e-9, now > due, skipped, busy * 1e-9)

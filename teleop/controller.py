@@ -3,59 +3,76 @@
 from __future__ import annotations
 
 import math
+import time
+from collections.abc import Callable
 from typing import NamedTuple
 
-from drivers import Command, Measurement, Rig
+from drivers import STANDSTILL, Command, Measurement, Rig
 from estimation import Bank, Conditioner, Estimate, Excitation
 from teleop.admittance import Admittance, Coupling
+from teleop.clock import Tick
 from teleop.conditions import Condition
-from teleop.errors import SafetyStop
+from teleop.safety import Event, Fault, Limits, Mode, Request, Supervision, Verdict, supervise
+from teleop.safety import rearm as rearmed
+from teleop.safety.channels import Trip
+from teleop.safety.supervisor import NO_REQUEST
+from teleop.tare import NO_TARE, Tare
+
+
+class Timing(NamedTuple):
+    """Where the time of a tick went."""
+
+    read: float
+    """Reading the rig [s]."""
+    compute: float
+    """Condition, admittance, supervisor and estimators [s]."""
+    write: float
+    """Commanding the drives [s]."""
 
 
 class Record(NamedTuple):
     """Everything about one tick."""
 
     t: float
-    """Time since the first tick [s]."""
+    """Time since the first tick that may be armed [s]; negative before it."""
     dt: float
     """Time since the tick before [s]."""
     measurement: Measurement
     drive_force: float
     """Force on the admittance [N]."""
     desired: Command
+    """What the control condition wanted."""
+    commanded: Command
+    """What the supervisor made of it."""
     applied: Command
+    """What the drives made of that."""
     x: float
-    """Displacement that the estimators were given [m]."""
+    """Displacement that the estimators were given [m]; NaN where they were given none."""
     v: float
     """Velocity that the estimators were given [m/s]."""
     f: float
     """Force that the estimators were given [N]."""
     estimates: dict[str, Estimate]
+    """NaN where the estimators were given nothing."""
     excitation: float
-
-
-NEEDED = ("master_force", "slave_position", "contact_force")
-"""Channels without which there is no loop."""
-
-
-def check(measurement: Measurement) -> None:
-    """Raise SafetyStop unless every needed channel is a finite number."""
-    for channel in NEEDED:
-        value = getattr(measurement, channel)
-        if not math.isfinite(value):
-            raise SafetyStop(
-                f"{channel.replace('_', ' ')} is {value} at {measurement.time:.3f} s, expected a "
-                "number: the rig was stopped"
-            )
+    mode: Mode
+    limited: int
+    """Flags of the soft limits that held the command back."""
+    tick: Tick
+    timing: Timing
+    events: tuple[Event, ...]
 
 
 class Controller:
-    """Maps force to velocity and feeds the estimators, tick by tick.
+    """Maps force to velocity within the limits and feeds the estimators, tick by tick.
+
+    Nothing that goes wrong in a tick leaves it: a failure trips the supervisor, which stops the
+    drives, and is kept in `error` for whoever runs the loop.
 
     Parameters
     ----------
     rig
-        The telemanipulator.
+        The telemanipulator, opened.
     condition
         Whose force drives the master.
     admittance, coupling
@@ -68,6 +85,12 @@ class Controller:
         The excitation measure.
     period
         Nominal time between ticks [s]; the first tick's dt.
+    limits
+        What the supervisor holds channels and commands against.
+    tare
+        Where force and position are zero.
+    stopwatch
+        Tells the time by which the parts of a tick are timed [s].
     """
 
     def __init__(
@@ -80,6 +103,9 @@ class Controller:
         bank: Bank,
         excitation: Excitation,
         period: float,
+        limits: Limits,
+        tare: Tare = NO_TARE,
+        stopwatch: Callable[[], float] = time.perf_counter,
     ) -> None:
         self._rig = rig
         self._condition = condition
@@ -89,36 +115,131 @@ class Controller:
         self._bank = bank
         self._excitation = excitation
         self._period = period
-        self._start: float | None = None
-        self._last = 0.0
+        self._limits = limits
+        self._tare = tare
+        self._stopwatch = stopwatch
+        self._supervision = Supervision()
+        self._measurement: Measurement | None = None
+        self._start = math.nan
+        self._enabled = False
+        self._trip: Trip | None = None
+        self._no_estimates = dict.fromkeys(bank, Estimate(math.nan, math.nan))
+        self.error: Exception | None = None
+        """The first exception that a tick raised."""
 
-    def tick(self) -> Record:
-        """Read, map, write, estimate.
+    @property
+    def mode(self) -> Mode:
+        """The supervisor's mode."""
+        return self._supervision.mode
 
-        Raises
-        ------
-        SafetyStop
-            A channel that the loop needs is not a number; nothing was commanded.
-        """
-        measurement = self._rig.read()
-        check(measurement)
-        if self._start is None:
-            self._start = measurement.time
-            self._last = measurement.time - self._period
+    def rearm(self) -> None:
+        """Let a person leave the fault; ValueError if there is none."""
+        self._supervision = rearmed(self._supervision)
+        self._trip = self.error = None
+        self._admittance.velocity = 0.0
+
+    def tick(self, tick: Tick, request: Request = NO_REQUEST) -> Record:
+        """Read, map, limit, write, estimate."""
+        started = self._stopwatch()
+        measurement, dt = self._read()
+        read = self._stopwatch()
         t = measurement.time - self._start
-        dt = measurement.time - self._last
-        self._last = measurement.time
 
-        drive_force = self._condition.drive_force(t, measurement)
-        self._admittance.step(drive_force, dt)
-        desired = self._coupling.command(self._admittance, measurement.slave_position)
-        applied = self._rig.write(desired)
+        drive_force, desired = 0.0, STANDSTILL
+        if self._supervision.mode is Mode.ACTIVE:
+            try:
+                drive_force = self._condition.drive_force(t, measurement)
+                self._admittance.step(drive_force, dt)
+                desired = self._coupling.command(self._admittance, measurement.slave_position)
+            except Exception as error:
+                self._fail(Fault.CONTROL_FAILURE, error, measurement.time)
+        if self._trip:
+            request = request._replace(trip=request.trip or self._trip)
+        verdict = supervise(self._supervision, measurement, desired, request, self._limits)
+        self._supervision = verdict.state
+        mode = verdict.state.mode
 
-        x, v, f = self._conditioner.update(
-            measurement.slave_position, measurement.contact_force, dt
+        mapped = self._stopwatch()
+        applied = self._apply(verdict, measurement.time)
+        written = self._stopwatch()
+        if verdict.limited:
+            self._admittance.follow(applied.master_velocity, dt)
+
+        x = v = f = excitation = math.nan
+        estimates = self._no_estimates
+        if mode is Mode.ACTIVE or mode is Mode.STOPPING:
+            try:
+                x, v, f = self._conditioner.update(
+                    measurement.slave_position, measurement.contact_force, dt
+                )
+                estimates = self._bank.update(x, v, f, dt)
+                excitation = self._excitation.update(x, v, dt)
+            except Exception as error:
+                self._fail(Fault.ESTIMATION_FAILURE, error, measurement.time)
+        events = tuple(
+            event._replace(time=event.time - self._start, since=event.since - self._start)
+            for event in verdict.events
         )
-        estimates = self._bank.update(x, v, f, dt)
-        excitation = self._excitation.update(x, v, dt)
+        compute = mapped - read + self._stopwatch() - written
         return Record(
-            t, dt, measurement, drive_force, desired, applied, x, v, f, estimates, excitation
+            t,
+            dt,
+            measurement,
+            drive_force,
+            desired,
+            verdict.command,
+            applied,
+            x,
+            v,
+            f,
+            estimates,
+            excitation,
+            mode,
+            verdict.limited,
+            tick,
+            Timing(read - started, compute, written - mapped),
+            events,
         )
+
+    def _read(self) -> tuple[Measurement, float]:
+        """The measurement, tared, and the time since the one before."""
+        last = self._measurement
+        try:
+            measurement = self._tare.apply(self._rig.read())
+        except Exception as error:
+            if last is None:
+                raise
+            measurement = last._replace(time=last.time + self._period)
+            self._fail(Fault.RIG_FAILURE, error, measurement.time)
+        self._measurement = measurement
+        if last is None:
+            self._start = measurement.time + self._limits.preflight + self._period
+            return measurement, self._period
+        return measurement, measurement.time - last.time
+
+    def _apply(self, verdict: Verdict, now: float) -> Command:
+        """Command the drives, or take them out of operation."""
+        try:
+            if verdict.enabled and not self._enabled:
+                self._rig.enable()
+            applied = self._rig.write(verdict.command)
+            if self._enabled and not verdict.enabled:
+                self._rig.idle()
+            self._enabled = verdict.enabled
+        except Exception as error:
+            self._fail(Fault.RIG_FAILURE, error, now)
+            self._enabled = False
+            applied = STANDSTILL
+            try:
+                self._rig.idle()
+            except Exception as second:
+                error.add_note(f"and the drives could not be idled: {second}")
+        return applied
+
+    def _fail(self, fault: Fault, error: Exception, now: float) -> None:
+        """Trip the supervisor at its next turn."""
+        if self.error is None:
+            self.error = error
+        text = " ".join(str(error).split())
+        source = f"{type(error).__name__}: {text}" if text else type(error).__name__
+        self._trip = self._trip or Trip(fault, source, math.nan, math.nan, now)

@@ -1,4 +1,4 @@
-"""The estimators over a recording."""
+"""The estimators over a recording, or over any file with a position and a force."""
 
 from __future__ import annotations
 
@@ -22,11 +22,12 @@ from estimation import (
 from estimation.compiled import Floats
 from teleop.choices import ConditioningName, make_conditioner
 from teleop.errors import InputError
-from teleop.log import estimate_units
+from teleop.recorder.schema import estimate_columns
+from teleop.recording import Recording
 from teleop.summary import summarise
-from teleop.table import LARGEST, UNITS, Recording
+from teleop.table import LARGEST, UNITS, Signals
 
-FROM_DATUM = ("displacement", "indentation", "depth")
+FROM_DATUM = ("displacement", "slave_position", "indentation", "depth")
 """Names of a position that is already measured from the contact datum."""
 FEWEST = 10
 """Fewest moving samples that are evaluated."""
@@ -51,8 +52,8 @@ class EstimateSettings:
 
     datum: str = "auto"
     """`auto`, `file`, `start`, `mean`, or a position and a force such as `1.5mm,20N`."""
-    preset: Literal["scaled", "paper"] = "scaled"
-    """Settings of the estimators: scaled from the data, or the paper's."""
+    preset: Literal["scaled", "paper"] | Preset = "scaled"
+    """Settings of the estimators: scaled from the data, the paper's, or given."""
     cube: str = "soft"
     """The cube whose adaptation gain the paper's preset takes."""
     conditioning: ConditioningName = "matched"
@@ -62,6 +63,8 @@ class EstimateSettings:
     """Lag of the force channel that matched conditioning makes up for [s]."""
     whole: bool = False
     """Whether to take in rest before and after the motion."""
+    resolution: float | None = None
+    """Position of one encoder count [m]; None for the smallest step in the data."""
 
 
 @dataclass(frozen=True)
@@ -128,35 +131,38 @@ class Evaluation:
         units = {"Time": "s", "Displacement": "m", "Velocity": "m/s", "Force": "N"}
         columns["Excitation"], units["Excitation"] = self.excitation, "-"
         series = (values for estimates in self.estimates.values() for values in estimates)
-        named = estimate_units(self.estimates)
-        return columns | dict(zip(named, series, strict=True)), units | named
+        for column, values in zip(estimate_columns(self.estimates), series, strict=True):
+            columns[column.name], units[column.name] = values, column.unit
+        return columns, units
 
 
-def evaluate(recording: Recording, settings: EstimateSettings) -> Evaluation:
+def evaluate(signals: Signals, settings: EstimateSettings) -> Evaluation:
     """Take the datum off, condition the signals, and run the estimators over the motion.
 
     Raises
     ------
     InputError
-        A setting is out of its range, or nothing moves in the recording.
+        A setting is out of its range, or nothing moves.
     """
-    if np.ptp(recording.f) == 0.0:
+    if np.ptp(signals.f) == 0.0:
         raise InputError("nothing to estimate from: the force is the same in every sample")
-    datum = find_datum(recording, settings.datum)
-    dt = recording.dt
-    motion = slice(None) if settings.whole else moving_part(recording.x)
+    datum = find_datum(signals, settings.datum)
+    dt = signals.dt
+    motion = slice(None) if settings.whole else moving_part(signals.x)
     if len(dt[motion]) < FEWEST:
         raise InputError(f"only {len(dt[motion])} samples move: expected at least {FEWEST}")
-    frequency = dominant_frequency(recording.t[motion], recording.x[motion])
+    frequency = dominant_frequency(signals.t[motion], signals.x[motion])
     bandwidth = settings.bandwidth
     if bandwidth is None:
         bandwidth = 10.0 * frequency if settings.preset == "scaled" else PAPER_BANDWIDTH
-    count = smallest_step(recording.x)
+    count = settings.resolution or smallest_step(signals.x)
     conditioner = make_conditioner(settings.conditioning, bandwidth, count, settings.force_lag)
-    x, v, f = conditioner.run(recording.x - datum.x, recording.f - datum.f, dt)
-    t, x, v, f, dt = (signal[motion] for signal in (recording.t, x, v, f, dt))
+    x, v, f = conditioner.run(signals.x - datum.x, signals.f - datum.f, dt)
+    t, x, v, f, dt = (signal[motion] for signal in (signals.t, x, v, f, dt))
     try:
-        if settings.preset == "paper":
+        if isinstance(settings.preset, Preset):
+            preset = settings.preset
+        elif settings.preset == "paper":
             preset = paper_preset(settings.cube)
         else:
             preset = scaled_preset(x, v, f, dt)
@@ -181,12 +187,55 @@ def evaluate(recording: Recording, settings: EstimateSettings) -> Evaluation:
         bandwidth=bandwidth,
         rate=1.0 / period,
         jitter=float(np.max(np.abs(dt - period))) / period,
-        samples=len(recording.t),
+        samples=len(signals.t),
         excitation=np.array(excitation),
     )
 
 
-def find_datum(recording: Recording, wanted: str) -> Datum:
+def recorded_signals(recording: Recording) -> Signals:
+    """What the estimators were given in a recorded trial, before conditioning."""
+    r = recording.estimated()
+    return Signals(r["time"], r["slave_position"], r["contact_force"], r["dt"], "slave_position")
+
+
+def recorded_settings(recording: Recording) -> EstimateSettings:
+    """The settings with which a recorded trial estimated; they give its estimates to the bit.
+
+    Raises
+    ------
+    InputError
+        The recording does not tell them.
+    """
+    from pydantic import TypeAdapter, ValidationError
+
+    settings = recording.settings
+    try:
+        return EstimateSettings(
+            datum="file",
+            preset=TypeAdapter(Preset).validate_python(settings["preset"]),
+            conditioning=settings["conditioning"],
+            bandwidth=settings["bandwidth_hz"],
+            force_lag=settings["force_lag_s"],
+            whole=True,
+            resolution=settings["sensors"]["encoder_resolution"],
+        )
+    except (KeyError, TypeError, ValidationError) as error:
+        raise InputError(
+            f"the recording does not tell the settings of its estimators: {error}"
+        ) from error
+
+
+def agrees(evaluation: Evaluation, recording: Recording) -> bool:
+    """Whether the estimates are those that the trial computed online, to the bit."""
+    online = recording.estimated().estimates()
+    return list(online) == list(evaluation.estimates) and all(
+        np.array_equal(ours, theirs)
+        for name, estimates in evaluation.estimates.items()
+        for ours, theirs in zip(estimates, online[name], strict=True)
+    )
+
+
+def find_datum(signals: Signals, wanted: str) -> Datum:
     """Where displacement and force are zero.
 
     `auto` is the file's own zero for a column named a displacement, an indentation or a
@@ -194,17 +243,17 @@ def find_datum(recording: Recording, wanted: str) -> Datum:
     linear.
     """
     if wanted == "auto":
-        named = recording.position_name.lower() in FROM_DATUM
+        named = signals.position_name.lower() in FROM_DATUM
         wanted = "file" if named else "mean"
     if wanted == "file":
         return Datum(0.0, 0.0, "the file's own zero")
     if wanted == "start":
-        return Datum(float(recording.x[0]), float(recording.f[0]), "the first sample")
+        return Datum(float(signals.x[0]), float(signals.f[0]), "the first sample")
     if wanted == "mean":
-        motion = moving_part(recording.x)
+        motion = moving_part(signals.x)
         return Datum(
-            float(recording.x[motion].mean()),
-            float(recording.f[motion].mean()),
+            float(signals.x[motion].mean()),
+            float(signals.f[motion].mean()),
             "mean of the motion",
         )
     parts = [part.strip() for part in wanted.split(",")]

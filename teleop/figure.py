@@ -14,6 +14,7 @@ from estimation import Estimates
 from estimation.compiled import Floats
 from estimation.redundancy import Ambiguity
 from teleop.files import unwritable
+from teleop.recording import Recording
 
 STYLES = {
     "rls": {"color": "#0072B2", "linewidth": 2.4, "alpha": 0.55},
@@ -60,6 +61,47 @@ def estimates_figure(
         frameon=False,
     )
     lower.set_xlim(t[0], t[-1])
+    return figure
+
+
+def fault_figure(recording: Recording, fault: Mapping[str, Any]) -> Figure:
+    """The channels about a fault, and the command that followed it.
+
+    Parameters
+    ----------
+    recording
+        Ticks about the fault.
+    fault
+        The event.
+    """
+    t = recording["time"]
+    part = (t > fault["time"] - 0.5) & (t < fault["time"] + 0.5)
+    ms = (t[part] - fault["time"]) * 1e3
+    figure = Figure(figsize=(8.0, 8.0), layout="constrained")
+    rows = figure.subplots(4, 1, sharex=True)
+    panels = (
+        ("force [N]", 1.0, ("contact_force", "master_force")),
+        ("position [mm]", 1e3, ("slave_position", "master_position")),
+        (
+            "velocity [mm/s]",
+            1e3,
+            ("slave_velocity", "desired_slave_velocity", "applied_slave_velocity"),
+        ),
+        ("lateness [ms]", 1e3, ("lateness",)),
+    )
+    colours = ("#0072B2", "#D55E00", "#000000")
+    for axes, (label, scale, names) in zip(rows, panels, strict=True):
+        for name, colour in zip(names, colours, strict=False):
+            label_of = name.replace("_", " ")
+            width = 2.2 if fault["source"] == name else 1.1
+            axes.plot(ms, recording[name][part] * scale, color=colour, lw=width, label=label_of)
+        axes.axvline(0.0, color="#CC0000", linewidth=1.0)
+        axes.set_ylabel(label)
+        axes.grid(alpha=0.25, linewidth=0.6)
+        axes.spines[["top", "right"]].set_visible(False)
+        axes.legend(loc="upper left", fontsize=8, frameon=False)
+    rows[0].set_title(plain(fault["text"]), loc="left", fontsize=11, color="#CC0000")
+    rows[-1].set_xlabel(f"time since the fault at {fault['time']:.3f} s [ms]")
     return figure
 
 

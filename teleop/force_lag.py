@@ -111,5 +111,5 @@ def measure_simulated_lag(cube: str, seed: int = 0) -> tuple[ForceLag, float]:
             custom_setup=spring,
         )
     ).columns
-    measured = measure_lag(columns["Displacement"], columns["Force"], columns["Sample period"])
+    measured = measure_lag(columns["slave_position"], columns["contact_force"], columns["dt"])
     return measured, setup.force_lag

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from typing import Literal
+from dataclasses import asdict, dataclass, field
+from typing import Any, Literal
+
+from drivers import Rig
 
 from estimation import Bank, Conditioner, Excitation, Preset, paper_preset
 from sim_backend import (
@@ -24,11 +26,14 @@ from teleop.conditions import CONDITIONS, Autonomous, Condition, Teleoperation
 from teleop.controller import Controller
 from teleop.errors import InputError
 from teleop.injector import Injector, Signal, Sine
+from teleop.safety import Limits
+from teleop.safety.palpation import palpation_limits
+from teleop.tare import NO_TARE, Tare
 
 RATES = (50.0, 100_000.0)
 """Lowest and highest rate of the loop [Hz]: below, hand and admittance do not hold together."""
 LONGEST = 3600.0
-"""Longest trial [s]; every tick is kept in memory, 0.2 MB a second at 1 kHz."""
+"""Longest trial [s]; its summary takes all ticks into memory, 0.4 MB a second at 1 kHz."""
 
 
 @dataclass(frozen=True)
@@ -63,6 +68,12 @@ class TrialSettings:
     """Settings of the estimators; None for the paper's, with the gain for this cube."""
     custom_setup: Setup | None = None
     """What is palpated instead of the named cube, and how deep."""
+    custom_limits: Limits | None = None
+    """Limits of the safety supervisor; None for those that suit the palpation."""
+    sensors: Sensors = field(default_factory=Sensors)
+    """Imperfections of the simulated sensors."""
+    tare: Tare = NO_TARE
+    """Where force and position are zero."""
 
     def __post_init__(self) -> None:
         if self.condition not in CONDITIONS:
@@ -92,6 +103,14 @@ class TrialSettings:
         """What is palpated, and how deep."""
         return self.custom_setup or paper_setup(self.condition, self.cube)
 
+    @property
+    def limits(self) -> Limits:
+        """What the safety supervisor holds the trial to."""
+        setup = self.setup
+        return self.custom_limits or palpation_limits(
+            setup.cube, setup.depth, self.coupling.scale, self.signal.highest
+        )
+
     def make_clock(self) -> Clock:
         """A fresh clock."""
         return RealClock(self.rate) if self.clock == "real" else VirtualClock(self.rate)
@@ -107,6 +126,7 @@ class TrialSettings:
             now,
             operator=operator(depth, self.seed) if operator else None,
             parameters=PlantParameters(contact_force_lag=setup.force_lag),
+            sensors=self.sensors,
             seed=self.seed,
         )
 
@@ -124,8 +144,8 @@ class TrialSettings:
             )
         )
 
-    def make_controller(self, rig: SimulatedRig, bank: Bank) -> Controller:
-        """A fresh controller for this rig and bank."""
+    def make_controller(self, rig: Rig, bank: Bank, clock: Clock) -> Controller:
+        """A fresh controller for this rig, bank and clock."""
         return Controller(
             rig,
             self.make_condition(),
@@ -135,13 +155,39 @@ class TrialSettings:
             bank,
             Excitation(),
             1.0 / self.rate,
+            self.limits,
+            self.tare,
+            clock.stopwatch,
         )
 
     def make_conditioner(self) -> Conditioner:
         """Fresh signal conditioning."""
-        resolution = Sensors().encoder_resolution
-        return make_conditioner(self.conditioning, self.bandwidth, resolution, self.force_lag)
+        return make_conditioner(
+            self.conditioning, self.bandwidth, self.sensors.encoder_resolution, self.force_lag
+        )
 
     def make_bank(self) -> Bank:
         """A fresh bank of estimators."""
         return (self.preset or paper_preset(self.cube)).bank()
+
+    def description(self) -> dict[str, Any]:
+        """All settings as JSON has them, for the recording."""
+        return {
+            "condition": self.condition,
+            "cube": self.cube,
+            "duration_s": self.duration,
+            "clock": self.clock,
+            "rate_hz": self.rate,
+            "seed": self.seed,
+            "signal": {"kind": type(self.signal).__name__, "highest_hz": self.signal.highest},
+            "admittance": asdict(self.admittance),
+            "coupling": vars(self.coupling),
+            "conditioning": self.conditioning,
+            "bandwidth_hz": self.bandwidth,
+            "force_lag_s": self.force_lag,
+            "preset": asdict(self.preset or paper_preset(self.cube)),
+            "setup": asdict(self.setup),
+            "sensors": asdict(self.sensors),
+            "limits": asdict(self.limits),
+            "tare": self.tare._asdict(),
+        }

@@ -16,6 +16,12 @@ from estimation import (
     rise_time,
 )
 from estimation.compiled import Floats
+from teleop.recording import Recording
+from teleop.safety.supervisor import ACCELERATION, FORCE, POSITION, VELOCITY
+
+PERCENTILES = {"p50": 50.0, "p99": 99.0, "p99_9": 99.9, "max": 100.0}
+HISTOGRAM = (1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0, 3000.0, 10000.0)
+"""Bounds of the classes of lateness [us]."""
 
 
 class EstimatorSummary(NamedTuple):
@@ -60,15 +66,44 @@ def loop_timing(rate: float, t: Floats, lateness: Floats, overruns: Floats) -> d
     t, lateness, overruns
         Time and lateness [s] of each tick, and whether it came upon an overrun.
     """
-    percentiles = {"p50": 50.0, "p99": 99.0, "p99_9": 99.9, "max": 100.0}
     span = float(t[-1] - t[0]) if len(t) > 1 else math.nan
     return {
         "rate_hz": rate,
         "mean_rate_hz": (len(t) - 1) / span if len(t) > 1 else math.nan,
         "lateness_us": {
             name: float(np.percentile(lateness, q)) * 1e6 if len(t) else math.nan
-            for name, q in percentiles.items()
+            for name, q in PERCENTILES.items()
         },
         "overruns": int(overruns.sum()),
         "longest_gap_s": float(np.max(np.diff(t), initial=0.0)),
     }
+
+
+def tick_times(recording: Recording) -> dict[str, Any]:
+    """What the parts of a tick took, all of it, and how late the ticks were [us].
+
+    The histogram counts ticks by lateness, in the classes that `HISTOGRAM` bounds.
+    """
+    parts = ("read_time", "compute_time", "write_time", "busy_time")
+    counts, _ = np.histogram(recording["lateness"] * 1e6, (0.0, *HISTOGRAM, math.inf))
+    return {
+        "tick_us": {
+            name.removesuffix("_time"): {
+                key: float(np.percentile(recording[name], q)) * 1e6 if len(recording) else math.nan
+                for key, q in PERCENTILES.items()
+            }
+            for name in parts
+        },
+        "lateness_histogram": {"bounds_us": list(HISTOGRAM), "ticks": counts.tolist()},
+        "skipped": int(recording["skipped"].sum()),
+    }
+
+
+def safety_summary(active: Recording, fault: dict[str, Any] | None) -> dict[str, Any]:
+    """The fault, if any, and for how many ticks soft limits held the command back."""
+    flags = active["limited"].astype(int)
+    names = {"velocity": VELOCITY, "acceleration": ACCELERATION, "position": POSITION}
+    held = {
+        name: int(((flags & flag) > 0).sum()) for name, flag in (names | {"force": FORCE}).items()
+    }
+    return {"fault": fault, "limited_ticks": held}

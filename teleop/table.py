@@ -30,8 +30,8 @@ UNITS = {
 
 NAMES = {
     "time": ("time", "t", "timestamp"),
-    "position": ("displacement", "indentation", "depth", "position", "x"),
-    "force": ("force", "contact force", "interaction force", "load", "f"),
+    "position": ("displacement", "slave_position", "indentation", "depth", "position", "x"),
+    "force": ("force", "contact_force", "contact force", "interaction force", "load", "f"),
 }
 """Names by which a quantity's column is found, in any case."""
 
@@ -41,20 +41,22 @@ SHORTEST = 1e-9
 """Shortest sample period [s]."""
 
 
-class Recording(NamedTuple):
+class Signals(NamedTuple):
     """Measured time [s], position [m] and force [N], arrays of shape (n,)."""
 
     t: Floats
     x: Floats
     f: Floats
+    dt: Floats
+    """Time since the sample before [s]."""
     position_name: str
     """Name of the position's column, without its unit."""
 
-    @property
-    def dt(self) -> Floats:
-        """Time since the sample before [s]; for the first sample the median of the others."""
-        steps = np.diff(self.t)
-        return np.concatenate(([np.median(steps)], steps))
+
+def periods(t: Floats) -> Floats:
+    """Time since the sample before [s]; for the first sample the median of the others."""
+    steps = np.diff(t)
+    return np.concatenate(([np.median(steps)], steps))
 
 
 class Column(NamedTuple):
@@ -114,12 +116,12 @@ def find_column(where: str, header: list[str], quantity: str, wanted: str | None
     return Column(index, name, UNITS[quantity][unit])
 
 
-def read_recording(
+def read_signals(
     path: Path,
     position: str | None = None,
     force: str | None = None,
     time: str | None = None,
-) -> Recording:
+) -> Signals:
     """Read time, position and force from a CSV or TSV file, in SI units.
 
     Parameters
@@ -199,7 +201,7 @@ def read_recording(
             f"{path}, line {numbers[i + 1]}: time {what}, from {t[i]:g} s to {t[i + 1]:g} s: "
             "expected times that rise"
         )
-    return Recording(t, x, f, columns[1].name)
+    return Signals(t, x, f, periods(t), columns[1].name)
 
 
 def split_line(where: str, line: str, delimiter: str) -> list[str]:

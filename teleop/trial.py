@@ -2,24 +2,32 @@
 
 from __future__ import annotations
 
+import json
 import math
-import time
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+import platform
+from dataclasses import dataclass
+from datetime import datetime
+from importlib.metadata import version
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from drivers import RigError
 from estimation import Bank, Estimates
 from estimation.compiled import Floats
-from teleop.controller import Record
+from teleop.black_box import BlackBox, fault_of
 from teleop.errors import InputError
-from teleop.log import Log
+from teleop.realtime import RealtimeName, realtime
+from teleop.recorder.mcap_file import wall_clock
+from teleop.recorder.schema import Layout
+from teleop.recorder.sinks import Memory, Outcome, RecorderProcess, Sink
+from teleop.recording import Recording, from_messages, salvage
+from teleop.rehearsal import check_rate
+from teleop.session import Session
 from teleop.settings import TrialSettings
-from teleop.summary import loop_timing, summarise
-
-REHEARSAL = 600
-"""Ticks by which a rate is tried before a trial; the second half of them counts."""
+from teleop.stop_switch import StopSwitch
+from teleop.summary import loop_timing, safety_summary, summarise, tick_times
 
 
 @dataclass(frozen=True)
@@ -27,29 +35,45 @@ class Trial:
     """A trial that has been run."""
 
     settings: TrialSettings
-    columns: dict[str, Floats]
-    """What was logged, by column; arrays of shape (ticks,) in SI units."""
-    units: dict[str, str]
-    """Unit of each column."""
+    recording: Recording
+    """Every tick; of a recording that broke off, as much as is intact."""
     bank: Bank
     """The estimators in their final state."""
     interrupted: bool
-    """Whether it ended before its time."""
+    """Whether a person ended it before its time."""
+    outcome: Outcome
+    """What became of the recording."""
+    realtime: dict[str, str]
+    """What became of each step of the real-time set-up."""
+    black_box: Path | None = None
+    """Folder of the black box, where a fault left one."""
+
+    @property
+    def fault(self) -> dict[str, Any] | None:
+        """The event that stopped the trial for safety, if any did."""
+        return fault_of(self.recording)
+
+    @property
+    def columns(self) -> dict[str, Floats]:
+        """The ticks at which the estimators were given a sample, by column; shape (ticks,)."""
+        return self.recording.estimated().columns
 
     @property
     def estimates(self) -> dict[str, Estimates]:
-        """Each estimator's estimates."""
-        return {
-            name: Estimates(self.columns[f"{name.upper()} b"], self.columns[f"{name.upper()} k"])
-            for name in self.bank
-        }
+        """Each estimator's estimates at those ticks."""
+        return self.recording.estimated().estimates()
 
     def summary(self) -> dict[str, Any]:
         """What the trial comes to, as `teleop run --json` prints it."""
-        settings, columns = self.settings, self.columns
-        t = columns["Time"]
-        x, v, f = (columns[f"Filtered {name}"] for name in ("displacement", "velocity", "force"))
+        settings, active = self.settings, self.recording.estimated()
+        t, x, v, f = (active[name] for name in ("time", "x", "v", "f"))
         cube = settings.setup.cube
+        if len(t):
+            depth = float(np.max(np.abs(active["slave_position"])))
+            excitation = float(np.mean(active["excitation"])), float(active["excitation"][-1])
+        else:
+            depth, excitation = 0.0, (math.nan, math.nan)
+        whole = self.recording
         return {
             "condition": settings.condition,
             "cube": settings.cube,
@@ -60,100 +84,117 @@ class Trial:
             "interrupted": self.interrupted,
             "estimates": {
                 name: summarise(t, x, v, f, estimates, self.bank[name])._asdict()
-                for name, estimates in self.estimates.items()
+                for name, estimates in active.estimates().items()
+                if len(t)
             },
             "truth": {
                 "b": cube.b,
                 "k_surface": cube.k1,
-                "k_deepest": cube.k1
-                + cube.k3 * float(np.max(np.abs(columns["Displacement"]))) ** 2,
+                "k_deepest": cube.k1 + cube.k3 * depth**2,
                 "force_lag_s": settings.setup.force_lag,
             },
-            "excitation": {
-                "mean": float(np.mean(columns["Excitation"])),
-                "last": float(columns["Excitation"][-1]),
+            "excitation": {"mean": excitation[0], "last": excitation[1]},
+            "loop": loop_timing(settings.rate, whole["time"], whole["lateness"], whole["overrun"])
+            | tick_times(whole),
+            "safety": safety_summary(active, self.fault),
+            "realtime": self.realtime,
+            "recording": {
+                "path": str(self.outcome.path) if self.outcome.path else None,
+                "complete": not self.outcome.problem,
+                "problem": self.outcome.problem or None,
+                "dropped": self.outcome.dropped,
+                "black_box": str(self.black_box) if self.black_box else None,
             },
-            "loop": loop_timing(settings.rate, t, columns["Lateness"], columns["Overrun"]),
         }
 
 
-def tick_cost(settings: TrialSettings) -> float:
-    """Time [s] that nine of ten ticks keep to on this machine, rehearsed in virtual time.
-
-    The rehearsal runs at 1 kHz at the most, so that it gets to the motion.
-    """
-    rehearsal = replace(settings, clock="virtual", rate=min(settings.rate, 1000.0))
-    clock = rehearsal.make_clock()
-    costs = []
-    with rehearsal.make_rig(clock.now) as rig:
-        bank = rehearsal.make_bank()
-        controller = rehearsal.make_controller(rig, bank)
-        log = Log(bank)
-        for _ in range(REHEARSAL):
-            start = time.perf_counter()
-            log.append(clock.wait(), controller.tick())
-            costs.append(time.perf_counter() - start)
-    return float(np.percentile(costs[REHEARSAL // 2 :], 90.0))
-
-
-def check_rate(settings: TrialSettings) -> None:
-    """Make sure that this machine can hold the rate, in the best of three rehearsals.
-
-    Raises
-    ------
-    InputError
-        It cannot.
-    """
-    cost = math.inf
-    for _ in range(3):
-        cost = min(cost, tick_cost(settings))
-        if cost <= 0.9 / settings.rate:
-            return
-    raise InputError(
-        f"rate {settings.rate:g} Hz: a tick takes {cost * 1e6:.0f} us on this machine, "
-        f"expected a rate of at most {0.9 / cost:.0f} Hz, or --clock virtual"
-    )
-
-
 def run_trial(
-    settings: TrialSettings, on_tick: Callable[[int, Record], None] | None = None
+    settings: TrialSettings,
+    record: Path | None = None,
+    show: bool = False,
+    key: bool = False,
+    real: RealtimeName = "off",
 ) -> Trial:
-    """Run a trial to its end, or to Ctrl-C; the rig is stopped on every way out.
+    """Run a trial to its end, to a fault, or to Ctrl-C; the drives are idle on every way out.
 
     Parameters
     ----------
     settings
         What to run.
-    on_tick
-        Called with the tick's number and record after each tick; must be quick.
+    record
+        MCAP file to record to, in a process of its own; None to keep the ticks in memory.
+    show
+        Whether to draw a progress line on standard error.
+    key
+        Whether the Enter key of the terminal is an emergency stop.
+    real
+        Whether to set the process up for real time: `require`, `try` or `off`.
 
     Raises
     ------
     InputError
-        The machine cannot hold the rate.
+        The machine cannot hold the rate, the recording cannot be written, or a required
+        real-time step could not be taken.
+    Exception
+        Whatever a tick raised, after the drives stopped and the recording was completed.
     """
-    if settings.clock == "real":
-        check_rate(settings)
     bank = settings.make_bank()
-    log = Log(bank)
-    clock = settings.make_clock()
-    interrupted = False
-    with settings.make_rig(clock.now) as rig:
-        controller = settings.make_controller(rig, bank)
-        number = 0
+    layout = Layout(bank)
+    start = wall_clock()
+    metadata = session_metadata(settings)
+    recorder = None
+    if record or show:
+        virtual = settings.clock == "virtual"
+        recorder = RecorderProcess(
+            record, layout, metadata, start, settings.duration, show, wait=virtual
+        )
+    memory = None if record else Memory()
+    sinks: list[Sink] = [sink for sink in (recorder, memory) if sink]
+    box = BlackBox(layout, settings.rate)
+    try:
+        if settings.clock == "real":
+            check_rate(settings)
+        if recorder:
+            recorder.ready()
+        clock = settings.make_clock()
+        with StopSwitch(key) as switch, settings.make_rig(clock.now) as rig:
+            session = Session(settings, clock, rig, bank, layout, sinks, box, switch)
+            with realtime(real) as report:
+                while session.step():
+                    pass
+    finally:
+        outcomes = [sink.close() for sink in sinks]
+    outcome = outcomes[0] if record else Outcome(None, session.ticks, 0, "")
+    if memory:
+        recording = from_messages(layout.definition, memory.messages, memory.events, metadata)
+    else:
+        assert record
+        recording = salvage(record) or box.recording(metadata)
+    folder = None
+    error = session.error
+    if record and fault_of(box.recording(metadata)):
+        folder = record.with_suffix(".fault")
         try:
-            while True:
-                tick = clock.wait()
-                number += tick.skipped
-                if number >= settings.duration * settings.rate:
-                    break
-                record = controller.tick()
-                log.append(tick, record)
-                if on_tick:
-                    on_tick(number, record)
-                number += 1
-        except KeyboardInterrupt:
-            if not log:
-                raise
-            interrupted = True
-    return Trial(settings, log.columns(), log.units, bank, interrupted)
+            box.write(folder, metadata, start)
+        except InputError as full:
+            outcome = outcome._replace(problem=f"{outcome.problem or 'black box'}; {full}")
+            folder = None
+    if error and not isinstance(error, RigError):
+        error.add_note(f"The drives were stopped. Recording: {record}. Black box: {folder}.")
+        raise error
+    return Trial(settings, recording, bank, switch.interrupted, outcome, report, folder)
+
+
+def session_metadata(settings: TrialSettings) -> dict[str, dict[str, str]]:
+    """What a recording says of its session."""
+    return {
+        "session": {
+            "software": f"teleop {version('teleop')}",
+            "python": platform.python_version(),
+            "machine": f"{platform.node()}, {platform.platform()}",
+            "created": datetime.now().astimezone().isoformat(timespec="seconds"),
+            "seed": str(settings.seed),
+            "rig": "simulated",
+        },
+        "settings": {"json": json.dumps(settings.description())},
+    }

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
 from teleop.commands.recording import BY_NAME, ColumnOptions
+
+if TYPE_CHECKING:
+    from teleop.estimate import EstimateSettings
+    from teleop.recording import Recording
 
 
 def estimate(
@@ -15,11 +20,11 @@ def estimate(
     /,
     *,
     columns: ColumnOptions = BY_NAME,
-    preset: Literal["scaled", "paper"] = "scaled",
+    preset: Literal["scaled", "paper"] | None = None,
     cube: Literal["soft", "medium", "hard"] = "soft",
-    conditioning: Literal["matched", "svf", "foaw", "difference"] = "matched",
+    conditioning: Literal["matched", "svf", "foaw", "difference"] | None = None,
     bandwidth: float | None = None,
-    force_lag: float = 0.0,
+    force_lag: float | None = None,
     whole: Annotated[bool, Parameter(negative="")] = False,
     out: Path | None = None,
     plot: Path | None = None,
@@ -27,20 +32,25 @@ def estimate(
 ) -> int:
     """Estimate stiffness and damping from a recorded position and force.
 
+    A recording of teleop run is evaluated with the settings of that run unless options give
+    others, which gives the run's own estimates to the bit.
+
     Example: `teleop estimate indentation.csv --force "Load [N]" --plot indentation.png`
 
     Parameters
     ----------
     file
-        CSV or TSV with units in its header, such as `Time [s],Position [mm],Force [gf]`.
+        A recording of teleop run (.mcap), or CSV or TSV with units in its header, such as
+        `Time [s],Position [mm],Force [gf]`.
     columns
         Which columns to take, and where they are zero.
     preset
-        Settings of the estimators: scaled from the data, or the paper's.
+        Settings of the estimators: scaled from the data, or the paper's; by default those of
+        the run, and scaled for a table.
     cube
         The cube whose adaptation gain the paper's settings take.
     conditioning
-        How velocity is had from position: see `teleop run --help`.
+        How velocity is had from position: see `teleop run --help`; matched for a table.
     bandwidth
         Bandwidth of its filter [Hz]; by default ten times the motion's dominant frequency,
         and 20 Hz with the paper's settings.
@@ -57,17 +67,19 @@ def estimate(
         Print one JSON document instead of tables.
     """
     from teleop import console
-    from teleop.estimate import EstimateSettings, evaluate
+    from teleop.estimate import agrees, evaluate
     from teleop.files import check_outputs
     from teleop.table import write_table
 
     check_outputs(out, picture=plot, source=file)
-    recording = columns.read(file)
-    evaluation = evaluate(
-        recording,
-        EstimateSettings(columns.datum, preset, cube, conditioning, bandwidth, force_lag, whole),
-    )
+    signals, recording = columns.read(file)
+    settings = chosen(recording, columns.datum, preset, cube, conditioning, bandwidth, force_lag)
+    if whole:
+        settings = replace(settings, whole=True)
+    evaluation = evaluate(signals, settings)
     summary = {"file": str(file), **evaluation.summary()}
+    if recording:
+        summary["as_online"] = agrees(evaluation, recording)
     if json:
         console.print_json(summary)
     else:
@@ -84,3 +96,27 @@ def estimate(
             plot,
         )
     return 0
+
+
+def chosen(
+    recording: Recording | None,
+    datum: str,
+    preset: Literal["scaled", "paper"] | None,
+    cube: str,
+    conditioning: Literal["matched", "svf", "foaw", "difference"] | None,
+    bandwidth: float | None,
+    force_lag: float | None,
+) -> EstimateSettings:
+    """The settings of a recorded trial, or those for a table, with what the options change."""
+    from teleop.estimate import EstimateSettings, recorded_settings
+
+    settings = recorded_settings(recording) if recording else EstimateSettings()
+    given = {
+        "datum": None if datum == "auto" else datum,
+        "preset": preset,
+        "conditioning": conditioning,
+        "bandwidth": bandwidth,
+        "force_lag": force_lag,
+    }
+    changes: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
+    return replace(settings, cube=cube, **changes)

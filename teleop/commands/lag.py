@@ -49,9 +49,9 @@ def lag(
         measured, true = measure_simulated_lag(cube, seed)
         summary = {**measured.summary(), "true_lag_s": true}
     else:
-        recording = columns.read(file)
-        zero = find_datum(recording, columns.datum)
-        measured = measure_lag(recording.x - zero.x, recording.f - zero.f, recording.dt)
+        signals, _ = columns.read(file)
+        zero = find_datum(signals, columns.datum)
+        measured = measure_lag(signals.x - zero.x, signals.f - zero.f, signals.dt)
         summary = {"file": str(file), **measured.summary()}
     if json:
         console.print_json(summary)

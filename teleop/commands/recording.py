@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 if TYPE_CHECKING:
-    from teleop.table import Recording
+    from teleop.recording import Recording
+    from teleop.table import Signals
 
 
 @dataclass(frozen=True)
@@ -27,11 +28,33 @@ class Columns:
     mean of the motion, or given as in 1.5mm,20N. By default as in the file for a column named
     displacement, indentation or depth, and the mean for any other."""
 
-    def read(self, file: Path) -> Recording:
-        """Read these columns of a file; InputError as `teleop.table.read_recording`."""
-        from teleop.table import read_recording
+    def read(self, file: Path) -> tuple[Signals, Recording | None]:
+        """The signals of a table, or those of a recorded trial, and that.
 
-        return read_recording(file, self.position, self.force, self.time)
+        Raises
+        ------
+        InputError
+            The file is not as expected, or a column was asked of a recorded trial.
+        """
+        from teleop.errors import InputError
+
+        if file.suffix.lower() != ".mcap":
+            from teleop.table import read_signals
+
+            return read_signals(file, self.position, self.force, self.time), None
+        from teleop.estimate import recorded_signals
+        from teleop.recording import load
+
+        for option in ("position", "force", "time"):
+            if getattr(self, option) is not None:
+                raise InputError(
+                    f"{file}: --{option} takes a column of a table; a recorded trial has its own"
+                )
+        recording = load(file)
+        signals = recorded_signals(recording)
+        if len(signals.t) < 2:
+            raise InputError(f"{file}: the trial ended before the estimators were given a sample")
+        return signals, recording
 
 
 ColumnOptions = Annotated[Columns, Parameter(name="*")]

@@ -2,18 +2,11 @@
 
 from __future__ import annotations
 
-import signal as signals
+from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 from cyclopts import Parameter
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from teleop.controller import Record
-    from teleop.progress import ProgressLine
-    from teleop.settings import TrialSettings
 
 
 def run(
@@ -30,11 +23,17 @@ def run(
     conditioning: Literal["matched", "svf", "foaw", "difference"] = "matched",
     bandwidth: float = 20.0,
     force_lag: float = 0.0,
-    out: Path | None = None,
+    realtime: Literal["require", "try", "off"] = "try",
+    tare: Path | None = None,
+    record: Path | None = None,
+    no_record: Annotated[bool, Parameter(negative="")] = False,
     plot: Path | None = None,
     json: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
     """Palpate a cube on the simulated rig, and estimate its stiffness and damping meanwhile.
+
+    Ctrl-C brings the rig to a stop in good order, twice at once. In a terminal the Enter key is
+    an emergency stop.
 
     Example: `teleop run --condition autonomous --cube hard --plot hard.png`
 
@@ -70,18 +69,29 @@ def run(
     force_lag
         Lag of the force channel [s] that matched conditioning makes up for, as `teleop lag`
         measures it.
-    out
-        Write every tick to this CSV file, which `teleop estimate` reads.
+    realtime
+        With the machine's clock: insist on real-time scheduling, locked memory and a processor
+        of its own, take what the system permits, or leave all as it is.
+    tare
+        Zeros of the channels, as `teleop rig tare` writes them.
+    record
+        Record every tick to this MCAP file; by default to a new one in a dated folder,
+        recordings/DATE/TIME-CONDITION-CUBE.mcap.
+    no_record
+        Record nothing.
     plot
         Draw the estimates to this .png, .svg or .pdf file.
     json
         Print one JSON document instead of tables.
     """
+    import sys
+
     from teleop import console
     from teleop.choices import make_coupling, make_signal
+    from teleop.errors import InputError, SafetyStop
     from teleop.files import check_outputs
-    from teleop.progress import ProgressLine
     from teleop.settings import TrialSettings
+    from teleop.tare import NO_TARE, read_tare
     from teleop.trial import run_trial
 
     settings = TrialSettings(
@@ -96,55 +106,64 @@ def run(
         conditioning=conditioning,
         bandwidth=bandwidth,
         force_lag=force_lag,
+        tare=read_tare(tare) if tare else NO_TARE,
     )
-    check_outputs(out, picture=plot)
-    end_like_ctrl_c()
-    line = ProgressLine()
-    try:
-        trial = run_trial(settings, live_estimates(line, settings) if line.shown else None)
-    finally:
-        line.close()
+    if record and no_record:
+        raise InputError("--record and --no-record: expected one of them")
+    if record and record.suffix.lower() != ".mcap":
+        raise InputError(f"{record}: expected a file ending in .mcap")
+    if not no_record:
+        record = record or dated_path(f"{condition}-{cube}")
+    check_outputs(record, picture=plot)
+    trial = run_trial(
+        settings,
+        record,
+        show=sys.stderr.isatty(),
+        key=True,
+        real=realtime if clock == "real" else "off",
+    )
     if json:
         console.print_json(trial.summary())
     else:
         console.print_trial(trial.summary())
-    if out:
-        from teleop.table import write_table
-
-        write_table(out, trial.columns, trial.units)
-    if plot:
+    if plot and trial.estimates:
         from teleop.figure import estimates_figure, save
 
         columns = trial.columns
         figure = estimates_figure(
             f"{condition}, {cube} cube",
-            columns["Time"],
-            columns["Filtered displacement"],
-            columns["Filtered velocity"],
+            columns["time"],
+            columns["x"],
+            columns["v"],
             trial.estimates,
         )
         save(figure, plot)
+    if trial.outcome.problem:
+        raise InputError(f"{record}: the recording is not complete: {trial.outcome.problem}")
+    if trial.fault:
+        raise SafetyStop(f"stopped at {trial.fault['time']:.3f} s: {trial.fault['text']}")
     return 130 if trial.interrupted else 0
 
 
-def end_like_ctrl_c() -> None:
-    """Let a request to end or a closed terminal stop the run as Ctrl-C does."""
-    for name in ("SIGTERM", "SIGHUP"):
-        if hasattr(signals, name):
-            signals.signal(getattr(signals, name), signals.default_int_handler)
+def dated_path(name: str) -> Path:
+    """A new file in the folder of the day.
 
+    Raises
+    ------
+    InputError
+        The folder cannot be made.
+    """
+    from teleop.files import unwritable
 
-def live_estimates(line: ProgressLine, settings: TrialSettings) -> Callable[[int, Record], None]:
-    """Draws the present estimates ten times a second."""
-    every = max(1, round(settings.rate / 10.0))
-
-    def draw(number: int, record: Record) -> None:
-        if number % every:
-            return
-        estimates = "".join(
-            f"  {name} {estimate.k:6.0f} {estimate.b:+5.0f}"
-            for name, estimate in record.estimates.items()
-        )
-        line.show(f"{record.t:4.1f} of {settings.duration:g} s  k [N/m], b [N s/m]:{estimates}")
-
-    return draw
+    now = datetime.now()
+    folder = Path("recordings") / f"{now:%Y-%m-%d}"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise unwritable(folder, error) from error
+    path = folder / f"{now:%H%M%S}-{name}.mcap"
+    number = 2
+    while path.exists():
+        path = folder / f"{now:%H%M%S}-{name}-{number}.mcap"
+        number += 1
+    return path

@@ -52,7 +52,7 @@ def rls_averages(condition: str, cube: str, setup: Setup) -> tuple[float, float]
     """Average (b, k) of RLS over a trial of the paper with another set-up."""
     settings = RlsOnly(**vars(replace(paper_trial(condition, cube), custom_setup=setup)))
     columns = run_trial(settings).columns
-    return float(columns["RLS b"].mean()), float(columns["RLS k"].mean())
+    return float(columns["rls_b"].mean()), float(columns["rls_k"].mean())
 
 
 def calibrate(cube: str) -> tuple[Cube, float]:

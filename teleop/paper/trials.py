@@ -92,13 +92,13 @@ def damping_steps(trial: Trial) -> Damping:
     """The damping that the paper's way gives, and what is left once its two errors are removed."""
     settings, columns = trial.settings, trial.columns
     signals = MatchedSignals(
-        columns["Displacement"], columns["Force"], columns["Sample period"], MATCHED_BANDWIDTH
+        columns["slave_position"], columns["contact_force"], columns["dt"], MATCHED_BANDWIDTH
     )
     lag = settings.setup.force_lag
     return Damping(
         true=settings.setup.cube.b,
         paper=table1()[settings.condition, settings.cube, "rls"].b,
-        rls=float(columns["RLS b"].mean()),
+        rls=float(columns["rls_b"].mean()),
         matched=signals.fit(lag, stiffening=False).b,
         stiffening=signals.fit(lag).b,
     )
@@ -115,9 +115,9 @@ def palpate(trial: tuple[str, str, int]) -> Outcome:
         seed,
         run.summary()["estimates"],
         damping_steps(run),
-        run.columns["Time"][thin],
-        run.columns["Filtered displacement"][thin],
-        run.columns["Filtered velocity"][thin],
+        run.columns["time"][thin],
+        run.columns["x"][thin],
+        run.columns["v"][thin],
         {name: Estimates(e.b[thin], e.k[thin]) for name, e in run.estimates.items()},
     )
 
@@ -132,9 +132,9 @@ def lag_and_damping(frequency: float) -> SlowTrial:
     columns = run_trial(settings).columns
     setup = settings.setup
     signals = MatchedSignals(
-        columns["Displacement"],
-        columns["Force"],
-        columns["Sample period"],
+        columns["slave_position"],
+        columns["contact_force"],
+        columns["dt"],
         MATCHED_BANDWIDTH,
         part=slice(1000, -1000),
     )

@@ -7,7 +7,7 @@ import pytest
 
 from teleop.errors import InputError
 from teleop.estimate import EstimateSettings, dominant_frequency, evaluate, moving_part
-from teleop.table import Recording, read_recording
+from teleop.table import Recording, read_signals
 
 VENDORED = Path(__file__).parents[1] / "data" / "mach1"
 SHARED = Path(__file__).parents[3] / "shared" / "data" / "mach1"
@@ -32,7 +32,7 @@ def test_measured_indentation_agrees_with_batch_least_squares(frequency):
     if not path.is_file():
         pytest.skip("needs ../shared/data/mach1, which is not here")
     k, b = BATCH[frequency]
-    evaluation = evaluate(read_recording(path), EstimateSettings())
+    evaluation = evaluate(read_signals(path), EstimateSettings())
     summary = evaluation.summary()
     rls, me, batch = (summary["estimates"]["rls"], summary["estimates"]["me"], summary["batch"])
     assert rls["k"] == pytest.approx(k, rel=0.03)

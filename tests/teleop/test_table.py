@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from teleop.errors import InputError
-from teleop.table import read_recording, write_table
+from teleop.table import read_signals, write_table
 
 GOOD = "Time [s],Position [mm],Force [gf]\n0.0,1.0,100\n0.01,1.5,150\n0.03,2.0,200\n"
 
@@ -20,7 +20,7 @@ def write(tmp_path):
 
 
 def test_reads_in_si_units_and_keeps_the_jitter(write):
-    recording = read_recording(write(GOOD))
+    recording = read_signals(write(GOOD))
     np.testing.assert_allclose(recording.t, [0.0, 0.01, 0.03])
     np.testing.assert_allclose(recording.x, [1e-3, 1.5e-3, 2e-3])
     np.testing.assert_allclose(recording.f, [0.980665, 1.4709975, 1.96133])
@@ -32,7 +32,7 @@ def test_reads_in_si_units_and_keeps_the_jitter(write):
     [("m", 1.0), ("mm", 1e-3), ("um", 1e-6), ("µm", 1e-6)],
 )
 def test_knows_units_of_position(write, unit, size):
-    recording = read_recording(write(GOOD.replace("mm", unit)))
+    recording = read_signals(write(GOOD.replace("mm", unit)))
     np.testing.assert_allclose(recording.x, np.array([1.0, 1.5, 2.0]) * size)
 
 
@@ -41,13 +41,13 @@ def test_knows_units_of_position(write, unit, size):
     [("N", 1.0), ("mN", 1e-3), ("gf", 9.80665e-3), ("kgf", 9.80665)],
 )
 def test_knows_units_of_force(write, unit, size):
-    recording = read_recording(write(GOOD.replace("gf", unit)))
+    recording = read_signals(write(GOOD.replace("gf", unit)))
     np.testing.assert_allclose(recording.f, np.array([100.0, 150.0, 200.0]) * size)
 
 
 @pytest.mark.parametrize(("unit", "size"), [("s", 1.0), ("ms", 1e-3)])
 def test_knows_units_of_time(write, unit, size):
-    recording = read_recording(write(GOOD.replace("Time [s]", f"Time [{unit}]")))
+    recording = read_signals(write(GOOD.replace("Time [s]", f"Time [{unit}]")))
     np.testing.assert_allclose(recording.t, np.array([0.0, 0.01, 0.03]) * size)
 
 
@@ -79,18 +79,18 @@ def test_knows_units_of_time(write, unit, size):
     ],
 )
 def test_takes_what_instruments_write(write, text):
-    recording = read_recording(write(text))
+    recording = read_signals(write(text))
     np.testing.assert_allclose(recording.t, [0.0, 0.01, 0.03])
     np.testing.assert_allclose(recording.x, [1e-3, 1.5e-3, 2e-3])
 
 
 def test_columns_can_be_named_and_given_a_unit(write):
     path = write("s,stage,Load [N],Force [N]\n0,1,5,9\n1,2,6,9\n2,4,7,9\n")
-    recording = read_recording(path, position="stage=um", force="Load", time="s=ms")
+    recording = read_signals(path, position="stage=um", force="Load", time="s=ms")
     np.testing.assert_allclose(recording.x, [1e-6, 2e-6, 4e-6])
     np.testing.assert_allclose(recording.f, [5, 6, 7])
     np.testing.assert_allclose(recording.t, [0, 1e-3, 2e-3])
-    assert read_recording(path, "stage=um", "Load [N]", "s=s").f[0] == 5
+    assert read_signals(path, "stage=um", "Load [N]", "s=s").f[0] == 5
 
 
 @pytest.mark.parametrize(
@@ -125,38 +125,38 @@ def test_columns_can_be_named_and_given_a_unit(write):
 )
 def test_bad_content_is_told_in_one_line_with_its_place(write, text, message):
     with pytest.raises(InputError, match=message) as caught:
-        read_recording(write(text))
+        read_signals(write(text))
     assert "\n" not in str(caught.value)
     assert "data.csv" in str(caught.value)
 
 
 def test_a_line_number_counts_blank_lines(write):
     with pytest.raises(InputError, match="line 5: time repeats"):
-        read_recording(write(GOOD.replace("0.01,", "\n0.01,").replace("0.03", "0.01")))
+        read_signals(write(GOOD.replace("0.01,", "\n0.01,").replace("0.03", "0.01")))
 
 
 def test_a_missing_file_and_a_folder_are_told(tmp_path):
     with pytest.raises(InputError, match="nothing.csv: no such file"):
-        read_recording(tmp_path / "nothing.csv")
+        read_signals(tmp_path / "nothing.csv")
     with pytest.raises(InputError, match="expected a file"):
-        read_recording(tmp_path)
+        read_signals(tmp_path)
 
 
 def test_an_unknown_column_names_those_there_are(write):
     with pytest.raises(
         InputError, match="no column 'Load': expected one of 'Time', 'Position', 'Force'"
     ):
-        read_recording(write(GOOD), force="Load")
+        read_signals(write(GOOD), force="Load")
     with pytest.raises(InputError, match="unknown unit 'stone'"):
-        read_recording(write(GOOD.replace(" [gf]", "")), force="Force=stone")
+        read_signals(write(GOOD.replace(" [gf]", "")), force="Force=stone")
 
 
 def test_a_unit_that_contradicts_the_header_is_told(write):
     for position in ("Position=m", "Position [m]"):
         with pytest.raises(InputError, match="'Position' is in 'mm' by the header, not in 'm'"):
-            read_recording(write(GOOD), position=position)
+            read_signals(write(GOOD), position=position)
     with pytest.raises(InputError, match="must be three columns"):
-        read_recording(write(GOOD.replace(" [gf]", "")), position="Force=mm", force="Force=N")
+        read_signals(write(GOOD.replace(" [gf]", "")), position="Force=mm", force="Force=N")
 
 
 @pytest.mark.parametrize(
@@ -171,7 +171,7 @@ def test_a_unit_that_contradicts_the_header_is_told(write):
 )
 def test_hostile_content_is_told_at_once(write, text, message):
     with pytest.raises(InputError, match=message):
-        read_recording(write(text))
+        read_signals(write(text))
 
 
 def test_what_is_written_is_read_back_to_the_bit(tmp_path):
@@ -183,7 +183,7 @@ def test_what_is_written_is_read_back_to_the_bit(tmp_path):
     }
     path = tmp_path / "out.csv"
     write_table(path, columns, {"Time": "s", "Displacement": "m", "Force": "N"})
-    recording = read_recording(path)
+    recording = read_signals(path)
     for got, name in zip(recording[:3], columns, strict=True):
         assert np.array_equal(got, columns[name])
 

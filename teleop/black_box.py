@@ -1,0 +1,146 @@
+"""The black box: the last moments before a fault and the first after it, kept at full rate."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from pathlib import Path
+from typing import Any
+
+from teleop.figure import fault_figure, save
+from teleop.files import unwritable, write_text
+from teleop.recorder.mcap_file import McapFile
+from teleop.recorder.schema import Layout
+from teleop.recorder.sinks import event_record
+from teleop.recording import Recording, from_messages
+from teleop.safety import Event
+from teleop.summary import loop_timing
+
+BEFORE, AFTER = 5.0, 1.0
+"""Time kept before and after a fault [s]."""
+
+
+class BlackBox:
+    """Keeps the last ticks, whatever becomes of the recorder.
+
+    Parameters
+    ----------
+    layout
+        The ticks' message.
+    rate
+        Ticks a second [Hz].
+    """
+
+    def __init__(self, layout: Layout, rate: float) -> None:
+        self._layout = layout
+        self._rate = rate
+        self._messages: deque[bytes] = deque(maxlen=math.ceil((BEFORE + AFTER) * rate))
+        self._events: list[Event] = []
+        self.push = self._messages.append
+        """Keep the message of one tick."""
+
+    def event(self, event: Event) -> None:
+        """Keep an event."""
+        self._events.append(event)
+
+    def recording(self, metadata: dict[str, dict[str, str]]) -> Recording:
+        """What is in the box."""
+        events = [event_record(event) for event in self._events]
+        return from_messages(self._layout.definition, b"".join(self._messages), events, metadata)
+
+    def write(self, folder: Path, metadata: dict[str, dict[str, str]], start: int) -> None:
+        """Write the ticks, a drawing of the channels and an account of the cause.
+
+        Parameters
+        ----------
+        folder
+            Where to; made if it is not there.
+        metadata
+            Named records of text about the session.
+        start
+            Wall-clock time of the trial's beginning [ns].
+
+        Raises
+        ------
+        InputError
+            The folder cannot be written.
+        """
+        recording = self.recording(metadata)
+        fault = fault_of(recording)
+        assert fault
+        layout = self._layout
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            path = folder / "ticks.mcap"
+            file = McapFile(path, layout.columns, layout.definition, metadata, start, True)
+            for message, t in zip(self._messages, recording["time"].tolist(), strict=True):
+                file.tick(message, t)
+            for event in recording.events:
+                file.event(event)
+            file.close()
+        except OSError as error:
+            raise unwritable(folder, error) from error
+        if file.error:
+            raise unwritable(path, file.error)
+        write_text(folder / "cause.txt", fault_text(recording, fault))
+        save(fault_figure(recording, fault), folder / "channels.svg")
+
+
+def fault_of(recording: Recording) -> dict[str, Any] | None:
+    """The event that tripped the supervisor, if any did."""
+    return next((event for event in recording.events if event["fault"]), None)
+
+
+def fault_text(recording: Recording, fault: dict[str, Any]) -> str:
+    """What tripped, which limit, which value, since when, and the loop's timing then."""
+    t = recording["time"]
+    before = (t > fault["time"] - BEFORE) & (t <= fault["time"])
+    at = int(before.sum()) - 1 + int((t <= fault["time"] - BEFORE).sum())
+    lines = [
+        f"what      {fault['text']}",
+        f"kind      {fault['fault']}",
+        f"where     {fault['source']}",
+        f"when      {fault['time']:.4f} s",
+    ]
+    for name in ("value", "limit"):
+        if fault[name] is not None:
+            lines.append(f"{name:<9} {fault[name]:.6g}")
+    if fault["since"] is not None:
+        lines.append(f"since     {fault['since']:.4f} s")
+    if len(t) and at >= 0:
+        lines += ["", "channels at that tick"]
+        for name in (
+            "master_force",
+            "master_position",
+            "slave_position",
+            "contact_force",
+            "slave_velocity",
+            "desired_slave_velocity",
+            "applied_slave_velocity",
+        ):
+            lines.append(f"  {name:<24} {recording[name][at]: .6g} {recording.units[name]}")
+    stopped = stopping_time(recording, fault)
+    lines += ["", "stop", f"  commanded speed zero after {stopped * 1e3:.1f} ms"]
+    if before.sum() > 1:
+        rate = 1.0 / float(recording["dt"][before].mean())
+        columns = (recording[name][before] for name in ("time", "lateness", "overrun"))
+        timing = loop_timing(rate, *columns)
+        late = timing["lateness_us"]
+        lines += [
+            "",
+            f"loop in the {t[before][-1] - t[before][0]:.1f} s before",
+            f"  {timing['mean_rate_hz']:.1f} Hz, {timing['overruns']} overruns, "
+            f"{int(recording['skipped'][before].sum())} periods skipped",
+            f"  lateness [us]: p50 {late['p50']:.1f}, p99 {late['p99']:.1f}, max {late['max']:.1f}",
+        ]
+    return "\n".join(lines) + "\n"
+
+
+def stopping_time(recording: Recording, fault: dict[str, Any]) -> float:
+    """Time from a fault until the slave's commanded speed is zero for good [s]; NaN for never."""
+    t, speed = recording["time"], abs(recording["commanded_slave_velocity"])
+    moving = (t >= fault["time"]) & (speed > 0.0)
+    if not moving.any():
+        return 0.0
+    last = int(moving.nonzero()[0][-1])
+    return float(t[last + 1] - fault["time"]) if last + 1 < len(t) else math.nan

@@ -1,0 +1,175 @@
+"""An MCAP file of ticks and events that describes itself and survives its writer."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+import logging
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import foxglove
+from foxglove import Channel, Context, Schema
+from foxglove.mcap import MCAPWriteOptions
+
+TICKS, EVENTS = "/tick", "/event"
+"""Topics of the file."""
+INFO, ERROR = 2, 4
+"""Levels of foxglove.Log."""
+EVENT_SCHEMA = {
+    "title": "foxglove.Log",
+    "type": "object",
+    "properties": {
+        "timestamp": {
+            "type": "object",
+            "properties": {"sec": {"type": "integer"}, "nsec": {"type": "integer"}},
+        },
+        "level": {"type": "integer"},
+        "message": {"type": "string"},
+        "name": {"type": "string"},
+        "file": {"type": "string"},
+        "line": {"type": "integer"},
+    },
+}
+"""Events show in the log panel of Foxglove and Lichtblick."""
+
+
+class Disk(io.RawIOBase):
+    """A file that remembers the first error of a write, which the MCAP writer would swallow."""
+
+    def __init__(self, path: Path, overwrite: bool) -> None:
+        self._file = path.open("wb" if overwrite else "xb", buffering=0)
+        self.error: OSError | None = None
+
+    def write(self, data: Any) -> int:
+        """Write all of it."""
+        try:
+            rest = memoryview(data)
+            while rest:
+                rest = rest[self._file.write(rest) :]
+        except OSError as error:
+            self.error = self.error or error
+            raise
+        return len(data)
+
+    def seek(self, offset: int, whence: int = 0) -> int:
+        """Move to a place in the file."""
+        return self._file.seek(offset, whence)
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+
+class McapFile:
+    """Writes ticks and events; every flush leaves a file whose chunks can all be read.
+
+    After the first error of the disk everything is let go, and `error` says why.
+
+    Parameters
+    ----------
+    path
+        The file.
+    columns
+        Name, unit and meaning of each of a tick's doubles.
+    definition
+        The tick's definition in the language of ROS 2.
+    metadata
+        Named records of text about the session.
+    start
+        Wall-clock time of the trial's beginning [ns].
+    overwrite
+        Whether the file may exist.
+
+    Raises
+    ------
+    OSError
+        The file cannot be created.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        columns: Sequence[Sequence[str]],
+        definition: str,
+        metadata: Mapping[str, Mapping[str, str]],
+        start: int,
+        overwrite: bool = False,
+    ) -> None:
+        logging.getLogger("foxglove").setLevel(logging.CRITICAL)
+        foxglove.set_log_level("CRITICAL")
+        self._start = start
+        self._disk = Disk(path, overwrite)
+        self._context = context = Context()  # its channels close with it
+        self._writer = foxglove.open_mcap(
+            self._disk,  # type: ignore[arg-type]
+            context=context,
+            writer_options=MCAPWriteOptions(profile="ros2", chunk_size=None),
+        )
+        units = {name: unit for name, unit, _ in columns}
+        self._ticks = Channel(
+            TICKS,
+            schema=Schema(name="teleop/msg/Tick", encoding="ros2msg", data=definition.encode()),
+            message_encoding="cdr",
+            metadata=units,
+            context=context,
+        )
+        self._events = Channel(EVENTS, schema=EVENT_SCHEMA, context=context)
+        with self._told():
+            for name, record in metadata.items():
+                self._writer.write_metadata(name, dict(record))
+            self.event({"time": 0.0, "text": "recording", "mode": "disconnected", "fault": None})
+            self._writer.flush()
+
+    @property
+    def error(self) -> OSError | None:
+        """The first error of the disk."""
+        return self._disk.error
+
+    @contextlib.contextmanager
+    def _told(self) -> Any:
+        """Let errors of the disk pass: they are kept."""
+        try:
+            yield
+        except (RuntimeError, OSError):
+            if self.error is None:
+                raise
+
+    def tick(self, message: bytes, t: float) -> None:
+        """Take in one tick, which happened at t [s] of the trial."""
+        if self.error is None:
+            self._ticks.log(message, log_time=self._start + round(t * 1e9))
+
+    def event(self, event: Mapping[str, Any]) -> None:
+        """Take in one event."""
+        if self.error is None:
+            when = self._start + round(event["time"] * 1e9)
+            log = {
+                "timestamp": {"sec": when // 10**9, "nsec": when % 10**9},
+                "level": ERROR if event["fault"] else INFO,
+                "message": event["text"],
+                "name": "safety",
+                "file": "",
+                "line": 0,
+            }
+            self._events.log(json.dumps(log | event), log_time=when)
+
+    def flush(self) -> None:
+        """Hand all that was taken in to the operating system."""
+        if self.error is None:
+            with self._told():
+                self._writer.flush()
+
+    def close(self) -> None:
+        """Complete the file."""
+        with self._told():
+            self._writer.close()
+        self._disk.close()
+
+
+def wall_clock() -> int:
+    """Now [ns since 1970]."""
+    return time.time_ns()

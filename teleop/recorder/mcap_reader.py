@@ -1,0 +1,132 @@
+"""Reads our MCAP files, as far as they are intact."""
+
+from __future__ import annotations
+
+import json
+import re
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+from mcap.records import Channel, Chunk, Footer, Message, Metadata, Schema
+from mcap.stream_reader import StreamReader, get_chunk_data_stream
+from numpy.typing import NDArray
+
+from teleop.errors import InputError
+from teleop.recorder.mcap_file import EVENT_SCHEMA, EVENTS, TICKS
+
+MAGIC = b"\x89MCAP"
+"""How an MCAP file begins."""
+HEAD = struct.Struct("<BQHIQQ")
+"""Of a message's record: opcode, length, channel, sequence, two times."""
+
+
+@dataclass
+class Contents:
+    """What stands in an MCAP file of ours, as far as it is intact."""
+
+    definition: str = ""
+    messages: bytearray = field(default_factory=bytearray)
+    events: list[dict[str, Any]] = field(default_factory=list)
+    metadata: dict[str, dict[str, str]] = field(default_factory=dict)
+    start: int = 0
+    """Wall-clock time of the trial's beginning [ns]."""
+    damage: str = ""
+    """Why the file is not complete; empty if it is."""
+
+
+def read_intact(path: Path) -> Contents:
+    """Read a recording as far as it is intact.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, or is no recording of ours.
+    """
+    if path.is_dir():
+        raise InputError(f"{path}: expected a file, this is a folder")
+    contents = Contents()
+    channels: dict[int, str] = {}
+    complete = False
+    try:
+        with path.open("rb") as file:
+            if file.read(len(MAGIC)) != MAGIC:
+                raise InputError(f"{path}: not an MCAP file")
+            file.seek(0)
+            reader = StreamReader(file, emit_chunks=True, record_size_limit=1 << 30)
+            for record in reader.records:
+                if isinstance(record, Chunk):
+                    read_chunk(record, contents, channels)
+                elif isinstance(record, Metadata):
+                    contents.metadata[record.name] = dict(record.metadata)
+                complete = isinstance(record, Footer)
+    except OSError as error:
+        raise InputError(f"{path}: {(error.strerror or 'cannot be read').lower()}") from error
+    except (McapError, struct.error, ValueError, UnicodeDecodeError) as error:
+        if not complete:
+            contents.damage = f"damaged: {' '.join(str(error).split())}".rstrip(": ")
+    except Exception as error:
+        if type(error).__module__.partition(".")[0] not in ("zstandard", "backports"):
+            raise
+        contents.damage = "damaged: a chunk cannot be decompressed"
+    if not complete:
+        contents.damage = contents.damage or "its end is missing"
+    if not contents.definition:
+        raise InputError(
+            f"{path}: no ticks in it: expected a recording of teleop run"
+            + (f" ({contents.damage})" if contents.damage else "")
+        )
+    return contents
+
+
+def read_chunk(chunk: Chunk, contents: Contents, channels: dict[int, str]) -> None:
+    """Take in a chunk: its ticks in bulk, everything else record by record."""
+    stream, size = get_chunk_data_stream(chunk, validate_crc=True)
+    data = stream.read(size)
+    for record in records(data, contents, channels):
+        if isinstance(record, Schema) and record.encoding == "ros2msg":
+            contents.definition = record.data.decode()
+        elif isinstance(record, Channel):
+            channels[record.id] = record.topic
+        elif isinstance(record, Message) and channels.get(record.channel_id) == EVENTS:
+            event = json.loads(record.data)
+            shown = EVENT_SCHEMA["properties"]
+            contents.events.append({k: v for k, v in event.items() if k not in shown})
+            contents.start = record.log_time - round(event["time"] * 1e9)
+
+
+def records(
+    data: bytes, contents: Contents, channels: dict[int, str]
+) -> Iterator[Schema | Channel | Message]:
+    """The records of a chunk but for its ticks, which go to `contents.messages` in runs."""
+    place = 0
+    while place < len(data):
+        opcode, length = struct.unpack_from("<BQ", data, place)
+        if opcode == Opcode.MESSAGE:
+            _, _, channel, sequence, logged, published = HEAD.unpack_from(data, place)
+            if channels.get(channel) == TICKS:
+                run = alike(data, place, 9 + length)
+                contents.messages += run[:, HEAD.size :].tobytes()
+                place += run.size
+                continue
+            body = data[place + HEAD.size : place + 9 + length]
+            yield Message(channel, logged, body, published, sequence)
+        elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+            stream = ReadDataStream(BytesIO(data[place + 9 : place + 9 + length]))
+            yield Schema.read(stream) if opcode == Opcode.SCHEMA else Channel.read(stream)
+        place += 9 + length
+
+
+def alike(data: bytes, place: int, stride: int) -> NDArray[np.uint8]:
+    """The records from `place` on with the same opcode, length and channel, a row each."""
+    count = (len(data) - place) // stride
+    rows = np.frombuffer(data, np.uint8, count * stride, place).reshape(count, stride)
+    same = (rows[:, :11] == rows[0, :11]).all(axis=1)
+    return rows if same.all() else rows[: int(np.argmin(same))]

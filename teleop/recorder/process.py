@@ -1,0 +1,189 @@
+"""The recorder process: drains the control process's pipe into an MCAP file.
+
+    python -m teleop.recorder.process
+
+Standard input carries a head, the session as JSON, and then frames of a tick or an event each.
+Standard output says when recording has begun, and at the end what became of it. Standard error
+shows the progress line where the session asks for one. It ends when the pipe ends: when the
+control process closes it, exits, or is killed; so what was pushed is kept in every case.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import struct
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+from teleop.recorder.mcap_file import McapFile
+
+FRAME = struct.Struct("<cH")
+"""Head of a frame: its kind and the length of what follows."""
+TICK, EVENT = b"T", b"E"
+HEAD = struct.Struct("<I")
+"""Length of the session's JSON."""
+TIME = struct.Struct("<4xd")
+"""Where a tick's message has its time."""
+NAP = 0.02
+"""The pipe is left alone for this long [s]: a sleeping reader costs the writer no wake-up."""
+FLUSH = 0.08
+"""Longest time for which a tick stays out of the file [s]."""
+REDRAW = 0.1
+"""Time between two drawings of the progress line [s]."""
+BULK = 1 << 16
+
+
+class Progress:
+    """The progress line: time and the present estimates, drawn over and over.
+
+    Parameters
+    ----------
+    session
+        Whether to show it, how long the trial lasts, and where the estimates stand.
+    """
+
+    def __init__(self, session: dict[str, Any]) -> None:
+        self._shown = session["show"]
+        self._duration = session["duration"]
+        self._names = session["estimators"]
+        doubles = len(session["columns"])
+        self._estimates = struct.Struct(f"<{2 * len(self._names)}d")
+        self._place = 4 + 8 * (doubles - 2 * len(self._names))
+        self._due = 0.0
+
+    def show(self, message: bytes, t: float) -> None:
+        """Draw the line if it is due."""
+        now = time.monotonic()
+        if not self._shown or now < self._due:
+            return
+        self._due = now + REDRAW
+        values = self._estimates.unpack_from(message, self._place)
+        pairs = zip(self._names, values[::2], values[1::2], strict=True)
+        estimates = "".join(f"  {name} {k:6.0f} {b:+5.0f}" for name, b, k in pairs)
+        self._draw(f"{t:4.1f} of {self._duration:g} s  k [N/m], b [N s/m]:{estimates}")
+
+    def tell(self, text: str) -> None:
+        """Say something that stays."""
+        self.wipe()
+        print(text, file=sys.stderr, flush=True)
+
+    def wipe(self) -> None:
+        """Clear the line."""
+        if self._shown:
+            self._draw("")
+
+    def _draw(self, text: str) -> None:
+        try:
+            width = os.get_terminal_size(sys.stderr.fileno()).columns or 80
+            sys.stderr.write("\r" + text[: width - 1] + "\x1b[K")
+            sys.stderr.flush()
+        except OSError:
+            self._shown = False
+
+
+def say(**status: Any) -> None:
+    """Tell the control process, if it is still there."""
+    try:
+        print(json.dumps(status), flush=True)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def read_session() -> dict[str, Any]:
+    """The session, from the head of the pipe."""
+    data = sys.stdin.buffer.raw  # type: ignore[attr-defined]
+
+    def exactly(count: int) -> bytes:
+        got = b""
+        while len(got) < count:
+            part = data.read(count - len(got))
+            if not part:
+                raise EOFError
+            got += part
+        return got
+
+    session: dict[str, Any] = json.loads(exactly(HEAD.unpack(exactly(HEAD.size))[0]))
+    return session
+
+
+class Drain:
+    """Takes frames apart and hands them to the file."""
+
+    def __init__(self, file: McapFile | None, progress: Progress) -> None:
+        self.file = file
+        self.progress = progress
+        self.ticks = 0
+        self._rest = b""
+
+    def take(self, data: bytes) -> None:
+        """Take in what the pipe had."""
+        data = self._rest + data
+        place, end = 0, len(data)
+        while end - place >= FRAME.size:
+            kind, length = FRAME.unpack_from(data, place)
+            if end - place < FRAME.size + length:
+                break
+            place += FRAME.size
+            frame = data[place : place + length]
+            place += length
+            if kind == TICK:
+                self.ticks += 1
+                t = TIME.unpack_from(frame)[0]
+                if self.file:
+                    self.file.tick(frame, t)
+                self.progress.show(frame, t)
+            elif self.file:
+                self.file.event(json.loads(frame))
+        self._rest = data[place:]
+
+
+def main() -> None:
+    """Record until the pipe ends."""
+    try:
+        session = read_session()
+    except EOFError:
+        return
+    progress = Progress(session)
+    file = None
+    if session["path"]:
+        try:
+            file = McapFile(
+                Path(session["path"]),
+                session["columns"],
+                session["definition"],
+                session["metadata"],
+                session["start"],
+                session["overwrite"],
+            )
+        except OSError as error:
+            say(error=(error.strerror or str(error)).lower())
+            return
+    say(error=None)
+    drain = Drain(file, progress)
+    flushed = time.monotonic()
+    told = False
+    while data := os.read(sys.stdin.fileno(), BULK):
+        drain.take(data)
+        if file and time.monotonic() - flushed >= FLUSH:
+            file.flush()
+            flushed = time.monotonic()
+        if file and file.error and not told:
+            told = True
+            progress.tell(
+                f"teleop: {session['path']}: {(file.error.strerror or '').lower()}: "
+                "the run goes on unrecorded"
+            )
+        if len(data) < BULK:
+            time.sleep(NAP)
+    if file:
+        file.close()
+    progress.wipe()
+    error = file.error if file else None
+    say(ticks=drain.ticks, error=(error.strerror or str(error)).lower() if error else None)
+
+
+if __name__ == "__main__":
+    main()

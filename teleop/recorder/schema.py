@@ -1,0 +1,127 @@
+"""What is kept of every tick: columns with units, and the message that they make.
+
+A tick is a ROS 2 message of doubles in CDR, so that PlotJuggler, Lichtblick and Foxglove show
+it without a plug-in, and so that numpy reads a whole recording in one step.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterable
+from typing import NamedTuple
+
+from teleop.controller import Record
+from teleop.safety import Mode
+from teleop.safety.supervisor import ACCELERATION, FORCE, POSITION, VELOCITY
+
+CDR = b"\0\1\0\0"
+"""Head of a little-endian CDR message."""
+TICK = "teleop/msg/Tick"
+"""Name of the message."""
+
+
+class Column(NamedTuple):
+    """A quantity that is kept of each tick."""
+
+    name: str
+    unit: str
+    meaning: str
+
+
+COLUMNS = (
+    Column("time", "s", "since the trial began; negative before the drives are armed"),
+    Column("dt", "s", "since the tick before"),
+    Column("master_force", "N", "of the hand on the handle"),
+    Column("master_position", "m", "of the handle"),
+    Column("slave_position", "m", "displacement from the contact datum"),
+    Column("contact_force", "N", "between slave and environment, positive in compression"),
+    Column("slave_velocity", "m/s", "as the drive reports it"),
+    Column("master_force_age", "s", "since the sample was taken"),
+    Column("master_position_age", "s", "since the sample was taken"),
+    Column("slave_position_age", "s", "since the sample was taken"),
+    Column("contact_force_age", "s", "since the sample was taken"),
+    Column("slave_velocity_age", "s", "since the sample was taken"),
+    Column("drive_force", "N", "on the admittance: the operator's, or the PE injector's"),
+    Column("desired_master_velocity", "m/s", "what the control condition wanted"),
+    Column("desired_slave_velocity", "m/s", "what the control condition wanted"),
+    Column("commanded_master_velocity", "m/s", "what the safety supervisor made of it"),
+    Column("commanded_slave_velocity", "m/s", "what the safety supervisor made of it"),
+    Column("applied_master_velocity", "m/s", "what the drive made of that"),
+    Column("applied_slave_velocity", "m/s", "what the drive made of that"),
+    Column("x", "m", "displacement that the estimators were given; NaN for none"),
+    Column("v", "m/s", "velocity that the estimators were given"),
+    Column("f", "N", "force that the estimators were given"),
+    Column("excitation", "-", "0 none, 1 a sine about zero"),
+    Column("mode", "-", ", ".join(f"{mode.value} {mode.name.lower()}" for mode in Mode)),
+    Column(
+        "limited",
+        "-",
+        f"sum of the soft limits that held the command back: {VELOCITY} velocity, "
+        f"{ACCELERATION} acceleration, {POSITION} position, {FORCE} force",
+    ),
+    Column("lateness", "s", "of the tick's start after its deadline"),
+    Column("overrun", "-", "1 if the tick before was still at work at the deadline"),
+    Column("skipped", "-", "whole periods left out before this tick"),
+    Column("read_time", "s", "taken to read the rig"),
+    Column("compute_time", "s", "taken by condition, supervisor and estimators"),
+    Column("write_time", "s", "taken to command the drives"),
+    Column("busy_time", "s", "taken by all of the tick before"),
+    Column("dropped", "-", "ticks that the recorder has missed so far"),
+)
+
+
+def estimate_columns(estimators: Iterable[str]) -> tuple[Column, ...]:
+    """The columns of each estimator's b and k."""
+    return tuple(
+        Column(f"{name}_{parameter}", unit, f"{quantity}, estimated by {name}")
+        for name in estimators
+        for parameter, unit, quantity in (("b", "N s/m", "damping"), ("k", "N/m", "stiffness"))
+    )
+
+
+class Layout:
+    """The message of a bank's ticks.
+
+    Parameters
+    ----------
+    estimators
+        Names of the estimators, in the bank's order.
+    """
+
+    def __init__(self, estimators: Iterable[str]) -> None:
+        self.estimators = tuple(estimators)
+        self.columns = COLUMNS + estimate_columns(self.estimators)
+        self._struct = struct.Struct(f"<4s{len(self.columns)}d")
+        self.size = self._struct.size
+
+    @property
+    def definition(self) -> str:
+        """The message's definition, in the language of ROS 2."""
+        lines = [f"float64 {c.name}  # [{c.unit}] {c.meaning}" for c in self.columns]
+        return "\n".join(["# One tick of the control loop", *lines]) + "\n"
+
+    def pack(self, r: Record, dropped: int = 0) -> bytes:
+        """The message of one tick, its values in the order of `columns`."""
+        row = [
+            r.t,
+            r.dt,
+            *r.measurement[1:6],
+            *r.measurement.age,
+            r.drive_force,
+            *r.desired,
+            *r.commanded,
+            *r.applied,
+            r.x,
+            r.v,
+            r.f,
+            r.excitation,
+            r.mode,
+            r.limited,
+            *r.tick[:3],
+            *r.timing,
+            r.tick.busy,
+            dropped,
+        ]
+        for estimate in r.estimates.values():
+            row += estimate
+        return self._struct.pack(CDR, *row)

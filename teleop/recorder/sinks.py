@@ -1,0 +1,235 @@
+"""Where the loop pushes its ticks: a recorder process behind a pipe, or memory."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import subprocess
+import sys
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from teleop.errors import InputError
+from teleop.recorder.process import EVENT, FRAME, HEAD, TICK
+from teleop.recorder.schema import Layout
+from teleop.safety import Event
+
+PIPE_SIZE = 1 << 20
+"""Wanted size of the pipe [bytes], some two seconds of ticks; what Linux grants to anyone."""
+F_SETPIPE_SZ = 1031
+"""Linux's name for it, which Python's fcntl has under that name on Linux alone."""
+LONGEST_TEXT = 400
+"""Characters of an event's text: it must go through the pipe in one piece, PIPE_BUF."""
+PATIENCE = 20.0
+"""How long the recorder is given to start and to finish [s]."""
+
+
+class Outcome(NamedTuple):
+    """What became of a recording."""
+
+    path: Path | None
+    pushed: int
+    """Ticks that the loop handed over."""
+    dropped: int
+    """Ticks that found the pipe full."""
+    problem: str
+    """Why the recording is not complete; empty if it is."""
+
+
+class Sink(ABC):
+    """Takes in the loop's ticks and events; never makes the loop wait for a disk."""
+
+    dropped = 0
+    """Ticks that were not taken in."""
+
+    @abstractmethod
+    def push(self, message: bytes) -> None:
+        """Take in the message of one tick."""
+
+    @abstractmethod
+    def event(self, event: Event) -> None:
+        """Take in an event."""
+
+    @abstractmethod
+    def close(self) -> Outcome:
+        """Finish, and say what became of it."""
+
+
+class Memory(Sink):
+    """Keeps everything."""
+
+    def __init__(self) -> None:
+        self.messages = bytearray()
+        self.events: list[dict[str, Any]] = []
+        self._pushed = 0
+
+    def push(self, message: bytes) -> None:
+        """Keep the message of one tick."""
+        self.messages += message
+        self._pushed += 1
+
+    def event(self, event: Event) -> None:
+        """Keep an event."""
+        self.events.append(event_record(event))
+
+    def close(self) -> Outcome:
+        """All of it is here."""
+        return Outcome(None, self._pushed, 0, "")
+
+
+class RecorderProcess(Sink):
+    """A recorder in a process of its own.
+
+    Parameters
+    ----------
+    path
+        The MCAP file; None to show the progress line alone.
+    layout
+        The ticks' message.
+    metadata
+        Named records of text about the session.
+    start
+        Wall-clock time of the trial's beginning [ns].
+    duration
+        Length of the trial [s], for the progress line.
+    show
+        Whether to draw that.
+    wait
+        Whether a full pipe holds the loop, for virtual time; in real time the tick is dropped.
+    overwrite
+        Whether the file may exist.
+    """
+
+    def __init__(
+        self,
+        path: Path | None,
+        layout: Layout,
+        metadata: Mapping[str, Mapping[str, str]],
+        start: int,
+        duration: float,
+        show: bool,
+        wait: bool,
+        overwrite: bool = False,
+    ) -> None:
+        self.path = path
+        self._pushed = 0
+        self._gone = ""
+        self._head = FRAME.pack(TICK, layout.size)
+        self._wait = wait
+        self.process = subprocess.Popen(
+            [sys.executable, "-P", "-m", "teleop.recorder.process"],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            bufsize=0,
+            start_new_session=os.name == "posix",
+        )
+        assert self.process.stdin
+        assert self.process.stdout
+        self._pipe = self.process.stdin.fileno()
+        session = {
+            "path": str(path) if path else None,
+            "columns": layout.columns,
+            "estimators": layout.estimators,
+            "definition": layout.definition,
+            "metadata": metadata,
+            "start": start,
+            "duration": duration,
+            "show": show,
+            "overwrite": overwrite,
+        }
+        data = json.dumps(session).encode()
+        try:
+            self.process.stdin.write(HEAD.pack(len(data)) + data)
+        except BrokenPipeError:
+            self._gone = "the recorder did not start"
+
+    def ready(self) -> None:
+        """Wait until the file is open.
+
+        Raises
+        ------
+        InputError
+            It cannot be written, or the recorder does not start.
+        """
+        status = self._status()
+        if status is None or status["error"]:
+            self.process.kill()
+            self.process.wait()
+            why = status["error"] if status else "the recorder did not start"
+            raise InputError(f"{self.path or 'progress line'}: cannot be recorded to: {why}")
+        if sys.platform == "linux":
+            import fcntl
+
+            fcntl.fcntl(self._pipe, F_SETPIPE_SZ, PIPE_SIZE)
+        if not self._wait and hasattr(os, "set_blocking"):
+            os.set_blocking(self._pipe, False)
+
+    def push(self, message: bytes) -> None:
+        """Hand over one tick, or count it as dropped."""
+        if self._gone:
+            return
+        try:
+            os.write(self._pipe, self._head + message)
+            self._pushed += 1
+        except BlockingIOError:
+            self.dropped += 1
+        except OSError:
+            self._gone = "the recorder was killed"
+
+    def event(self, event: Event) -> None:
+        """Hand over an event; if the pipe is full it is lost, and its tick with it."""
+        data = json.dumps(event_record(event)).encode()
+        try:
+            os.write(self._pipe, FRAME.pack(EVENT, len(data)) + data)
+        except OSError:
+            self.dropped += 1
+
+    def close(self) -> Outcome:
+        """Let the recorder finish."""
+        assert self.process.stdin
+        try:
+            self.process.stdin.close()
+        except BrokenPipeError:
+            pass
+        status = self._status()
+        problem = self._gone
+        if status is None:
+            problem = problem or "the recorder was killed"
+            self.process.kill()
+        elif status["error"]:
+            problem = status["error"]
+        elif self.dropped:
+            problem = f"{self.dropped} ticks found the recorder's pipe full"
+        self.process.wait()
+        return Outcome(self.path, self._pushed, self.dropped, problem)
+
+    def _status(self) -> dict[str, Any] | None:
+        """What the recorder says next; None if it is gone, or says nothing for too long."""
+        assert self.process.stdout
+        import threading
+
+        watchdog = threading.Timer(PATIENCE, self.process.kill)
+        watchdog.start()
+        try:
+            line = self.process.stdout.readline()
+        finally:
+            watchdog.cancel()
+        status: dict[str, Any] | None = json.loads(line) if line.endswith(b"\n") else None
+        return status
+
+
+def event_record(event: Event) -> dict[str, Any]:
+    """An event as JSON has it."""
+    return {
+        "time": event.time,
+        "mode": event.mode.name.lower(),
+        "text": event.text[:LONGEST_TEXT],
+        "fault": event.fault and str(event.fault),
+        "source": event.source[:100],
+    } | {
+        name: value if math.isfinite(value) else None
+        for name, value in (("value", event.value), ("limit", event.limit), ("since", event.since))
+    }

@@ -1,0 +1,126 @@
+"""What a trial recorded: columns by name with their units, events, and the session's settings."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from estimation import Estimates
+from estimation.compiled import Floats
+from teleop.errors import InputError
+from teleop.recorder.mcap_reader import read_intact
+from teleop.recorder.schema import CDR
+
+FIELD = re.compile(r"float64 (\w+)(?:\s*#\s*\[([^]]*)\]\s*(.*))?")
+"""A line of a tick's definition: name, unit, meaning."""
+
+
+@dataclass(frozen=True)
+class Recording:
+    """A trial's ticks, events and settings.
+
+    Examples
+    --------
+    >>> recording = load(path)  # doctest: +SKIP
+    >>> recording["contact_force"], recording.units["contact_force"]  # doctest: +SKIP
+    """
+
+    columns: dict[str, Floats]
+    """Every column by name, arrays of shape (ticks,) in SI units."""
+    units: dict[str, str]
+    """Unit of each column; - for none."""
+    events: list[dict[str, Any]] = field(default_factory=list)
+    """Changes of the safety mode, and faults."""
+    session: dict[str, str] = field(default_factory=dict)
+    """Software, machine, date."""
+    settings: dict[str, Any] = field(default_factory=dict)
+    """Settings of the trial."""
+
+    def __getitem__(self, name: str) -> Floats:
+        """A column.
+
+        Raises
+        ------
+        KeyError
+            There is none of this name; tells those that there are.
+        """
+        if name not in self.columns:
+            raise KeyError(f"{name!r}: expected one of {', '.join(self.columns)}")
+        return self.columns[name]
+
+    def __len__(self) -> int:
+        return len(self["time"])
+
+    @property
+    def estimators(self) -> list[str]:
+        """Names of the estimators."""
+        return [name[:-2] for name in self.columns if name.endswith("_b")]
+
+    def estimated(self) -> Recording:
+        """The ticks alone at which the estimators were given a sample."""
+        part = np.isfinite(self["x"])
+        columns = self.columns
+        if not part.all():
+            columns = {name: column[part] for name, column in columns.items()}
+        return Recording(columns, self.units, self.events, self.session, self.settings)
+
+    def estimates(self) -> dict[str, Estimates]:
+        """Each estimator's estimates."""
+        return {name: Estimates(self[f"{name}_b"], self[f"{name}_k"]) for name in self.estimators}
+
+
+def from_messages(
+    definition: str,
+    messages: bytes | bytearray,
+    events: list[dict[str, Any]],
+    metadata: dict[str, dict[str, str]],
+) -> Recording:
+    """A recording from the messages of its ticks, one after the other."""
+    fields = FIELD.findall(definition)
+    rows = np.frombuffer(messages, dtype=np.uint8).reshape(-1, len(CDR) + 8 * len(fields))
+    values = np.ascontiguousarray(rows[:, len(CDR) :].T.reshape(len(fields), 8, -1).swapaxes(1, 2))
+    table = values.view("<f8").reshape(len(fields), -1)
+    return Recording(
+        columns={name: table[i] for i, (name, _, _) in enumerate(fields)},
+        units={name: unit for name, unit, _ in fields},
+        events=events,
+        session=metadata.get("session", {}),
+        settings=json.loads(metadata.get("settings", {}).get("json", "{}")),
+    )
+
+
+def load(path: Path | str) -> Recording:
+    """Read a recording.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, is no recording of ours, or is not complete; the latter tells
+        how to recover it.
+    """
+    path = Path(path)
+    contents = read_intact(path)
+    recording = from_messages(
+        contents.definition, contents.messages, contents.events, contents.metadata
+    )
+    if contents.damage:
+        kept = f"{recording['time'][-1]:.3f} s are intact" if len(recording) else "nothing is left"
+        raise InputError(
+            f"{path}: the recording is not complete ({contents.damage}): {kept}; "
+            f"rescue them with: teleop recover {path}"
+        )
+    return recording
+
+
+def salvage(path: Path) -> Recording | None:
+    """What is intact of a recording; None for nothing."""
+    try:
+        contents = read_intact(path)
+    except InputError:
+        return None
+    return from_messages(contents.definition, contents.messages, contents.events, contents.metadata)

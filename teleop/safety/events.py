@@ -1,0 +1,128 @@
+"""What the supervisor has to say: its modes, what can trip it, and the events that it tells."""
+
+from __future__ import annotations
+
+from enum import IntEnum, StrEnum
+from typing import NamedTuple
+
+
+class Mode(IntEnum):
+    """What the telemanipulator is doing, as far as safety is concerned."""
+
+    DISCONNECTED = 0
+    """Nothing has been read yet."""
+    IDLE = 1
+    """Drives out of operation."""
+    READY = 2
+    """All channels are well and the slave rests where it should; may be armed."""
+    ACTIVE = 3
+    """Armed: drives follow the command within the limits."""
+    STOPPING = 4
+    """On the way to standstill, and then to idle."""
+    FAULT = 5
+    """Stopped by a fault; stays until a person re-arms."""
+
+
+class Fault(StrEnum):
+    """What can trip the supervisor."""
+
+    NOT_A_NUMBER = "not a number"
+    INFINITE = "infinite"
+    STALE = "stale"
+    OUT_OF_RANGE = "out of range"
+    JUMP = "impossible jump"
+    FROZEN = "frozen"
+    NOT_AT_REST = "not at rest at the start"
+    POSITION_LIMIT = "position limit"
+    VELOCITY_LIMIT = "velocity limit"
+    FORCE_LIMIT = "force limit"
+    NOT_FOLLOWING = "drive does not follow its command"
+    DRIVE_ERROR = "drive error"
+    EMERGENCY_STOP = "emergency stop"
+    OVERRUN = "loop overrun"
+    RIG_FAILURE = "rig failure"
+    CONTROL_FAILURE = "control failure"
+    ESTIMATION_FAILURE = "estimation failure"
+
+
+AT_ONCE = frozenset(
+    {
+        Fault.NOT_AT_REST,
+        Fault.POSITION_LIMIT,
+        Fault.VELOCITY_LIMIT,
+        Fault.FORCE_LIMIT,
+        Fault.NOT_FOLLOWING,
+        Fault.DRIVE_ERROR,
+        Fault.EMERGENCY_STOP,
+        Fault.OVERRUN,
+        Fault.RIG_FAILURE,
+    }
+)
+"""Faults on which the drives are idled at once (stop category 0 of IEC 60204-1).
+
+At all others the command ramps to zero first (category 1): the drives still do as they are told.
+"""
+
+
+def stops_at_once(fault: Fault) -> bool:
+    """Whether a fault idles the drives without a ramp."""
+    return fault in AT_ONCE
+
+
+class Event(NamedTuple):
+    """Something that happened at a tick: a change of mode, or a fault."""
+
+    time: float
+    """[s] of the trial."""
+    mode: Mode
+    """The mode from then on."""
+    text: str
+    """What happened, for a person."""
+    fault: Fault | None = None
+    """What tripped; None for a mere change of mode."""
+    source: str = ""
+    """Channel or part that it came from."""
+    value: float = float("nan")
+    """What was seen, in SI units."""
+    limit: float = float("nan")
+    """What it was held against."""
+    since: float = float("nan")
+    """Since when it had been so [s]."""
+
+
+UNITS = {"force": "N", "position": "m", "velocity": "m/s", "": ""}
+
+
+def unit_of(source: str) -> str:
+    """Unit of a channel."""
+    return UNITS.get(source.rpartition("_")[2], "")
+
+
+def describe(fault: Fault, source: str, value: float, limit: float) -> str:
+    """One line for a person: what was seen where, and what was expected."""
+    name, unit = source.replace("_", " "), unit_of(source)
+    if fault is Fault.NOT_A_NUMBER or fault is Fault.INFINITE:
+        return f"{name} is {value}: expected a number"
+    if fault is Fault.STALE:
+        return f"{name} is stale: last sample {value * 1e3:.1f} ms old, at most {limit * 1e3:g} ms"
+    if fault is Fault.OUT_OF_RANGE:
+        return f"{name} is out of range: {value:.4g} {unit}, the sensor ends at {limit:.4g} {unit}"
+    if fault is Fault.JUMP:
+        return (
+            f"{name} jumped by {value:.4g} {unit} in one tick: at most {limit:.4g} {unit} "
+            "is possible"
+        )
+    if fault is Fault.FROZEN:
+        return f"{name} is frozen at {value:.6g} {unit}"
+    if fault is Fault.NOT_AT_REST:
+        return f"not at rest at the start: {name} {value:.4g} {unit}, at most {limit:.4g} {unit}"
+    if fault is Fault.NOT_FOLLOWING:
+        return (
+            f"the slave does not follow its command: {value * 1e3:.3g} mm behind it, "
+            f"at most {limit * 1e3:.3g} mm"
+        )
+    if fault is Fault.OVERRUN:
+        return f"the loop overran: {source}"
+    if fault in (Fault.POSITION_LIMIT, Fault.VELOCITY_LIMIT, Fault.FORCE_LIMIT):
+        return f"{fault}: {name} {value:.4g} {unit}, at most {limit:.4g} {unit}"
+    return f"{fault}: {source}"

@@ -1,0 +1,57 @@
+"""Limits for a palpation, scaled from its depth and from what is palpated."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from sim_backend import Cube
+from teleop.safety.limits import Limits, usual_channels
+
+SOFT, HARD = 1.5, 1.8
+"""Position and force limits, as a share of depth and of the force there."""
+SPEED = 14.0
+"""Greatest speed, in depths a second; a sine of 2 Hz takes 6.3."""
+STOPPING = 0.015
+"""Time in which the greatest speed is brought to zero [s]."""
+FOLLOWING, FROZEN = 0.12, 0.03
+"""Following error and the travel of a frozen encoder, as a share of depth."""
+
+
+def palpation_limits(cube: Cube, depth: float, scale: float, fastest: float) -> Limits:
+    """Limits of a palpation on the simulated rig.
+
+    Parameters
+    ----------
+    cube
+        What is palpated.
+    depth
+        Depth that is aimed for [m].
+    scale
+        Slave motion for a unit of master motion.
+    fastest
+        Highest frequency of the excitation [Hz].
+    """
+    velocity = max(SPEED, 5.0 * fastest) * depth
+    acceleration = velocity / STOPPING
+    frozen = FROZEN * depth
+    channels = usual_channels()
+    travels = {
+        "master_position": frozen / scale,
+        "slave_position": frozen,
+        "slave_velocity": frozen,
+    }
+    for name, travel in travels.items():
+        channels[name] = replace(channels[name], frozen_travel=travel)
+    return Limits(
+        max_velocity=velocity,
+        max_acceleration=acceleration,
+        max_master_velocity=velocity / scale,
+        max_master_acceleration=acceleration / scale,
+        soft_position=(-0.5 * depth, SOFT * depth),
+        hard_position=(-HARD / SOFT * 0.5 * depth, HARD * depth),
+        soft_force=cube.force(SOFT * depth, 0.0),
+        hard_force=cube.force(HARD * depth, 0.0),
+        following_error=FOLLOWING * depth,
+        rest_velocity=0.02 * velocity,
+        channels=channels,
+    )

@@ -1,0 +1,92 @@
+"""A session: ticks from arming to standstill, pushed to whoever keeps them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from drivers import Rig
+from estimation import Bank
+from teleop.black_box import AFTER, BlackBox
+from teleop.clock import Clock
+from teleop.recorder.schema import Layout
+from teleop.recorder.sinks import Sink
+from teleop.safety import Mode
+from teleop.settings import TrialSettings
+from teleop.stop_switch import StopSwitch
+
+END = "end of the trial"
+
+
+class Session:
+    """Runs a trial tick by tick on an opened rig.
+
+    Parameters
+    ----------
+    settings
+        What to run.
+    clock
+        What wakes the loop.
+    rig
+        The telemanipulator, opened.
+    bank
+        The estimators.
+    layout
+        The ticks' message.
+    sinks
+        Where ticks and events are pushed.
+    box
+        The black box.
+    switch
+        How a person stops it.
+    """
+
+    def __init__(
+        self,
+        settings: TrialSettings,
+        clock: Clock,
+        rig: Rig,
+        bank: Bank,
+        layout: Layout,
+        sinks: Sequence[Sink],
+        box: BlackBox,
+        switch: StopSwitch,
+    ) -> None:
+        self.controller = settings.make_controller(rig, bank, clock)
+        self.ticks = 0
+        self._clock = clock
+        self._layout = layout
+        self._sinks = sinks
+        self._box = box
+        self._switch = switch
+        self._last = settings.duration - 0.5 / settings.rate
+        self._end = ""
+        self._armed = False
+        self._leave = float("inf")
+
+    @property
+    def error(self) -> Exception | None:
+        """The first exception of a tick."""
+        return self.controller.error
+
+    def step(self) -> bool:
+        """Run one tick; whether there is another."""
+        tick = self._clock.wait()
+        record = self.controller.tick(tick, self._switch.request(tick.skipped, self._end))
+        message = self._layout.pack(record, self._sinks[0].dropped if self._sinks else 0)
+        self._box.push(message)
+        for sink in self._sinks:
+            sink.push(message)
+        self.ticks += 1
+        if record.events:
+            for event in record.events:
+                for keeper in (self._box, *self._sinks):
+                    keeper.event(event)
+                if event.mode is Mode.ACTIVE:
+                    self._armed = True
+                elif event.mode is Mode.FAULT:
+                    self._leave = record.t + AFTER
+        if record.t >= self._last:
+            self._end = END
+        if record.mode is Mode.IDLE:
+            return not (self._armed or self._switch.interrupted)
+        return record.t < self._leave

@@ -1,0 +1,63 @@
+"""Where force and position are zero: found with nothing loaded, stored with its date, applied."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+from drivers import Measurement
+from teleop.errors import InputError
+
+if TYPE_CHECKING:
+    from pydantic import ValidationError
+
+
+class Tare(NamedTuple):
+    """Zeros of the channels, taken off every measurement."""
+
+    master_force: float = 0.0
+    """What the handle's force sensor reads at no force [N]."""
+    contact_force: float = 0.0
+    """What the contact force sensor reads at no force [N]."""
+    slave_position: float = 0.0
+    """What the slave's encoder reads where contact begins, the contact datum [m]."""
+    date: str = ""
+    """When it was found, ISO 8601."""
+
+    def apply(self, measurement: Measurement) -> Measurement:
+        """The measurement from these zeros."""
+        return measurement._replace(
+            master_force=measurement.master_force - self.master_force,
+            contact_force=measurement.contact_force - self.contact_force,
+            slave_position=measurement.slave_position - self.slave_position,
+        )
+
+
+NO_TARE = Tare()
+
+
+def read_tare(path: Path) -> Tare:
+    """The zeros in a file of `teleop rig tare`.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, or is not as expected.
+    """
+    from pydantic import TypeAdapter, ValidationError
+
+    try:
+        return TypeAdapter(Tare).validate_json(path.read_bytes())
+    except OSError as error:
+        raise InputError(f"{path}: {(error.strerror or 'cannot be read').lower()}") from error
+    except ValidationError as error:
+        raise InputError(
+            f"{path}: expected a file of teleop rig tare: {problems(error)}"
+        ) from error
+
+
+def problems(error: ValidationError) -> str:
+    """All that is wrong with a file, on one line."""
+    return "; ".join(
+        f"{'.'.join(map(str, e['loc'])) or 'file'}: {e['msg'].lower()}" for e in error.errors()
+    )
