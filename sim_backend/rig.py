@@ -83,8 +83,9 @@ class SimulatedRig(Rig):
         """Let the plant catch up with the clock, and read every sensor."""
         now = self._now()
         if now > self._time:
-            held = self._operator is not None and now >= self._start
-            intended = self._operator.intention(now - self._start) if held else AT_REST
+            intended = AT_REST
+            if self._operator and now >= self._start:
+                intended = self._operator.intention(now - self._start)
             silent = self._commanded + self._watchdog
             if self._enabled and now > silent:
                 if silent > self._time:

@@ -102,11 +102,11 @@ def fault_text(recording: Recording, fault: dict[str, Any]) -> str:
         f"where     {fault['source']}",
         f"when      {fault['time']:.4f} s",
     ]
-    for name in ("value", "limit"):
-        if fault[name] is not None:
-            lines.append(f"{name:<9} {fault[name]:.6g}")
-    if fault["since"] is not None:
-        lines.append(f"since     {fault['since']:.4f} s")
+    lines += [
+        f"{name:<9} {fault[name]:.6g}"
+        for name in ("value", "limit", "since")
+        if fault[name] is not None
+    ]
     if len(t) and at >= 0:
         lines += ["", "channels at that tick"]
         for name in (

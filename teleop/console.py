@@ -85,10 +85,11 @@ def print_estimates(rows: Mapping[str, Mapping[str, Any]], title: str) -> None:
 def print_trial(summary: Mapping[str, Any]) -> None:
     """A trial's tables."""
     console = plain_console()
-    print_estimates(
-        summary["estimates"],
-        f"{summary['condition']}, {summary['cube']} cube, {summary['duration_s']:g} s",
-    )
+    if summary["estimates"]:
+        print_estimates(
+            summary["estimates"],
+            f"{summary['condition']}, {summary['cube']} cube, {summary['duration_s']:g} s",
+        )
     truth = summary["truth"]
     console.print(
         f"  truth (simulated): b {truth['b']:g} N s/m, k {number(truth['k_surface'], 0)} N/m at "
@@ -101,22 +102,56 @@ def print_trial(summary: Mapping[str, Any]) -> None:
     loop = summary["loop"]
     if summary["clock"] == "virtual":
         console.print(f"  loop: {summary['ticks']} ticks at {loop['rate_hz']:g} Hz, virtual time")
-        return
-    late = loop["lateness_us"]
+    else:
+        print_loop(console, summary)
+    print_safety(console, summary["safety"])
+    recording = summary["recording"]
+    if recording["path"]:
+        console.print(f"  recording: {recording['path']}")
+    if recording["problem"]:
+        console.print(f"  the recording is not complete: {recording['problem']}", style="red")
+        console.print("  what is intact of it: teleop recover; above stands what could be had")
+    if recording["black_box"]:
+        console.print(f"  black box: {recording['black_box']}", style="red")
+
+
+def print_loop(console: Console, summary: Mapping[str, Any]) -> None:
+    """How the loop kept time."""
+    loop = summary["loop"]
+    late, busy = loop["lateness_us"], loop["tick_us"]["busy"]
     console.print(
         f"  loop: {loop['mean_rate_hz']:.2f} of {loop['rate_hz']:g} Hz, {summary['ticks']} ticks, "
-        f"{loop['overruns']} overruns;\n"
+        f"{loop['overruns']} overruns, {loop['skipped']} periods skipped;\n"
         f"  lateness [us]: p50 {late['p50']:.1f}, p99 {late['p99']:.1f}, "
-        f"p99.9 {late['p99_9']:.1f}, max {late['max']:.1f}"
+        f"p99.9 {late['p99_9']:.1f}, max {late['max']:.1f};\n"
+        f"  a tick takes [us]: p50 {busy['p50']:.0f}, p99 {busy['p99']:.0f}, max {busy['max']:.0f}"
     )
+    steps = summary["realtime"]
+    missing = [f"{name} {why}" for name, why in steps.items() if why != "done"]
+    if missing:
+        console.print(f"  real time: {'; '.join(missing)}", style="yellow")
+    elif steps:
+        console.print(f"  real time: {', '.join(steps)}")
     if loop["longest_gap_s"] > STALL:
         console.print(
-            f"  the loop stalled for {loop['longest_gap_s']:.2f} s: the drives stopped meanwhile, "
-            "and estimates about then mean nothing",
+            f"  the loop stalled for {loop['longest_gap_s']:.2f} s: estimates about then mean "
+            "nothing",
             style="red",
         )
     if loop["mean_rate_hz"] < 0.99 * loop["rate_hz"]:
         console.print("  the loop did not hold its rate: the machine was busy", style="yellow")
+
+
+def print_safety(console: Console, safety: Mapping[str, Any]) -> None:
+    """What soft limits held back, and the fault."""
+    held = [f"{name} {count} ticks" for name, count in safety["limited_ticks"].items() if count]
+    if held:
+        console.print(f"  soft limits held the command back: {', '.join(held)}", style="yellow")
+    if safety["fault"]:
+        fault = safety["fault"]
+        console.print(
+            f"  STOPPED for safety at {fault['time']:.3f} s: {fault['text']}", style="bold red"
+        )
 
 
 def print_evaluation(summary: Mapping[str, Any], name: str) -> None:
@@ -134,6 +169,12 @@ def print_evaluation(summary: Mapping[str, Any], name: str) -> None:
         f"memory of the estimators {summary['memory_s']:.3g} s\n"
         f"  excitation: {summary['excitation']['mean']:.2f} (0 none, 1 a sine about the datum)"
     )
+    if "as_online" in summary:
+        console.print(
+            "  the estimates are those that the run computed, to the bit"
+            if summary["as_online"]
+            else "  other settings than the run's: the estimates are not those that it computed"
+        )
     if summary["jitter"] > GAP:
         console.print(
             f"  a gap of {summary['longest_gap_s']:.3g} s in the recording: what was estimated "

@@ -6,9 +6,11 @@ from html import escape
 
 from estimation import Estimates, MultiEstimator
 from estimation.redundancy import ambiguity
+from teleop.black_box import fault_of, fault_text
 from teleop.console import HEADINGS, estimate_cells
 from teleop.estimate import Evaluation
-from teleop.figure import ambiguity_figure, estimates_figure
+from teleop.figure import ambiguity_figure, estimates_figure, fault_figure
+from teleop.recording import Recording
 from teleop.web_page import captioned, svg, table, web_page
 
 MARGIN = 0.1
@@ -17,7 +19,7 @@ LOOKS = 400
 """How often the candidates that tie are looked at over a recording, about."""
 
 
-def report_page(name: str, evaluation: Evaluation) -> str:
+def report_page(name: str, evaluation: Evaluation, recording: Recording | None = None) -> str:
     """The page for one recording.
 
     Parameters
@@ -26,6 +28,8 @@ def report_page(name: str, evaluation: Evaluation) -> str:
         What was recorded; the page's title.
     evaluation
         The estimators' answer to it.
+    recording
+        The recorded trial that it was; None for a table.
     """
     e = evaluation
     summary = e.summary()
@@ -42,7 +46,7 @@ def report_page(name: str, evaluation: Evaluation) -> str:
 {summary["to_s"]:.3f} s, at {summary["rate_hz"]:g} Hz. Datum: {datum["position_m"] * 1e3:.6g} mm,
 {datum["force_n"]:.6g} N ({escape(datum["source"])}). Excitation {summary["excitation"]["mean"]:.2f}
 (0 none, 1 a sine about the datum).</p>
-{table(HEADINGS, rows)}{notes}
+{black_box(recording)}{table(HEADINGS, rows)}{notes}
 {
         captioned(
             figure,
@@ -60,6 +64,19 @@ def report_page(name: str, evaluation: Evaluation) -> str:
         )
     }"""
     return web_page(name, body)
+
+
+def black_box(recording: Recording | None) -> str:
+    """What stopped a trial for safety; empty where nothing did."""
+    fault = fault_of(recording) if recording else None
+    if not recording or not fault:
+        return ""
+    drawing = captioned(
+        svg(fault_figure(recording, fault)),
+        "The channels about the fault (red line), and the command that followed it.",
+    )
+    account = escape(fault_text(recording, fault))
+    return f"<h2>Stopped for safety</h2>\n<pre>{account}</pre>{drawing}<h2>Estimates</h2>\n"
 
 
 def ambiguity_drawing(evaluation: Evaluation) -> str:

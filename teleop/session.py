@@ -79,8 +79,9 @@ class Session:
         self.ticks += 1
         if record.events:
             for event in record.events:
-                for keeper in (self._box, *self._sinks):
-                    keeper.event(event)
+                self._box.event(event)
+                for sink in self._sinks:
+                    sink.event(event)
                 if event.mode is Mode.ACTIVE:
                     self._armed = True
                 elif event.mode is Mode.FAULT:

@@ -7,7 +7,6 @@ from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
 from drivers import Rig
-
 from estimation import Bank, Conditioner, Excitation, Preset, paper_preset
 from sim_backend import (
     CUBES,

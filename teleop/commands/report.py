@@ -14,41 +14,42 @@ def report(
     *,
     out: Path | None = None,
     columns: ColumnOptions = BY_NAME,
-    preset: Literal["scaled", "paper"] = "scaled",
+    preset: Literal["scaled", "paper"] | None = None,
     cube: Literal["soft", "medium", "hard"] = "soft",
-    force_lag: float = 0.0,
+    force_lag: float | None = None,
 ) -> int:
     """Write a recording's estimates and figures to one HTML page that opens offline.
 
-    Shows over time which candidates the data could not tell apart as well.
+    Shows over time which candidates the data could not tell apart as well, and of a run that
+    was stopped for safety what tripped and the channels about it.
 
-    Example: `teleop report run.csv --preset paper --out run.html`
+    Example: `teleop report run.mcap --out run.html`
 
     Parameters
     ----------
     file
-        CSV or TSV with units in its header, such as `teleop run --out` writes.
+        A recording of teleop run (.mcap), or CSV or TSV with units in its header.
     out
         The page; by default beside the recording, with the ending .html.
     columns
         Which columns to take, and where they are zero.
     preset
-        Settings of the estimators: scaled from the data, or the paper's.
+        Settings of the estimators: scaled from the data, or the paper's; by default those of
+        the run, and scaled for a table.
     cube
         The cube whose adaptation gain the paper's settings take.
     force_lag
         Lag of the force channel [s] to make up for.
     """
-    from teleop.estimate import EstimateSettings, evaluate
+    from teleop.commands.estimate import chosen
+    from teleop.estimate import evaluate
     from teleop.files import check_outputs, write_text
     from teleop.report import report_page
 
     page = out or file.with_suffix(".html")
     check_outputs(page, source=file)
-    recording = columns.read(file)
-    evaluation = evaluate(
-        recording, EstimateSettings(columns.datum, preset, cube, force_lag=force_lag)
-    )
-    write_text(page, report_page(file.name, evaluation))
+    signals, recording = columns.read(file)
+    settings = chosen(recording, columns.datum, preset, cube, None, None, force_lag)
+    write_text(page, report_page(file.name, evaluate(signals, settings), recording))
     print(page)
     return 0

@@ -105,7 +105,7 @@ class McapFile:
         self._disk = Disk(path, overwrite)
         self._context = context = Context()  # its channels close with it
         self._writer = foxglove.open_mcap(
-            self._disk,  # type: ignore[arg-type]
+            self._disk,
             context=context,
             writer_options=MCAPWriteOptions(profile="ros2", chunk_size=None),
         )
@@ -155,7 +155,7 @@ class McapFile:
                 "file": "",
                 "line": 0,
             }
-            self._events.log(json.dumps(log | event), log_time=when)
+            self._events.log(json.dumps({**log, **event}), log_time=when)
 
     def flush(self) -> None:
         """Hand all that was taken in to the operating system."""

@@ -57,7 +57,7 @@ class Progress:
     def show(self, message: bytes, t: float) -> None:
         """Draw the line if it is due."""
         now = time.monotonic()
-        if not self._shown or now < self._due:
+        if not self._shown or now < self._due or t < 0.0:
             return
         self._due = now + REDRAW
         values = self._estimates.unpack_from(message, self._place)
@@ -94,12 +94,12 @@ def say(**status: Any) -> None:
 
 def read_session() -> dict[str, Any]:
     """The session, from the head of the pipe."""
-    data = sys.stdin.buffer.raw  # type: ignore[attr-defined]
+    pipe = sys.stdin.fileno()
 
     def exactly(count: int) -> bytes:
         got = b""
         while len(got) < count:
-            part = data.read(count - len(got))
+            part = os.read(pipe, count - len(got))
             if not part:
                 raise EOFError
             got += part
@@ -158,8 +158,8 @@ def main() -> None:
                 session["start"],
                 session["overwrite"],
             )
-        except OSError as error:
-            say(error=(error.strerror or str(error)).lower())
+        except OSError as refusal:
+            say(error=(refusal.strerror or str(refusal)).lower())
             return
     say(error=None)
     drain = Drain(file, progress)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 import os
 import subprocess
 import sys
+import threading
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from pathlib import Path
@@ -157,7 +159,7 @@ class RecorderProcess(Sink):
         status = self._status()
         if status is None or status["error"]:
             self.process.kill()
-            self.process.wait()
+            self._release()
             why = status["error"] if status else "the recorder did not start"
             raise InputError(f"{self.path or 'progress line'}: cannot be recorded to: {why}")
         if sys.platform == "linux":
@@ -190,10 +192,10 @@ class RecorderProcess(Sink):
     def close(self) -> Outcome:
         """Let the recorder finish."""
         assert self.process.stdin
-        try:
+        if self.process.stdin.closed:
+            return Outcome(self.path, 0, 0, self._gone)
+        with contextlib.suppress(OSError):
             self.process.stdin.close()
-        except BrokenPipeError:
-            pass
         status = self._status()
         problem = self._gone
         if status is None:
@@ -203,14 +205,21 @@ class RecorderProcess(Sink):
             problem = status["error"]
         elif self.dropped:
             problem = f"{self.dropped} ticks found the recorder's pipe full"
-        self.process.wait()
+        self._release()
         return Outcome(self.path, self._pushed, self.dropped, problem)
+
+    def _release(self) -> None:
+        """Wait for the process to end, and let go of its pipes."""
+        assert self.process.stdin
+        assert self.process.stdout
+        with contextlib.suppress(OSError):
+            self.process.stdin.close()
+        self.process.stdout.close()
+        self.process.wait()
 
     def _status(self) -> dict[str, Any] | None:
         """What the recorder says next; None if it is gone, or says nothing for too long."""
         assert self.process.stdout
-        import threading
-
         watchdog = threading.Timer(PATIENCE, self.process.kill)
         watchdog.start()
         try:

@@ -25,26 +25,29 @@ class Recorder(Rig):
         self.call("write")
         return command
 
-    def stop(self):
-        self.call("stop")
+    def enable(self):
+        self.call("enable")
+
+    def idle(self):
+        self.call("idle")
 
     def close(self):
         self.call("close")
 
 
 @pytest.mark.parametrize("error", [RuntimeError, KeyboardInterrupt, SystemExit])
-def test_every_exit_stops_and_then_closes(error):
+def test_every_exit_idles_the_drives_and_then_closes(error):
     rig = Recorder()
     with pytest.raises(error), rig:
         raise error
-    assert rig.calls == ["open", "stop", "close"]
+    assert rig.calls == ["open", "idle", "close"]
 
 
-def test_a_normal_exit_stops_and_closes_too():
+def test_a_normal_exit_idles_and_closes_too():
     rig = Recorder()
     with rig:
         pass
-    assert rig.calls == ["open", "stop", "close"]
+    assert rig.calls == ["open", "idle", "close"]
 
 
 def test_an_open_that_fails_still_closes():
@@ -54,8 +57,8 @@ def test_an_open_that_fails_still_closes():
     assert rig.calls == ["open", "close"]
 
 
-def test_a_stop_that_fails_still_closes():
-    rig = Recorder(failing="stop")
-    with pytest.raises(OSError, match="stop failed"), rig:
+def test_an_idle_that_fails_still_closes():
+    rig = Recorder(failing="idle")
+    with pytest.raises(OSError, match="idle failed"), rig:
         pass
-    assert rig.calls == ["open", "stop", "close"]
+    assert rig.calls == ["open", "idle", "close"]

@@ -20,6 +20,7 @@ def palpate(seed, ticks=300):
     clock = HandClock()
     out = []
     with SimulatedRig(CUBES["soft"], clock, FreePalpation(9e-3, seed), seed=seed) as rig:
+        rig.enable()
         for i in range(ticks):
             clock.time = i * 1e-3
             out.append(rig.read())
@@ -54,17 +55,19 @@ def test_every_channel_is_fresh():
 def test_applies_what_the_drives_can_do_and_says_so():
     rig = SimulatedRig(CUBES["soft"], HandClock(), max_velocity=0.1)
     rig.open()
+    rig.enable()
     assert rig.write(Command(-1.0, 0.05)) == Command(-0.1, 0.05)
 
 
-def test_after_a_stop_the_slave_comes_to_rest():
+def test_after_idling_the_slave_comes_to_rest():
     clock = HandClock()
     rig = SimulatedRig(CUBES["soft"], clock)
     rig.open()
+    rig.enable()
     rig.write(Command(0.0, 0.05))
     clock.time = 0.04
     assert rig.read().slave_velocity > 0.01
-    rig.stop()
+    rig.idle()
     clock.time = 1.0
     assert abs(rig.read().slave_velocity) < 1e-6
     assert rig.write(STANDSTILL) == STANDSTILL
@@ -74,6 +77,7 @@ def test_drives_that_are_not_commanded_any_more_stop_by_themselves():
     clock = HandClock()
     rig = SimulatedRig(CUBES["soft"], clock, watchdog=0.05)
     rig.open()
+    rig.enable()
     rig.write(Command(0.02, 0.02))
     clock.time = 2.0
     stalled = rig.read()
@@ -81,10 +85,59 @@ def test_drives_that_are_not_commanded_any_more_stop_by_themselves():
     assert abs(stalled.slave_velocity) < 1e-6
 
 
+def test_the_drives_own_watchdog_stays_tripped_until_they_are_enabled_again():
+    clock = HandClock()
+    rig = SimulatedRig(CUBES["soft"], clock, watchdog=0.05)
+    rig.open()
+    rig.enable()
+    rig.write(Command(0.0, 0.02))
+    clock.time = 0.06
+    assert rig.read().drive_error == "watchdog"
+    assert rig.write(Command(0.0, 0.02)) == STANDSTILL
+    rig.enable()
+    assert rig.write(Command(0.0, 0.02)) == Command(0.0, 0.02)
+    assert rig.read().drive_error == ""
+
+
+def test_drives_that_are_not_enabled_do_not_move():
+    clock = HandClock()
+    rig = SimulatedRig(CUBES["soft"], clock)
+    rig.open()
+    assert rig.write(Command(0.1, 0.1)) == STANDSTILL
+    clock.time = 0.5
+    assert rig.read().slave_position == 0.0
+
+
+def test_the_operators_time_starts_when_the_drives_are_enabled():
+    clock = HandClock()
+    rig = SimulatedRig(CUBES["soft"], clock, FreePalpation(9e-3, 0))
+    rig.open()
+    for clock.time in (0.5, 1.0):
+        assert abs(rig.read().master_force) < 0.2
+    rig.enable()
+    force = []
+    for i in range(500):
+        clock.time = 1.0 + i * 1e-3
+        force.append(rig.read().master_force)
+        rig.write(STANDSTILL)
+    assert max(force) > 0.5
+
+
+def test_sensors_read_from_their_own_zeros():
+    clock = HandClock()
+    sensors = Sensors(force_noise=0.0, master_zero=1.0, contact_zero=-2.0, contact_position=3e-3)
+    rig = SimulatedRig(CUBES["soft"], clock, sensors=sensors)
+    rig.open()
+    reading = rig.read()
+    assert (reading.master_force, reading.contact_force) == (1.0, -2.0)
+    assert reading.slave_position == pytest.approx(3e-3)
+
+
 def test_reading_twice_at_one_time_moves_nothing():
     clock = HandClock()
     rig = SimulatedRig(CUBES["soft"], clock)
     rig.open()
+    rig.enable()
     rig.write(Command(0.0, 0.05))
     clock.time = 0.05
     assert rig.read().slave_position == rig.read().slave_position

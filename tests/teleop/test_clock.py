@@ -87,7 +87,7 @@ def test_virtual_time_passes_by_the_tick_alone():
     clock = VirtualClock(1000.0)
     assert clock.now() == 0.0
     for n in range(1000):
-        assert clock.wait() == (0.0, False, 0)
+        assert clock.wait() == (0.0, False, 0, 0.0)
         assert clock.now() == n / 1000.0
 
 

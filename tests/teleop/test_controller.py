@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,28 +14,50 @@ from teleop.admittance import Admittance, AdmittanceParameters, Coupling
 from teleop.clock import Tick
 from teleop.conditions import Teleoperation
 from teleop.controller import Controller
-from teleop.errors import SafetyStop
-from teleop.log import Log
+from teleop.recorder.schema import Layout
+from teleop.recording import from_messages
+from teleop.safety import Fault, Limits, Mode, Request
+from teleop.safety.limits import usual_channels
+from teleop.tare import NO_TARE, Tare
 
 PERIOD = 1e-3
+WIDE = Limits(
+    max_velocity=10.0,
+    max_acceleration=1e6,
+    max_master_velocity=10.0,
+    max_master_acceleration=1e6,
+    following_error=1.0,
+    rest_velocity=2.0,
+    start_ramp=1e-9,
+    preflight=10e-3,
+    channels={
+        name: replace(channel, max_rate=math.inf, high=10.0 if "velocity" in name else 1e3)
+        for name, channel in usual_channels().items()
+    },
+)
+"""Limits that never bite: the supervisor's own are tested in tests/teleop/safety."""
 TIMES = np.cumsum(PERIOD * (1.0 + 0.5 * np.random.default_rng(0).uniform(-1.0, 1.0, 300)))
 
 
 class SpyRig(Rig):
     """Channels that differ in every sample; drives that apply a third of the command."""
 
-    def __init__(self, **overrides: float) -> None:
+    def __init__(self, failing: str = "", **overrides: float) -> None:
         self.tick = -1
+        self.failing = failing
         self.overrides = overrides
         self.written: list[Command] = []
-        self.stopped = 0
+        self.calls: list[str] = []
 
     def open(self): ...
 
     def close(self): ...
 
-    def stop(self):
-        self.stopped += 1
+    def enable(self):
+        self.calls.append(f"enable at {self.tick}")
+
+    def idle(self):
+        self.calls.append(f"idle at {self.tick}")
 
     def channels(self, n):
         t = TIMES[n]
@@ -44,104 +67,210 @@ class SpyRig(Rig):
             "master_position": 0.1 + t,
             "slave_position": x,
             "contact_force": 2100.0 * x + 20.0 * 27e-3 * math.cos(9.0 * t),
-            "slave_velocity": 7.0 + t,
+            "slave_velocity": 0.7 + t,
         }
 
     def read(self):
         self.tick += 1
+        if self.failing == "read" and self.tick == 200:
+            raise OSError("the cable is out")
         values = self.channels(self.tick) | (self.overrides if self.tick == 200 else {})
-        return Measurement(time=float(TIMES[self.tick]), age=Ages(*[0.0] * 5), **values)
+        ages = Ages(1e-3, 2e-3, 3e-3, 4e-3, 5e-3)
+        return Measurement(time=float(TIMES[self.tick]), age=ages, **values)
 
     def write(self, command):
+        if self.failing == "write" and self.tick == 200:
+            raise OSError("the cable is out")
         self.written.append(command)
         return Command(*(velocity / 3.0 for velocity in command))
 
 
-def make(rig):
+def make(rig, condition=None, limits=WIDE, tare=NO_TARE):
     return Controller(
         rig,
-        Teleoperation(),
+        condition or Teleoperation(),
         Admittance(AdmittanceParameters()),
         Coupling(0.5, position_gain=2.0),
         MatchedFilter(20.0),
         paper_preset().bank(),
         Excitation(),
         PERIOD,
+        limits,
+        tare,
+        stopwatch=iter(range(10**9)).__next__,
     )
+
+
+TARE = Tare(master_force=0.5, contact_force=-0.25, slave_position=1e-3)
+
+
+def record(rig, controller):
+    layout = Layout(paper_preset().bank())
+    messages, events = b"", []
+    for _ in TIMES:
+        r = controller.tick(Tick(0.25, True, 3, 0.125), Request(arm=True, skipped=0))
+        messages += layout.pack(r, dropped=9)
+        events += r.events
+    return from_messages(layout.definition, messages, [], {}), events
 
 
 def test_every_stage_gets_its_channel_and_the_measured_dt():
     rig = SpyRig()
-    controller = make(rig)
-    log = Log(paper_preset().bank())
-    records = []
-    for _ in TIMES:
-        records.append(controller.tick())
-        log.append(Tick(0.25, True, 3), records[-1])
+    recording, events = record(rig, make(rig, tare=TARE))
+    assert [event.mode for event in events] == [Mode.IDLE, Mode.READY, Mode.ACTIVE]
+    armed = int(np.argmax(recording["mode"] == Mode.ACTIVE))
+    assert rig.calls == [f"enable at {armed}"]
 
     dt = np.diff(TIMES, prepend=TIMES[0] - PERIOD)
     channels = [rig.channels(n) for n in range(len(TIMES))]
-    position = np.array([c["slave_position"] for c in channels])
-    force = np.array([c["contact_force"] for c in channels])
-    x, v, f = MatchedFilter(20.0).run(position, force, dt)
-    estimates = paper_preset().bank().run(x, v, f, dt)
+    position = np.array([c["slave_position"] for c in channels]) - TARE.slave_position
+    force = np.array([c["contact_force"] for c in channels]) - TARE.contact_force
+    hand = np.array([c["master_force"] for c in channels]) - TARE.master_force
+    x, v, f = (np.full(len(TIMES), math.nan) for _ in range(3))
+    x[armed:], v[armed:], f[armed:] = MatchedFilter(20.0).run(
+        position[armed:], force[armed:], dt[armed:]
+    )
+    estimates = paper_preset().bank().run(x[armed:], v[armed:], f[armed:], dt[armed:])
     measure = Excitation()
-    excitation = [measure.update(*sample) for sample in zip(x, v, dt, strict=True)]
+    excitation = [
+        measure.update(*sample) for sample in zip(x[armed:], v[armed:], dt[armed:], strict=True)
+    ]
     admittance, coupling = Admittance(AdmittanceParameters()), Coupling(0.5, 2.0)
-    desired = []
-    for channel, step in zip(channels, dt, strict=True):
-        admittance.step(channel["master_force"], step)
-        desired.append(coupling.command(admittance, channel["slave_position"]))
+    desired = [Command(0.0, 0.0)] * (armed + 1)
+    for n in range(armed + 1, len(TIMES)):
+        admittance.step(hand[n], dt[n])
+        desired.append(coupling.command(admittance, position[n]))
+    idle = [math.nan] * armed
+    drive_force = np.where(np.arange(len(TIMES)) > armed, hand, 0.0)
 
+    master, slave = np.array(desired).T
     expected = {
-        "Time": TIMES - TIMES[0],
-        "Sample period": dt,
-        "Displacement": position,
-        "Force": force,
-        "Filtered displacement": x,
-        "Filtered velocity": v,
-        "Filtered force": f,
-        "Slave velocity": [c["slave_velocity"] for c in channels],
-        "Master position": [c["master_position"] for c in channels],
-        "Master force": [c["master_force"] for c in channels],
-        "Drive force": [c["master_force"] for c in channels],
-        "Desired slave velocity": [c.slave_velocity for c in desired],
-        "Applied slave velocity": [c.slave_velocity / 3.0 for c in desired],
-        "Applied master velocity": [c.master_velocity / 3.0 for c in desired],
-        "Lateness": np.full(len(TIMES), 0.25),
-        "Overrun": np.ones(len(TIMES)),
-        "Skipped periods": np.full(len(TIMES), 3.0),
-        "Excitation": excitation,
+        "time": TIMES - TIMES[0] - WIDE.preflight - PERIOD,
+        "dt": dt,
+        "slave_position": position,
+        "contact_force": force,
+        "x": x,
+        "v": v,
+        "f": f,
+        "slave_velocity": [c["slave_velocity"] for c in channels],
+        "master_position": [c["master_position"] for c in channels],
+        "master_force": hand,
+        "drive_force": drive_force,
+        "desired_slave_velocity": slave,
+        "desired_master_velocity": master,
+        "commanded_slave_velocity": slave,
+        "commanded_master_velocity": master,
+        "applied_slave_velocity": slave / 3.0,
+        "applied_master_velocity": master / 3.0,
+        "master_force_age": np.full(len(TIMES), 1e-3),
+        "master_position_age": np.full(len(TIMES), 2e-3),
+        "slave_position_age": np.full(len(TIMES), 3e-3),
+        "contact_force_age": np.full(len(TIMES), 4e-3),
+        "slave_velocity_age": np.full(len(TIMES), 5e-3),
+        "lateness": np.full(len(TIMES), 0.25),
+        "overrun": np.ones(len(TIMES)),
+        "skipped": np.full(len(TIMES), 3.0),
+        "busy_time": np.full(len(TIMES), 0.125),
+        "dropped": np.full(len(TIMES), 9.0),
+        "read_time": np.ones(len(TIMES)),
+        "compute_time": np.full(len(TIMES), 2.0),
+        "write_time": np.ones(len(TIMES)),
+        "limited": np.zeros(len(TIMES)),
+        "excitation": idle + excitation,
     }
     for name, (b, k) in estimates.items():
-        expected |= {f"{name.upper()} b": b, f"{name.upper()} k": k}
-    columns = log.columns()
-    assert list(columns) == list(log.units)
-    assert set(columns) == set(expected)
+        expected |= {f"{name}_b": idle + list(b), f"{name}_k": idle + list(k)}
+    assert set(recording.columns) == {*expected, "mode"}
     for name, column in expected.items():
-        np.testing.assert_allclose(columns[name], column, rtol=1e-9, atol=1e-12, err_msg=name)
-    assert [c.slave_velocity for c in rig.written] == list(columns["Desired slave velocity"])
+        np.testing.assert_allclose(recording[name], column, rtol=1e-9, atol=1e-12, err_msg=name)
+    assert [c.slave_velocity for c in rig.written] == list(recording["commanded_slave_velocity"])
 
 
 @pytest.mark.parametrize("channel", ["master_force", "slave_position", "contact_force"])
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
-def test_a_channel_that_is_no_number_stops_the_rig_and_reaches_no_drive(channel, value):
+def test_a_channel_that_is_no_number_trips_and_reaches_no_drive(channel, value):
     rig = SpyRig(**{channel: value})
-    controller = make(rig)
-
-    def run():
-        with rig:
-            for _ in TIMES:
-                controller.tick()
-
-    with pytest.raises(SafetyStop, match=channel.replace("_", " ")):
-        run()
-    assert len(rig.written) == 200
+    recording, events = record(rig, make(rig))
+    assert events[-1].mode is Mode.FAULT
+    assert events[-1].source == channel
+    assert events[-1].time == pytest.approx(recording["time"][200])
     assert all(math.isfinite(v) for command in rig.written for v in command)
-    assert rig.stopped == 1
+    assert not recording["commanded_slave_velocity"][250:].any()
+    assert np.isnan(recording["x"][200:]).all()
+    assert rig.calls[-1].startswith("idle")
 
 
-def test_a_channel_that_the_loop_does_not_need_may_be_missing():
-    controller = make(SpyRig(slave_velocity=math.nan, master_position=math.nan))
-    for _ in TIMES:
-        controller.tick()
+def test_a_channel_that_the_rig_has_not_may_be_missing():
+    rig = SpyRig(slave_velocity=math.nan, master_position=math.nan)
+    _, events = record(rig, make(rig))
+    assert events[-1].mode is Mode.ACTIVE
+
+
+class Broken(Teleoperation):
+    def __init__(self, answer):
+        self.answer, self.calls = answer, 0
+
+    def drive_force(self, t, measurement):
+        self.calls += 1
+        if self.calls < 100:
+            return super().drive_force(t, measurement)
+        if isinstance(self.answer, Exception):
+            raise self.answer
+        return self.answer
+
+
+@pytest.mark.parametrize(
+    ("answer", "text"),
+    [
+        (KeyError("gain"), "control failure: KeyError: 'gain'"),
+        (math.nan, "control failure: the desired velocities are nan and nan m/s"),
+    ],
+)
+def test_a_condition_that_fails_trips_in_the_same_tick(answer, text):
+    rig = SpyRig()
+    controller = make(rig, Broken(answer))
+    recording, events = record(rig, controller)
+    assert events[-1].fault is Fault.CONTROL_FAILURE
+    assert events[-1].text == text
+    failing = int(np.argmax(recording["mode"] == Mode.FAULT))
+    assert not recording["commanded_slave_velocity"][failing + 20 :].any()
+    assert controller.error is (answer if isinstance(answer, Exception) else None)
+
+
+@pytest.mark.parametrize("call", ["read", "write"])
+def test_a_rig_that_fails_is_idled_at_once(call):
+    rig = SpyRig(failing=call)
+    controller = make(rig)
+    recording, events = record(rig, controller)
+    assert events[-1].fault is Fault.RIG_FAILURE
+    assert events[-1].text == "rig failure: OSError: the cable is out"
+    assert rig.calls[1] == "idle at 200"
+    assert not recording["commanded_slave_velocity"][201:].any()
+    assert isinstance(controller.error, OSError)
+
+
+def test_after_a_fault_nothing_moves_until_a_person_rearms():
+    rig = SpyRig(contact_force=math.nan)
+    controller = make(rig)
+    modes = []
+    for n in range(len(TIMES)):
+        if n == 250:
+            assert controller.mode is Mode.FAULT
+            controller.rearm()
+        modes.append(controller.tick(Tick(0.0, False, 0), Request(arm=True)).mode)
+    assert set(modes[200:250]) == {Mode.FAULT}
+    assert modes[-1] is Mode.ACTIVE
+    with pytest.raises(ValueError, match="only a fault"):
+        controller.rearm()
+
+
+def test_the_admittance_follows_what_the_limits_left():
+    slow = replace(WIDE, max_master_velocity=0.02)
+    rig = SpyRig()
+    recording, _ = record(rig, make(rig, limits=slow))
+    flags = recording["limited"].astype(int)
+    assert flags.any()
+    assert np.abs(recording["commanded_master_velocity"]).max() <= 0.02 * (1 + 1e-12)
+    free = record(SpyRig(), make(SpyRig()))[0]
+    beyond = np.abs(recording["desired_master_velocity"]).max()
+    assert beyond < 0.5 * np.abs(free["desired_master_velocity"]).max()

@@ -7,7 +7,7 @@ import pytest
 
 from teleop.errors import InputError
 from teleop.estimate import EstimateSettings, dominant_frequency, evaluate, moving_part
-from teleop.table import Recording, read_signals
+from teleop.table import Signals, periods, read_signals
 
 VENDORED = Path(__file__).parents[1] / "data" / "mach1"
 SHARED = Path(__file__).parents[3] / "shared" / "data" / "mach1"
@@ -23,7 +23,8 @@ def preloaded(b=20.0, k=2000.0, f0=7.0, x0=3e-3, name="Position", jitter=0.0):
     s = np.clip(t - 1.0, 0.0, 10.0)
     w = 2 * np.pi
     x, v = 1e-3 * np.sin(w * s), 1e-3 * w * np.cos(w * s) * ((s > 0) & (s < 10.0))
-    return Recording(t, x0 + x, f0 + k * x + b * v + rng.normal(0.0, 1e-3, t.size), name)
+    f = f0 + k * x + b * v + rng.normal(0.0, 1e-3, t.size)
+    return Signals(t, x0 + x, f, periods(t), name)
 
 
 @pytest.mark.parametrize("frequency", BATCH)
@@ -111,7 +112,7 @@ def test_a_drift_does_not_hide_the_motion():
 
 
 def test_too_few_moving_samples_are_told():
-    recording = Recording(*(channel[195:206] for channel in preloaded()[:3]), "Position")
+    recording = Signals(*(channel[195:206] for channel in preloaded()[:4]), "Position")
     with pytest.raises(InputError, match="samples move: expected at least 10"):
         evaluate(recording, EstimateSettings())
 

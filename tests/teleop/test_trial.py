@@ -9,10 +9,14 @@ import pytest
 from drivers import STANDSTILL
 from estimation import force_error, rise_time
 from sim_backend import CUBES, DEPTH, SimulatedRig
+from teleop.black_box import fault_of
 from teleop.errors import InputError
+from teleop.recording import load
+from teleop.rehearsal import tick_cost
+from teleop.safety import Mode, Request
 from teleop.settings import TrialSettings
 from teleop.summary import loop_timing
-from teleop.trial import run_trial, tick_cost
+from teleop.trial import run_trial
 
 QUICK = TrialSettings(clock="virtual", duration=3.0)
 
@@ -22,7 +26,7 @@ QUICK = TrialSettings(clock="virtual", duration=3.0)
 def test_each_condition_palpates_each_cube_and_finds_its_stiffness(condition, cube):
     trial = run_trial(replace(QUICK, condition=condition, cube=cube))
     columns = trial.columns
-    assert len(columns["time"]) == 3000
+    assert 3000 <= len(columns["time"]) <= 3020
     depth = DEPTH[condition][cube]
     assert 0.6 * depth < columns["slave_position"].max() < 1.4 * depth
     assert columns["slave_position"].min() > -0.05 * depth
@@ -37,7 +41,9 @@ def test_autonomous_moves_without_a_hand_and_teleoperation_by_the_hand_alone():
     assert np.abs(autonomous["master_force"]).max() < 0.2
     assert np.abs(autonomous["drive_force"]).max() > 0.2
     free = run_trial(QUICK).columns
-    assert np.array_equal(free["drive_force"], free["master_force"])
+    moving = free["mode"] == Mode.ACTIVE
+    moving[0] = False
+    assert np.array_equal(free["drive_force"][moving], free["master_force"][moving])
 
 
 @pytest.mark.parametrize("condition", ["free", "mimic", "autonomous"])
@@ -86,12 +92,12 @@ def test_real_time_runs_for_its_duration_and_reports_its_timing():
     loop = trial.summary()["loop"]
     columns = trial.columns
     assert columns["time"][-1] == pytest.approx(0.5, abs=0.1)
-    assert len(columns["time"]) + columns["skipped"].sum() == pytest.approx(500, abs=2)
+    assert len(columns["time"]) + columns["skipped"].sum() == pytest.approx(500, abs=30)
     np.testing.assert_allclose(np.diff(columns["time"]), columns["dt"][1:], atol=1e-12)
     assert (
         loop["lateness_us"]["max"] >= loop["lateness_us"]["p99"] >= loop["lateness_us"]["p50"] >= 0
     )
-    assert loop["overruns"] == columns["overrun"].sum()
+    assert loop["overruns"] == trial.recording["overrun"].sum()
 
 
 def test_summary_agrees_with_the_columns():
@@ -118,53 +124,94 @@ def test_summary_agrees_with_the_columns():
 
 
 class Spy(SimulatedRig):
-    stops = 0
+    """Counts what the drives are told."""
 
-    def stop(self):
-        super().stop()
-        Spy.stops += 1
+    def __init__(self, *arguments, **options):
+        super().__init__(*arguments, **options)
+        self.calls = []
+        self.failing_at = None
+        Spy.last = self
+
+    def idle(self):
+        super().idle()
+        self.calls.append("idle")
         assert self._applied == STANDSTILL
 
+    def enable(self):
+        super().enable()
+        self.calls.append("enable")
 
-@pytest.mark.parametrize("error", [RuntimeError, SystemExit])
-def test_an_error_in_a_tick_stops_the_rig_and_is_not_swallowed(monkeypatch, error):
+
+@pytest.mark.parametrize(
+    "part", ["estimation.Bank.update", "teleop.conditions.Teleoperation.drive_force"]
+)
+def test_an_exception_in_a_tick_stops_the_rig_and_is_not_swallowed(monkeypatch, tmp_path, part):
     monkeypatch.setattr("teleop.settings.SimulatedRig", Spy)
-    Spy.stops = 0
+    calls = []
 
-    def fail(number, record):
-        raise error
+    def fail(*arguments):
+        calls.append(arguments)
+        if len(calls) > 500:
+            raise ZeroDivisionError("by design")
+        return 0.0 if "force" in part else update(*arguments)
 
-    with pytest.raises(error):
-        run_trial(QUICK, fail)
-    assert Spy.stops == 1
+    from estimation import Bank
+
+    update = Bank.update
+    monkeypatch.setattr(part, fail)
+    path = tmp_path / "run.mcap"
+    with pytest.raises(ZeroDivisionError) as info:
+        run_trial(QUICK, path)
+    assert "drives were stopped" in info.value.__notes__[0]
+    assert Spy.last.calls[0] == "enable"
+    assert Spy.last.calls[-1] == "idle"
+    recording = load(path)
+    fault = fault_of(recording)
+    assert fault["text"].endswith("failure: ZeroDivisionError: by design")
+    assert (path.with_suffix(".fault") / "cause.txt").read_text().startswith("what      ")
+    after = recording["time"] > fault["time"] + 0.05
+    assert after.sum() > 900
+    assert not recording["commanded_slave_velocity"][after].any()
 
 
-def test_ctrl_c_stops_the_rig_and_keeps_what_was_logged(monkeypatch):
+def test_a_stop_ramps_to_standstill_and_keeps_what_was_logged(monkeypatch):
     monkeypatch.setattr("teleop.settings.SimulatedRig", Spy)
-    Spy.stops = 0
+    settings = replace(QUICK, condition="autonomous")
+    asked = []
 
-    def interrupt(number, record):
-        if number == 99:
-            raise KeyboardInterrupt
+    def request(self, skipped, end=""):
+        asked.append(end)
+        self._asked = len(asked) >= 700
+        return Request(arm=True, stop="Ctrl-C" if self._asked else "")
 
-    trial = run_trial(QUICK, interrupt)
+    monkeypatch.setattr("teleop.stop_switch.StopSwitch.request", request)
+    trial = run_trial(settings)
     assert trial.interrupted
-    assert len(trial.columns["time"]) == 100
     assert trial.summary()["interrupted"]
-    assert Spy.stops == 1
+    assert trial.fault is None
+    speed = np.abs(trial.recording["commanded_slave_velocity"])
+    acceleration = settings.limits.max_acceleration
+    assert np.abs(np.diff(speed)).max() <= acceleration * 1e-3 * 1.001
+    assert speed[-1] == 0.0
+    assert len(speed) < 800
+    assert Spy.last.calls == ["enable", "idle", "idle"]
+    assert [event["text"] for event in trial.recording.events][-2:] == ["Ctrl-C", "at standstill"]
 
 
-def test_ctrl_c_before_the_first_tick_is_not_a_trial(monkeypatch):
-    def interrupt(self):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("teleop.clock.VirtualClock.wait", interrupt)
-    with pytest.raises(KeyboardInterrupt):
-        run_trial(QUICK)
+def test_no_soft_limit_touches_the_papers_nine_trials():
+    for condition in ("free", "mimic", "autonomous"):
+        for cube in ("soft", "medium", "hard"):
+            columns = run_trial(replace(QUICK, condition=condition, cube=cube)).columns
+            moving = columns["mode"] == Mode.ACTIVE
+            assert not columns["limited"][moving].any()
+            np.testing.assert_array_equal(
+                columns["desired_slave_velocity"][moving],
+                columns["applied_slave_velocity"][moving],
+            )
 
 
 def test_a_rate_that_this_machine_cannot_hold_is_refused_before_anything_moves(monkeypatch):
-    monkeypatch.setattr("teleop.trial.tick_cost", lambda settings: 400e-6)
+    monkeypatch.setattr("teleop.rehearsal.tick_cost", lambda settings: 400e-6)
     with pytest.raises(InputError, match=r"rate 5000 Hz: a tick takes 400 us .* at most 2250 Hz"):
         run_trial(TrialSettings(rate=5000.0))
 

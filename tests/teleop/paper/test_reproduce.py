@@ -148,10 +148,10 @@ def test_bad_arguments_are_told(capsys, arguments, words):
 
 
 def test_report_writes_a_page_that_needs_nothing_else(tmp_path, capsys):
-    table = tmp_path / "run.csv"
-    assert main(["run", "--clock", "virtual", "--duration", "3", "--out", str(table)]) == 0
+    path = tmp_path / "run.mcap"
+    assert main(["run", "--clock", "virtual", "--duration", "3", "--record", str(path)]) == 0
     capsys.readouterr()
-    assert main(["report", str(table), "--preset", "paper"]) == 0
+    assert main(["report", str(path)]) == 0
     assert capsys.readouterr().out.strip() == str(tmp_path / "run.html")
     page = Page()
     page.feed((tmp_path / "run.html").read_text())
