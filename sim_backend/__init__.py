@@ -1,6 +1,7 @@
 """Simulated backend: cubes, the plant, sensors, operators, and the rig made of them."""
 
 from sim_backend.cube import Cube
+from sim_backend.faults import FaultyRig
 from sim_backend.operators import ARM, FreePalpation, MimickedSine, Operator
 from sim_backend.paper_rig import CUBES, DEPTH, FORCE_LAG, Setup, paper_setup
 from sim_backend.plant import Arm, Intention, Plant, PlantParameters
@@ -14,6 +15,7 @@ __all__ = [
     "FORCE_LAG",
     "Arm",
     "Cube",
+    "FaultyRig",
     "FreePalpation",
     "Intention",
     "MimickedSine",

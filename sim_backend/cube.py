@@ -1,4 +1,4 @@
-"""The environment: a soft cube, glued to the slave's plate so that contact never breaks."""
+"""The environment: a soft cube, by default glued to the slave's plate as in the paper."""
 
 from __future__ import annotations
 
@@ -18,6 +18,8 @@ class Cube:
         Stiffening [N/m^3], >= 0.
     b
         Damping [N s/m], > 0.
+    glued
+        Whether it holds on to the slave's plate; if not, there is no force without contact.
 
     Raises
     ------
@@ -28,6 +30,7 @@ class Cube:
     k1: float
     k3: float
     b: float
+    glued: bool = True
 
     def __post_init__(self) -> None:
         if not (0.0 < self.k1 < math.inf and 0.0 <= self.k3 < math.inf and 0.0 < self.b < math.inf):
@@ -35,4 +38,5 @@ class Cube:
 
     def force(self, x: float, v: float) -> float:
         """Force [N] at displacement x [m] and velocity v [m/s]."""
-        return (self.k1 + self.k3 * x * x) * x + self.b * v
+        force = (self.k1 + self.k3 * x * x) * x + self.b * v
+        return force if self.glued or (x > 0.0 and force > 0.0) else 0.0

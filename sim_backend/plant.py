@@ -36,6 +36,12 @@ class PlantParameters:
     contact_force_lag: float = 1e-3
     """Time constant of the contact force channel [s]."""
 
+    @property
+    def slave_compliance(self) -> float:
+        """How far the slave's servo lags its command for each newton against it [m/N]."""
+        corners = self.slave_bandwidth * self.slave_integral
+        return 1.0 / (self.slave_mass * (2.0 * math.pi) ** 2 * corners)
+
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
             if not 0.0 < value < math.inf:

@@ -40,6 +40,8 @@ class SimulatedRig(Rig):
         `watchdog`, and have to be enabled again.
     seed
         Seed of the sensor noise.
+    start
+        Where the slave stands at first [m].
 
     Raises
     ------
@@ -57,11 +59,13 @@ class SimulatedRig(Rig):
         max_velocity: float = 0.5,
         watchdog: float = 0.1,
         seed: int = 0,
+        start: float = 0.0,
     ) -> None:
         for name, value in (("max_velocity", max_velocity), ("watchdog", watchdog)):
             if not 0.0 < value < math.inf:
                 raise ValueError(f"{name} must be positive, got {value}")
         self.plant = Plant(cube, parameters or PlantParameters(), ARM if operator else UNATTENDED)
+        self.plant.slave.x = start
         self._now = now
         self._operator = operator
         self._sensors = sensors or Sensors()

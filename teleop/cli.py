@@ -11,9 +11,12 @@ from pathlib import Path
 from cyclopts import App, CycloptsError, UnusedCliTokensError
 
 from teleop.commands.estimate import estimate
+from teleop.commands.export import export
 from teleop.commands.lag import lag
+from teleop.commands.recover import recover
 from teleop.commands.report import report
 from teleop.commands.reproduce import reproduce
+from teleop.commands.rig import rig
 from teleop.commands.run import run
 from teleop.errors import InputError, SafetyStop
 
@@ -34,8 +37,9 @@ app = App(
     version=installed_version,
     help_format="plaintext",
 )
-for command in (run, estimate, report, lag, reproduce):
+for command in (run, estimate, report, export, recover, lag, reproduce):
     app.command(command, help_format="markdown")
+app.command(rig)
 
 
 def prepare_streams() -> None:

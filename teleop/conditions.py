@@ -13,6 +13,9 @@ CONDITIONS = ("free", "mimic", "autonomous")
 class Condition(ABC):
     """Where the force that moves the telemanipulator comes from."""
 
+    over = False
+    """Whether there is nothing left to do, which ends the trial before its time."""
+
     @abstractmethod
     def drive_force(self, t: float, measurement: Measurement) -> float:
         """Force [N] on the admittance at time t [s] of the trial."""

@@ -5,11 +5,15 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from rich import box
 from rich.console import Console
 from rich.table import Table
+
+if TYPE_CHECKING:
+    from teleop.tare import Tare
 
 WIDEST = 110
 """Columns that a table may take; a narrower terminal wraps it and loses nothing."""
@@ -233,4 +237,14 @@ def print_lag(summary: Mapping[str, Any]) -> None:
         console.print(f"true lag (simulated) {summary['true_lag_s'] * 1e3:.3f} ms")
     console.print(
         f"take it into account with: teleop estimate FILE --force-lag {summary['lag_s']:.5f}"
+    )
+
+
+def print_tare(tare: Tare, noise: float, path: Path) -> None:
+    """The zeros of a rig."""
+    plain_console().print(
+        f"master force zero {tare.master_force:+.4f} N\n"
+        f"contact force zero {tare.contact_force:+.4f} N, noise {noise:.3f} N rms\n"
+        f"contact at {tare.slave_position * 1e3:+.4f} mm\n"
+        f"{tare.date}: stored in {path}; apply it with: teleop run --tare {path}"
     )

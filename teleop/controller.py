@@ -132,6 +132,11 @@ class Controller:
         """The supervisor's mode."""
         return self._supervision.mode
 
+    @property
+    def over(self) -> bool:
+        """Whether the condition has nothing left to do."""
+        return self._condition.over
+
     def rearm(self) -> None:
         """Let a person leave the fault; ValueError if there is none."""
         self._supervision = rearmed(self._supervision)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
@@ -25,7 +24,7 @@ from teleop.errors import InputError
 from teleop.recorder.schema import estimate_columns
 from teleop.recording import Recording
 from teleop.summary import summarise
-from teleop.table import LARGEST, UNITS, Signals
+from teleop.table import Signals, quantity
 
 FROM_DATUM = ("displacement", "slave_position", "indentation", "depth")
 """Names of a position that is already measured from the contact datum."""
@@ -256,19 +255,14 @@ def find_datum(signals: Signals, wanted: str) -> Datum:
             float(signals.f[motion].mean()),
             "mean of the motion",
         )
-    parts = [part.strip() for part in wanted.split(",")]
-    values = []
-    for part, quantity in zip(parts, ("position", "force"), strict=False):
-        match = re.fullmatch(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\d\s.]+)", part)
-        if match and match[2] in UNITS[quantity]:
-            value = float(match[1]) * UNITS[quantity][match[2]]
-            values += [value] if abs(value) < LARGEST else []
-    if len(parts) != 2 or len(values) != 2:
+    position, _, force = wanted.partition(",")
+    x, f = quantity(position, "position"), quantity(force, "force")
+    if x is None or f is None:
         raise InputError(
             f"datum {wanted!r}: expected auto, file, start, mean, or a position and a force "
             "with units such as 1.5mm,20N"
         )
-    return Datum(values[0], values[1], "given")
+    return Datum(x, f, "given")
 
 
 def moving_part(x: Floats) -> slice:

@@ -86,7 +86,7 @@ class Session:
                     self._armed = True
                 elif event.mode is Mode.FAULT:
                     self._leave = record.t + AFTER
-        if record.t >= self._last:
+        if record.t >= self._last or self.controller.over:
             self._end = END
         if record.mode is Mode.IDLE:
             return not (self._armed or self._switch.interrupted)

@@ -107,8 +107,17 @@ class TrialSettings:
         """What the safety supervisor holds the trial to."""
         setup = self.setup
         return self.custom_limits or palpation_limits(
-            setup.cube, setup.depth, self.coupling.scale, self.signal.highest
+            setup.cube,
+            setup.depth,
+            self.coupling.scale,
+            self.signal.highest,
+            self.plant_parameters.slave_compliance,
         )
+
+    @property
+    def plant_parameters(self) -> PlantParameters:
+        """Drives and force channels of the simulated rig."""
+        return PlantParameters(contact_force_lag=self.setup.force_lag)
 
     def make_clock(self) -> Clock:
         """A fresh clock."""
@@ -124,7 +133,7 @@ class TrialSettings:
             setup.cube,
             now,
             operator=operator(depth, self.seed) if operator else None,
-            parameters=PlantParameters(contact_force_lag=setup.force_lag),
+            parameters=self.plant_parameters,
             sensors=self.sensors,
             seed=self.seed,
         )

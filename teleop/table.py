@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
+import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import NamedTuple
@@ -202,6 +203,18 @@ def read_signals(
             "expected times that rise"
         )
     return Signals(t, x, f, periods(t), columns[1].name)
+
+
+NUMBER = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\d\s.]+)")
+
+
+def quantity(text: str, kind: str) -> float | None:
+    """A number with a unit of this kind, such as 1.5mm, in SI units; None if it is none."""
+    match = NUMBER.fullmatch(text.strip())
+    if not match or match[2] not in UNITS[kind]:
+        return None
+    value = float(match[1]) * UNITS[kind][match[2]]
+    return value if abs(value) < LARGEST else None
 
 
 def split_line(where: str, line: str, delimiter: str) -> list[str]:

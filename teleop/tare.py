@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from drivers import Measurement
 from teleop.errors import InputError
+from teleop.files import write_text
 
 if TYPE_CHECKING:
     from pydantic import ValidationError
@@ -34,6 +36,11 @@ class Tare(NamedTuple):
 
 
 NO_TARE = Tare()
+
+
+def write_tare(tare: Tare, path: Path) -> None:
+    """Store zeros; InputError if the file cannot be written."""
+    write_text(path, json.dumps(tare._asdict(), indent=2) + "\n")
 
 
 def read_tare(path: Path) -> Tare:

@@ -8,14 +8,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Channel, Chunk, Footer, Message, Metadata, Schema
-from mcap.stream_reader import StreamReader, get_chunk_data_stream
+from mcap.records import Channel, Chunk, Message, Metadata, Schema
+from mcap.stream_reader import CRCValidationError, StreamReader, get_chunk_data_stream
 from numpy.typing import NDArray
 
 from teleop.errors import InputError
@@ -25,6 +25,30 @@ MAGIC = b"\x89MCAP"
 """How an MCAP file begins."""
 HEAD = struct.Struct("<BQHIQQ")
 """Of a message's record: opcode, length, channel, sequence, two times."""
+TIME = struct.Struct("<4xd")
+"""Where a tick's message has its time."""
+CUT = "its end is missing"
+"""Damage of a file whose writer was killed, or whose disk was full."""
+
+
+@dataclass
+class Source:
+    """A channel, and the number that its next message must have: a lost chunk leaves a hole."""
+
+    topic: str
+    following: int | None = None
+
+    def follow(self, sequence: int, count: int) -> None:
+        """Take in `count` messages of which the first has this number.
+
+        Raises
+        ------
+        ValueError
+            Messages before it are missing.
+        """
+        if self.following not in (None, sequence):
+            raise ValueError(f"messages of {self.topic} are missing before number {sequence}")
+        self.following = sequence + count
 
 
 @dataclass
@@ -52,31 +76,14 @@ def read_intact(path: Path) -> Contents:
     if path.is_dir():
         raise InputError(f"{path}: expected a file, this is a folder")
     contents = Contents()
-    channels: dict[int, str] = {}
-    complete = False
     try:
         with path.open("rb") as file:
             if file.read(len(MAGIC)) != MAGIC:
                 raise InputError(f"{path}: not an MCAP file")
             file.seek(0)
-            reader = StreamReader(file, emit_chunks=True, record_size_limit=1 << 30)
-            for record in reader.records:
-                if isinstance(record, Chunk):
-                    read_chunk(record, contents, channels)
-                elif isinstance(record, Metadata):
-                    contents.metadata[record.name] = dict(record.metadata)
-                complete = isinstance(record, Footer)
+            read_records(file, contents)
     except OSError as error:
         raise InputError(f"{path}: {(error.strerror or 'cannot be read').lower()}") from error
-    except (McapError, struct.error, ValueError, UnicodeDecodeError) as error:
-        if not complete:
-            contents.damage = f"damaged: {' '.join(str(error).split())}".rstrip(": ")
-    except Exception as error:
-        if type(error).__module__.partition(".")[0] not in ("zstandard", "backports"):
-            raise
-        contents.damage = "damaged: a chunk cannot be decompressed"
-    if not complete:
-        contents.damage = contents.damage or "its end is missing"
     if not contents.definition:
         raise InputError(
             f"{path}: no ticks in it: expected a recording of teleop run"
@@ -85,7 +92,40 @@ def read_intact(path: Path) -> Contents:
     return contents
 
 
-def read_chunk(chunk: Chunk, contents: Contents, channels: dict[int, str]) -> None:
+def read_records(file: BinaryIO, contents: Contents) -> None:
+    """Take in a file's records, as far as they are intact."""
+    channels: dict[int, Source] = {}
+    reader = StreamReader(file, emit_chunks=True, validate_crcs=True, record_size_limit=1 << 30)
+    damage = ""
+    try:
+        for record in reader.records:
+            if isinstance(record, Chunk):
+                read_chunk(record, contents, channels)
+            elif isinstance(record, Metadata) and readable(record):
+                contents.metadata[record.name] = dict(record.metadata)
+            elif isinstance(record, Metadata):
+                contents.damage = f"damaged: its {record.name} cannot be read"
+    except CRCValidationError as error:
+        damage = f"damaged: the checksum of a {type(error.record).__name__} does not match"
+    except (McapError, struct.error, ValueError, OverflowError, MemoryError) as error:
+        damage = f"damaged: {' '.join(str(error).split())}" if file.read(1) else CUT
+    except Exception as error:
+        if type(error).__module__.partition(".")[0] not in ("zstandard", "backports"):
+            raise
+        damage = "damaged: a chunk cannot be decompressed" if file.read(1) else CUT
+    contents.damage = contents.damage or damage
+
+
+def readable(record: Metadata) -> bool:
+    """Whether the JSON in a record of metadata, if any, is whole."""
+    try:
+        json.loads(record.metadata.get("json", "{}"))
+    except ValueError:
+        return False
+    return True
+
+
+def read_chunk(chunk: Chunk, contents: Contents, channels: dict[int, Source]) -> None:
     """Take in a chunk: its ticks in bulk, everything else record by record."""
     stream, size = get_chunk_data_stream(chunk, validate_crc=True)
     data = stream.read(size)
@@ -93,8 +133,8 @@ def read_chunk(chunk: Chunk, contents: Contents, channels: dict[int, str]) -> No
         if isinstance(record, Schema) and record.encoding == "ros2msg":
             contents.definition = record.data.decode()
         elif isinstance(record, Channel):
-            channels[record.id] = record.topic
-        elif isinstance(record, Message) and channels.get(record.channel_id) == EVENTS:
+            channels.setdefault(record.id, Source(record.topic))
+        elif isinstance(record, Message) and channels[record.channel_id].topic == EVENTS:
             event = json.loads(record.data)
             shown = EVENT_SCHEMA["properties"]
             contents.events.append({k: v for k, v in event.items() if k not in shown})
@@ -102,7 +142,7 @@ def read_chunk(chunk: Chunk, contents: Contents, channels: dict[int, str]) -> No
 
 
 def records(
-    data: bytes, contents: Contents, channels: dict[int, str]
+    data: bytes, contents: Contents, channels: dict[int, Source]
 ) -> Iterator[Schema | Channel | Message]:
     """The records of a chunk but for its ticks, which go to `contents.messages` in runs."""
     place = 0
@@ -110,11 +150,20 @@ def records(
         opcode, length = struct.unpack_from("<BQ", data, place)
         if opcode == Opcode.MESSAGE:
             _, _, channel, sequence, logged, published = HEAD.unpack_from(data, place)
-            if channels.get(channel) == TICKS:
+            source = channels.get(channel)
+            if source is None:
+                raise ValueError("a message without a channel")
+            if source.topic == TICKS:
                 run = alike(data, place, 9 + length)
+                source.follow(sequence, len(run))
                 contents.messages += run[:, HEAD.size :].tobytes()
+                if not contents.start:
+                    contents.start = logged - round(
+                        TIME.unpack_from(data, place + HEAD.size)[0] * 1e9
+                    )
                 place += run.size
                 continue
+            source.follow(sequence, 1)
             body = data[place + HEAD.size : place + 9 + length]
             yield Message(channel, logged, body, published, sequence)
         elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):

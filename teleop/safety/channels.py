@@ -10,6 +10,8 @@ from teleop.safety.limits import ChannelLimits
 
 SHORTEST = 1e-3
 """A change is judged over at least this time [s]: noise does not grow with the rate."""
+SAME_SAMPLE = 1e-6
+"""Two samples this close in time [s] are one that was read twice, which is not yet frozen."""
 
 
 class Watch(NamedTuple):
@@ -21,7 +23,7 @@ class Watch(NamedTuple):
     changed: float = math.nan
     """When the value was first seen [s]."""
     travel: float = 0.0
-    """How far the drive has been commanded since [m]."""
+    """How far the drive has been commanded to change it since."""
 
 
 class Trip(NamedTuple):
@@ -56,13 +58,13 @@ def check_channel(
     now
         Time of the tick [s].
     travel
-        How far the channel's drive was commanded to travel since the last tick [m].
+        How far the drive was commanded to change the channel since the last tick.
     limits
         What is healthy.
     """
     if not limits.low <= value <= limits.high:
         if value != value:
-            if not limits.required:
+            if not limits.required and math.isnan(watch.value):
                 return watch, None
             return watch, Trip(Fault.NOT_A_NUMBER, name, value, math.nan, now)
         if math.isinf(value):
@@ -79,8 +81,9 @@ def check_channel(
             return watch, Trip(Fault.JUMP, name, step, possible, now)
         return Watch(value, sampled, now), None
     travel += watch.travel
-    if now - watch.changed > limits.frozen_time:
-        return watch, Trip(Fault.FROZEN, name, value, limits.frozen_time, watch.changed)
-    if travel > limits.frozen_travel:
-        return watch, Trip(Fault.FROZEN, name, value, limits.frozen_travel, watch.changed)
+    if sampled - watch.sampled > SAME_SAMPLE:
+        if now - watch.changed > limits.frozen_time:
+            return watch, Trip(Fault.FROZEN, name, value, limits.frozen_time, watch.changed)
+        if travel > limits.frozen_travel:
+            return watch, Trip(Fault.FROZEN, name, value, limits.frozen_travel, watch.changed)
     return Watch(value, sampled, watch.changed, travel), None

@@ -28,9 +28,9 @@ class ChannelLimits:
     frozen_time: float = math.inf
     """Longest time for which a live sensor repeats one value to the bit [s]."""
     frozen_travel: float = math.inf
-    """Farthest that the drive is commanded to travel without any change of the value [m]."""
+    """Farthest that the drive is commanded to change the value without any change [unit]."""
     required: bool = True
-    """Whether the rig has it; a channel that is not required may read NaN."""
+    """Whether the rig must have it: one that is not required may read NaN from the start on."""
 
     def __post_init__(self) -> None:
         if not self.low < self.high:
@@ -50,7 +50,7 @@ def usual_channels() -> dict[str, ChannelLimits]:
         "slave_position": ChannelLimits(-0.5, 0.5, max_rate=5.0, frozen_travel=2e-3),
         "contact_force": ChannelLimits(-1000.0, 1000.0, max_rate=5e4, frozen_time=0.05),
         "slave_velocity": ChannelLimits(
-            -2.0, 2.0, max_rate=500.0, frozen_travel=2e-3, required=False
+            -2.0, 2.0, max_rate=500.0, frozen_travel=0.02, required=False
         ),
     }
 
@@ -85,7 +85,9 @@ class Limits:
     hard_force: float = 80.0
     """Greatest size of the contact force [N]."""
     following_error: float = 2e-3
-    """Farthest that the slave may depart from its command within `FOLLOWING_TIME` [m]."""
+    """Farthest that the slave may depart from its command in half a second [m]."""
+    drive_compliance: float = 0.0
+    """How far the slave's drive gives way to the contact force [m/N]."""
     rest_velocity: float = 2e-3
     """Greatest speed of the slave that counts as rest [m/s]."""
     rest_master_force: float = 5.0
@@ -102,7 +104,8 @@ class Limits:
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
-            if isinstance(value, float) and not 0.0 < value < math.inf:
+            least = 0.0 if name == "drive_compliance" else math.ulp(0.0)
+            if isinstance(value, float) and not least <= value < math.inf:
                 raise ValueError(f"{name} must be positive, got {value}")
         (hard_low, hard_high), (low, high) = self.hard_position, self.soft_position
         if not -math.inf < hard_low <= low < high <= hard_high < math.inf:

@@ -13,11 +13,15 @@ SPEED = 14.0
 """Greatest speed, in depths a second; a sine of 2 Hz takes 6.3."""
 STOPPING = 0.015
 """Time in which the greatest speed is brought to zero [s]."""
-FOLLOWING, FROZEN = 0.12, 0.03
-"""Following error and the travel of a frozen encoder, as a share of depth."""
+FOLLOWING, FROZEN = 0.15, 0.03
+"""Following error and the commanded travel that shows a frozen encoder, as a share of depth."""
+FROZEN_SPEED = 0.1
+"""The commanded change of velocity that shows a frozen one, as a share of the greatest speed."""
 
 
-def palpation_limits(cube: Cube, depth: float, scale: float, fastest: float) -> Limits:
+def palpation_limits(
+    cube: Cube, depth: float, scale: float, fastest: float, compliance: float
+) -> Limits:
     """Limits of a palpation on the simulated rig.
 
     Parameters
@@ -30,6 +34,8 @@ def palpation_limits(cube: Cube, depth: float, scale: float, fastest: float) -> 
         Slave motion for a unit of master motion.
     fastest
         Highest frequency of the excitation [Hz].
+    compliance
+        Of the slave's drive [m/N].
     """
     velocity = max(SPEED, 5.0 * fastest) * depth
     acceleration = velocity / STOPPING
@@ -38,10 +44,10 @@ def palpation_limits(cube: Cube, depth: float, scale: float, fastest: float) -> 
     travels = {
         "master_position": frozen / scale,
         "slave_position": frozen,
-        "slave_velocity": frozen,
+        "slave_velocity": FROZEN_SPEED * velocity,
     }
     for name, travel in travels.items():
-        channels[name] = replace(channels[name], frozen_travel=travel)
+        channels[name] = replace(channels[name], frozen_travel=travel, required=True)
     return Limits(
         max_velocity=velocity,
         max_acceleration=acceleration,
@@ -52,6 +58,7 @@ def palpation_limits(cube: Cube, depth: float, scale: float, fastest: float) -> 
         soft_force=cube.force(SOFT * depth, 0.0),
         hard_force=cube.force(HARD * depth, 0.0),
         following_error=FOLLOWING * depth,
+        drive_compliance=compliance,
         rest_velocity=0.02 * velocity,
         channels=channels,
     )

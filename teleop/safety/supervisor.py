@@ -16,7 +16,8 @@ from teleop.safety.channels import Trip, Watch, check_channel
 from teleop.safety.events import Event, Fault, Mode, describe, stops_at_once
 from teleop.safety.limits import Limits
 
-FOLLOWING_TIME = 0.1
+CONTACT_FORCE = CHANNELS.index("contact_force")
+FOLLOWING_TIME = 0.5
 """Time within which a departure from the command is forgiven [s]."""
 LOST_TIME = 1.0
 """Time over which the share of skipped periods is taken [s]."""
@@ -53,10 +54,15 @@ class Supervision(NamedTuple):
     """Of the tick before [s]."""
     applied: Command = STANDSTILL
     """The last command."""
+    accelerated: float = 0.0
+    """By how much it changed the slave's velocity [m/s]."""
     position: float = math.nan
     """The last position of the slave [m]."""
     behind: float = 0.0
-    """How far the slave is behind its command, leaking within `FOLLOWING_TIME` [m]."""
+    """How far the slave is behind its command and its drive's compliance [m].
+
+    Leaks within `FOLLOWING_TIME`.
+    """
     lost: float = 0.0
     """Share of periods that the loop has skipped lately."""
     watches: tuple[Watch, ...] = (Watch(),) * len(CHANNELS)
@@ -109,22 +115,25 @@ def supervise(
     moved = measurement.slave_position - state.position
     behind = lost = 0.0
     if dt > 0.0:
-        behind = state.behind + state.applied.slave_velocity * dt - moved
+        pressed = measurement.contact_force - state.watches[CONTACT_FORCE].value
+        yielded = limits.drive_compliance * pressed
+        behind = state.behind + state.applied.slave_velocity * dt - moved - yielded
         behind -= state.behind * min(dt / FOLLOWING_TIME, 1.0)
         share = request.skipped / (request.skipped + 1.0)
         lost = state.lost + (share - state.lost) * min(dt / LOST_TIME, 1.0)
     trip = (
         request.trip
+        or check_loop(state, now, dt, lost, limits)
         or check_rig(measurement)
         or trip
-        or check_limits(measurement, desired, behind, lost, dt, state, limits)
+        or check_limits(state, measurement, desired, behind, limits)
     )
     position = measurement.slave_position
     if trip:
         text = describe(trip.fault, trip.source, trip.value, trip.limit)
         event = Event(now, Mode.FAULT, text, *trip)
         state = Supervision(
-            Mode.FAULT, now, now, state.applied, position, behind, lost, watches, trip
+            Mode.FAULT, now, now, state.applied, 0.0, position, behind, lost, watches, trip
         )
         verdict = halted(state, now, dt, limits)
         return verdict._replace(events=(event,))
@@ -154,7 +163,8 @@ def supervise(
     if mode is not state.mode and mode is Mode.ACTIVE:
         behind = 0.0
     events = (Event(now, mode, text),) if mode is not state.mode else ()
-    state = Supervision(mode, since, now, command, position, behind, lost, watches)
+    accelerated = abs(command[1] - state.applied[1])
+    state = Supervision(mode, since, now, command, accelerated, position, behind, lost, watches)
     enabled = mode is Mode.ACTIVE or mode is Mode.STOPPING
     return Verdict(state, command, enabled, limited, events)
 
@@ -194,7 +204,7 @@ def check_channels(
         state.watches,
         measurement[1:6],
         measurement.age,
-        (master, master, slave, slave, slave),
+        (0.0, master, slave, 0.0, state.accelerated),
         strict=True,
     ):
         watch, trip = check_channel(
@@ -215,16 +225,27 @@ def check_rig(measurement: Measurement) -> Trip | None:
     return None
 
 
+def check_loop(
+    state: Supervision, now: float, dt: float, lost: float, limits: Limits
+) -> Trip | None:
+    """Hold the loop's own timing against its limits."""
+    if dt > limits.max_gap:
+        source = f"{dt * 1e3:.0f} ms between two ticks, at most {limits.max_gap * 1e3:g} ms"
+        return Trip(Fault.OVERRUN, source, dt, limits.max_gap, state.time)
+    if lost > limits.max_lost:
+        source = f"{lost:.0%} of the periods skipped, at most {limits.max_lost:.0%}"
+        return Trip(Fault.OVERRUN, source, lost, limits.max_lost, now)
+    return None
+
+
 def check_limits(
+    state: Supervision,
     measurement: Measurement,
     desired: Command,
     behind: float,
-    lost: float,
-    dt: float,
-    state: Supervision,
     limits: Limits,
 ) -> Trip | None:
-    """Hold the slave, the command and the loop against the hard limits."""
+    """Hold the slave and the command against the hard limits."""
     now, x, f = measurement.time, measurement.slave_position, measurement.contact_force
     speed, handle = measurement.slave_velocity, measurement.master_force
     low, high = limits.hard_position
@@ -238,12 +259,6 @@ def check_limits(
     if abs(behind) > limits.following_error:
         limit = limits.following_error
         return Trip(Fault.NOT_FOLLOWING, "slave_position", behind, limit, now)
-    if dt > limits.max_gap:
-        source = f"{dt * 1e3:.0f} ms between two ticks, at most {limits.max_gap * 1e3:g} ms"
-        return Trip(Fault.OVERRUN, source, dt, limits.max_gap, state.time)
-    if lost > limits.max_lost:
-        source = f"{lost:.0%} of the periods skipped, at most {limits.max_lost:.0%}"
-        return Trip(Fault.OVERRUN, source, lost, limits.max_lost, now)
     if not (math.isfinite(desired[0]) and math.isfinite(desired[1])):
         source = f"the desired velocities are {desired[0]} and {desired[1]} m/s"
         return Trip(Fault.CONTROL_FAILURE, source, math.nan, math.nan, now)

@@ -11,12 +11,16 @@ from drivers import CHANNELS
 from teleop.safety import ChannelLimits, Limits
 from teleop.safety.limits import usual_channels
 
-NUMBERS = [field.name for field in fields(Limits) if isinstance(field.default, float)]
+NUMBERS = [
+    field.name
+    for field in fields(Limits)
+    if isinstance(field.default, float) and field.name != "drive_compliance"
+]
 BOUNDS = ["max_rate", "max_age", "frozen_time", "frozen_travel"]
 
 
 def test_every_number_is_among_the_cases():
-    assert len(NUMBERS) == len(fields(Limits)) - len(("soft_", "hard_", "channels"))
+    assert len(NUMBERS) == len(fields(Limits)) - 4
     assert {"max_velocity", "hard_force", "preflight", "max_gap", "max_lost"} <= set(NUMBERS)
 
 
@@ -27,18 +31,25 @@ def test_a_limit_that_is_not_positive_and_finite_is_refused_by_name(name, value)
         Limits(**{name: value})
 
 
-@pytest.mark.parametrize("name", NUMBERS)
 @pytest.mark.parametrize("value", [0, -1])
-def test_a_limit_that_is_a_bad_integer_is_refused_by_name(name, value):
+def test_limits_that_are_bad_integers_are_refused_by_name(value):
     # DEFECT: only instances of float are checked; Limits(max_velocity=-1) is taken.
-    match = "force limit|_force" if name.endswith("_force") else name
-    with pytest.raises(ValueError, match=match):
-        Limits(**{name: value})
+    for name in NUMBERS:
+        with pytest.raises(ValueError, match=name):
+            Limits(**{name: value})
+
+
+@pytest.mark.parametrize("value", [-1e-6, math.nan, math.inf])
+def test_a_compliance_that_is_negative_or_not_finite_is_refused_by_name(value):
+    with pytest.raises(ValueError, match="drive_compliance"):
+        Limits(drive_compliance=value)
+    assert Limits(drive_compliance=0.0).drive_compliance == 0.0
 
 
 @pytest.mark.parametrize("name", NUMBERS)
 def test_a_small_positive_limit_is_taken(name):
-    assert getattr(Limits(**{name: 1e-6}), name) == 1e-6
+    soft = {"soft_force": 1e-7} if name == "hard_force" else {}
+    assert getattr(Limits(**soft | {name: 1e-6}), name) == 1e-6
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,55 @@
+"""`teleop export`: a recording for other programs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+
+def export(
+    file: Path,
+    /,
+    *,
+    out: Path | None = None,
+    json: Annotated[bool, Parameter(negative="")] = False,
+) -> int:
+    """Write a recording as CSV, HDF5, MATLAB or Parquet, every number with all of its digits.
+
+    Example: `teleop export trial.mcap --out trial.mat`
+
+    Parameters
+    ----------
+    file
+        A recording of teleop run (.mcap).
+    out
+        The file to write; its ending, of .csv, .h5, .mat and .parquet, tells the format. By
+        default beside the recording, with the ending .csv. HDF5 and Parquet need
+        `pip install '.[export]'`.
+    json
+        Print one JSON document instead of the file's name.
+    """
+    from teleop import console
+    from teleop.export import export_recording, format_of
+    from teleop.files import check_outputs
+    from teleop.recording import load
+
+    out = out or file.with_suffix(".csv")
+    name = format_of(out)
+    check_outputs(out, source=file)
+    recording = load(file)
+    export_recording(out, recording)
+    if json:
+        console.print_json(
+            {
+                "file": str(file),
+                "out": str(out),
+                "format": name,
+                "ticks": len(recording),
+                "columns": list(recording.columns),
+            }
+        )
+    else:
+        print(out)
+    return 0

@@ -1,0 +1,53 @@
+"""`teleop recover`: what is intact of a recording that was cut off."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+
+def recover(
+    file: Path,
+    /,
+    *,
+    out: Path | None = None,
+    json: Annotated[bool, Parameter(negative="")] = False,
+) -> int:
+    """Write what is intact of a recording to a new file that is complete.
+
+    The recording itself is never changed.
+
+    Example: `teleop recover trial.mcap`
+
+    Parameters
+    ----------
+    file
+        A recording of teleop run (.mcap) whose end is missing or which is damaged.
+    out
+        The new file, which must not exist; by default beside the recording, its name with
+        -recovered.
+    json
+        Print one JSON document instead of a line.
+    """
+    from teleop import console
+    from teleop.recover import recover_recording
+
+    out = out or file.with_name(f"{file.stem}-recovered.mcap")
+    recovery = recover_recording(file, out)
+    if json:
+        console.print_json(
+            {
+                "file": str(file),
+                "out": str(out) if recovery.damage else None,
+                "ticks": recovery.ticks,
+                "duration_s": recovery.duration,
+                "damage": recovery.damage,
+            }
+        )
+    elif recovery.damage:
+        print(f"{out}: {recovery.ticks} ticks, {recovery.duration:.3f} s, {recovery.lost}")
+    else:
+        print(f"{file}: complete already, {recovery.ticks} ticks: nothing to recover")
+    return 0

@@ -1,0 +1,130 @@
+"""Recordings as CSV, HDF5, MATLAB and Parquet files for other programs."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from teleop.errors import InputError
+from teleop.files import unwritable
+from teleop.table import write_table
+
+if TYPE_CHECKING:
+    from teleop.recording import Recording
+
+
+def write_csv(path: Path, recording: Recording) -> None:
+    """Write a column each with `name [unit]` above it; the session and events stay behind."""
+    write_table(path, recording.columns, recording.units)
+
+
+def write_hdf5(path: Path, recording: Recording) -> None:
+    """Write a dataset a column with its unit, attributes of the session, and `events`."""
+    try:
+        import h5py
+    except ImportError as error:
+        raise missing(path, "h5py", "HDF5") from error
+    with path.open("w+b") as disk, h5py.File(disk, "w", track_order=True) as file:
+        file.attrs.update(recording.session)
+        file.attrs["settings"] = as_json(recording.settings)
+        for name, column in recording.columns.items():
+            file.create_dataset(name, data=column).attrs["unit"] = recording.units[name]
+        events = [as_json(event) for event in recording.events]
+        file.create_dataset("events", data=np.array(events, dtype=h5py.string_dtype()))
+
+
+def write_matlab(path: Path, recording: Recording) -> None:
+    """Write a variable a column, and `units`, `session`, `settings` and `events`."""
+    from scipy.io import savemat
+
+    about = {
+        "units": recording.units,
+        "session": recording.session,
+        "settings": as_json(recording.settings),
+        "events": as_json(recording.events),
+    }
+    with path.open("wb") as file:
+        savemat(file, {**recording.columns, **about}, long_field_names=True, oned_as="column")
+
+
+def write_parquet(path: Path, recording: Recording) -> None:
+    """Write a column each with its unit as metadata, and the session and events as the file's."""
+    try:
+        import pyarrow
+        from pyarrow import parquet
+    except ImportError as error:
+        raise missing(path, "pyarrow", "Parquet") from error
+    fields = [
+        pyarrow.field(name, pyarrow.float64(), metadata={"unit": recording.units[name]})
+        for name in recording.columns
+    ]
+    about = {
+        "session": as_json(recording.session),
+        "settings": as_json(recording.settings),
+        "events": as_json(recording.events),
+    }
+    columns = [pyarrow.array(column) for column in recording.columns.values()]
+    table = pyarrow.Table.from_arrays(columns, schema=pyarrow.schema(fields, metadata=about))
+    with path.open("wb") as file:
+        parquet.write_table(table, file)
+
+
+FORMATS: dict[str, tuple[str, Callable[[Path, Recording], None]]] = {
+    ".csv": ("csv", write_csv),
+    ".h5": ("hdf5", write_hdf5),
+    ".hdf5": ("hdf5", write_hdf5),
+    ".mat": ("matlab", write_matlab),
+    ".parquet": ("parquet", write_parquet),
+}
+"""Name and writer of each format, by the file's ending."""
+
+
+def format_of(path: Path) -> str:
+    """The format that a file's ending asks for.
+
+    Raises
+    ------
+    InputError
+        The ending is unknown.
+    """
+    if path.suffix.lower() not in FORMATS:
+        raise InputError(f"{path}: expected a file ending in .csv, .h5 (.hdf5), .mat or .parquet")
+    return FORMATS[path.suffix.lower()][0]
+
+
+def export_recording(path: Path, recording: Recording) -> None:
+    """Write a recording in the format of the file's ending.
+
+    Raises
+    ------
+    InputError
+        The file cannot be written, its ending is unknown, or a library is not installed.
+    """
+    format_of(path)
+    try:
+        FORMATS[path.suffix.lower()][1](path, recording)
+    except OSError as error:
+        raise unwritable(path, error) from error
+
+
+def as_json(value: Any) -> str:
+    """JSON that every reader takes: a number that is not finite, as no limit, is null."""
+
+    def finite(value: Any) -> Any:
+        if isinstance(value, dict):
+            return {key: finite(item) for key, item in value.items()}
+        if isinstance(value, list):
+            return [finite(item) for item in value]
+        return None if isinstance(value, float) and not math.isfinite(value) else value
+
+    return json.dumps(finite(value), allow_nan=False)
+
+
+def missing(path: Path, library: str, name: str) -> InputError:
+    """The one line that says what to install."""
+    return InputError(f"{path}: {name} needs {library}: pip install '.[export]'")

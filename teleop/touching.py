@@ -1,0 +1,80 @@
+"""The trial that feels for contact on the simulated rig, under the supervisor like any other."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from sim_backend import CUBES, Sensors, SimulatedRig
+from teleop.conditions import Condition
+from teleop.errors import InputError
+from teleop.settings import TrialSettings
+from teleop.tare import Tare
+from teleop.trial import run_trial
+from teleop.zeroing import ForceZero, Touch, contact_begins, touch_threshold
+
+SPEED = 1e-3
+"""Of the approach [m/s]."""
+REACH = 4e-3
+"""How far contact is looked for [m]."""
+AWAY = 2e-3
+"""How far before the cube the simulated slave stands [m]."""
+
+
+@dataclass(frozen=True)
+class TouchSettings(TrialSettings):
+    """A trial that goes forward until it touches, on a cube that lets go again."""
+
+    zero: ForceZero = field(kw_only=True)
+
+    def make_rig(self, now: Callable[[], float]) -> SimulatedRig:
+        """The rig with the slave off the cube."""
+        return off_the_cube(self.cube, now, self.sensors, self.seed)
+
+    def make_condition(self) -> Condition:
+        """Forward until contact."""
+        return Touch(self.admittance.damping * SPEED, touch_threshold(self.zero), 0.5 * AWAY)
+
+
+def off_the_cube(cube: str, now: Callable[[], float], sensors: Sensors, seed: int) -> SimulatedRig:
+    """The simulated rig with nobody at the handle and the slave off the cube."""
+    body = replace(CUBES[cube], glued=False)
+    return SimulatedRig(body, now, sensors=sensors, seed=seed, start=-AWAY)
+
+
+def touch(settings: TouchSettings, record: Path | None) -> float:
+    """Where the slave's encoder reads contact [m].
+
+    Parameters
+    ----------
+    settings
+        The trial; its tare holds the force zeros.
+    record
+        MCAP file to record to.
+
+    Raises
+    ------
+    InputError
+        Nothing was touched, or the trial was stopped.
+    """
+    trial = run_trial(settings, record)
+    if trial.fault:
+        raise InputError(f"tare: stopped for safety: {trial.fault['text']}")
+    if trial.interrupted:
+        raise InputError("tare: interrupted, nothing was stored")
+    return contact_begins(trial.recording.estimated())
+
+
+def touch_settings(cube: str, zero: ForceZero, sensors: Sensors, seed: int) -> TouchSettings:
+    """The trial that feels for this cube."""
+    return TouchSettings(
+        condition="autonomous",
+        cube=cube,
+        duration=REACH / SPEED,
+        clock="virtual",
+        seed=seed,
+        sensors=sensors,
+        tare=Tare(zero.master, zero.contact),
+        zero=zero,
+    )
