@@ -178,9 +178,7 @@ def test_an_unknown_ending_is_refused_with_those_that_there_are(trial, tmp_path,
     assert not (tmp_path / name).exists()
 
 
-@pytest.mark.parametrize(
-    ("library", "ending"), [("h5py", "h5"), ("pyarrow", "parquet"), ("pyarrow.parquet", "parquet")]
-)
+@pytest.mark.parametrize(("library", "ending"), [("h5py", "h5"), ("pyarrow", "parquet")])
 def test_a_library_that_is_not_installed_is_told_with_what_to_install(
     trial, tmp_path, capsys, monkeypatch, library, ending
 ):
@@ -188,7 +186,7 @@ def test_a_library_that_is_not_installed_is_told_with_what_to_install(
     monkeypatch.setitem(sys.modules, library, None)
     out = tmp_path / f"trial.{ending}"
     err = refused(capsys, "export", trial, "--out", out)
-    assert library.partition(".")[0] in err
+    assert library in err
     assert "pip install '.[export]'" in err
     assert not out.exists()
 

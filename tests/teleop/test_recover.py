@@ -26,8 +26,10 @@ MAGIC = 8
 def whole(tmp_path_factory):
     """A recording of a real trial in many chunks, as a run in real time leaves it."""
     folder = tmp_path_factory.mktemp("trial")
-    assert main(["run", "--clock", "virtual", "--duration", "1", "--record", f"{folder}/a"]) == 0
-    contents = read_intact(folder / "a")
+    assert (
+        main(["run", "--clock", "virtual", "--duration", "1", "--record", f"{folder}/a.mcap"]) == 0
+    )
+    contents = read_intact(folder / "a.mcap")
     path = folder / "whole.mcap"
     fields = FIELD.findall(contents.definition)
     file = McapFile(path, fields, contents.definition, contents.metadata, contents.start)
@@ -36,7 +38,7 @@ def whole(tmp_path_factory):
     for number, place in enumerate(range(0, len(contents.messages), size)):
         message = bytes(contents.messages[place : place + size])
         (t,) = struct.unpack_from("<4xd", message)
-        while events and events[0]["time"] <= t:
+        while events and events[0]["time"] < t:
             file.event(events.pop(0))
         file.tick(message, t)
         if number % 80 == 79:
@@ -263,12 +265,15 @@ def flipped(whole, tmp_path, place, bit):
 
 def assert_refused_or_same(path, recording):
     """A damaged file either loads as what it was or is refused; what is intact is a prefix."""
+    told = ""
     try:
-        assert_equal(load(path), recording)
+        loaded = load(path)
     except InputError as error:
-        assert re.search(r"teleop recover|no ticks in it|not an MCAP file", str(error))
-    else:
+        told = str(error)
+    if not told:
+        assert_equal(loaded, recording)
         return
+    assert re.search(r"teleop recover|no ticks in it|not an MCAP file", told)
     try:
         contents = read_intact(path)
     except InputError:
@@ -282,7 +287,7 @@ def assert_refused_or_same(path, recording):
 
 def test_a_flipped_byte_is_refused_or_harmless(whole, recording, tmp_path):
     draw = random.Random(1)
-    for _ in range(1500):
+    for _ in range(300):
         place, bit = draw.randrange(whole.stat().st_size), draw.randrange(1, 256)
         assert_refused_or_same(flipped(whole, tmp_path, place, bit), recording)
 
@@ -290,10 +295,12 @@ def test_a_flipped_byte_is_refused_or_harmless(whole, recording, tmp_path):
 def test_a_flipped_bit_in_any_records_head_is_refused_or_harmless(
     whole, recording, records, tmp_path
 ):
+    draw = random.Random(2)
     for start, _, _ in records:
-        for place in range(start, start + RECORD.size):
-            for bit in (1, 2, 4, 128) if place > start else (1 << i for i in range(8)):
-                assert_refused_or_same(flipped(whole, tmp_path, place, bit), recording)
+        heads = [(start, 1 << i) for i in range(8)]
+        heads += [(start + i, 1 << draw.randrange(8)) for i in draw.sample(range(1, 9), 2)]
+        for place, bit in heads:
+            assert_refused_or_same(flipped(whole, tmp_path, place, bit), recording)
 
 
 def test_a_lost_chunk_leaves_what_stands_before_it(whole, recording, records, cut, tmp_path):
@@ -334,10 +341,7 @@ def test_a_recording_whose_first_event_is_lost_is_read_as_far_as_it_goes(
 ):
     first = next(place for place, opcode, _ in records if opcode == 6)
     path = flipped(whole, tmp_path, first, 0x80)
-    try:
-        contents = read_intact(path)
-    except InputError:
-        return
+    contents = read_intact(path)
     assert contents.start == read_intact(whole).start
     out = tmp_path / "out.mcap"
     assert main(["recover", str(path), "--out", str(out)]) == 0

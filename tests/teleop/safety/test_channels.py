@@ -12,8 +12,8 @@ from teleop.safety import ChannelLimits, Fault, Limits, Mode, Request, Supervisi
 DT = 1.0 / 512.0
 """Times are binary fractions, so that a limit may be met to the bit."""
 HEALTHY = ChannelLimits(-1.0, 1.0, max_rate=64.0, max_age=10 * DT)
-DRIVE = {"master_force": 0, "master_position": 0} | dict.fromkeys(CHANNELS[2:], 1)
-"""Which of the two drives moves a channel."""
+POSITIONS = {"master_position": 0, "slave_position": 1}
+"""Which of the two drives moves a position."""
 
 
 def limits_with(name: str = "contact_force", limits: ChannelLimits = HEALTHY) -> Limits:
@@ -202,11 +202,13 @@ def test_one_sample_that_is_read_again_is_not_frozen_but_grows_stale(name):
     bench.trips(Fault.STALE, 0.2, age=11 * DT)
 
 
+@pytest.mark.parametrize("name", POSITIONS)
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_a_value_may_stay_for_the_frozen_travel_of_its_own_drive_and_not_farther(name, sign):
+def test_a_position_may_stay_for_the_frozen_travel_of_its_own_drive_and_not_farther(name, sign):
     speeds = (0.25, 0.5)
     desired = Command(sign * speeds[0], sign * speeds[1])
-    bench = Bench(name, ChannelLimits(-1.0, 1.0, frozen_travel=12 * speeds[DRIVE[name]] * DT))
+    travel = 12 * speeds[POSITIONS[name]] * DT
+    bench = Bench(name, ChannelLimits(-1.0, 1.0, frozen_travel=travel))
     for tick in range(3):
         bench.runs(0.1 + 0.01 * tick, desired=desired, arm=True)
     assert bench.state.mode is Mode.ACTIVE
@@ -215,10 +217,10 @@ def test_a_value_may_stay_for_the_frozen_travel_of_its_own_drive_and_not_farther
         assert bench.state.applied == desired
         bench.runs(0.2, desired=desired)
     event = bench.trips(Fault.FROZEN, 0.2, desired=desired)
-    assert (event.value, event.limit) == (0.2, 12 * speeds[DRIVE[name]] * DT)
-    assert event.since == 3 * DT
+    assert (event.value, event.limit, event.since) == (0.2, travel, 3 * DT)
 
 
+@pytest.mark.parametrize("name", POSITIONS)
 def test_travel_to_and_fro_adds_up(name):
     speed = 0.5
     bench = Bench(name, ChannelLimits(-1.0, 1.0, frozen_travel=12 * speed * DT))
@@ -229,6 +231,29 @@ def test_travel_to_and_fro_adds_up(name):
     bench.trips(Fault.FROZEN, 0.03)
 
 
+def test_a_position_that_is_read_again_is_not_frozen_whatever_the_travel():
+    bench = Bench("slave_position", ChannelLimits(-1.0, 1.0, max_age=20 * DT, frozen_travel=DT))
+    for tick in range(4):
+        bench.runs(0.01 * tick, desired=Command(0.5, 0.5), arm=True)
+    for tick in range(10):
+        bench.runs(0.03, age=(tick + 1) * DT, desired=Command(0.5, 0.5))
+    bench.trips(Fault.FROZEN, 0.03, desired=Command(0.5, 0.5))
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_velocity_may_stay_for_the_commanded_change_of_it_and_not_farther(sign):
+    bench = Bench("slave_velocity", ChannelLimits(-1.0, 1.0, frozen_travel=1.0))
+    for _ in range(3):
+        bench.runs(0.0, arm=True)
+    bench.runs(0.1)
+    for speed in (0.25, 0.5, 0.0, 0.0, 0.0):
+        bench.runs(0.1, desired=Command(1.0, sign * speed))
+    bench.runs(0.1, desired=Command(1.0, sign * 0.125))
+    event = bench.trips(Fault.FROZEN, 0.1)
+    assert (event.value, event.limit) == (0.1, 1.0)
+
+
+@pytest.mark.parametrize("name", POSITIONS)
 def test_travel_is_forgotten_when_the_value_changes(name):
     speed = 0.5
     desired = Command(speed, speed)

@@ -8,7 +8,7 @@ from dataclasses import replace
 from itertools import pairwise
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from drivers import CHANNELS, STANDSTILL, Ages, Command, Measurement
@@ -242,7 +242,8 @@ def check_tick(before: Supervision, m, desired, request, limits, verdict):
     if mode is Mode.ACTIVE:
         assert all(map(math.isfinite, desired))
         assert before.mode is Mode.ACTIVE or (before.mode is Mode.READY and request.arm)
-        assert not (request.stop or request.halt)
+        assert not request.stop
+        assert not request.halt
     if mode is Mode.READY and before.mode is not Mode.READY:
         assert before.mode is Mode.IDLE
         assert now - before.since >= limits.preflight - 0.5 * dt - 1e-12
@@ -640,14 +641,15 @@ def test_the_desired_velocity_counts_in_active_mode_alone(stage):
 def test_a_runaway_trips_before_it_departs_by_more_than_allowed(v, dt, desired):
     bench = Bench().moving(desired)
     error = desired.slave_velocity - v
+    assume(abs(error) > 0.02)
     departed = 0.0
     for _ in range(400):
         verdict = bench.tick(desired, dt, slave=v * dt, slave_velocity=v)
         departed += error * dt
         if verdict.state.mode is Mode.FAULT:
             break
-    assert verdict.state.mode is Mode.FAULT or error == 0.0 or abs(error) < 0.01
-    if verdict.state.tripped and verdict.state.tripped.fault is Fault.NOT_FOLLOWING:
+    assert verdict.state.mode is Mode.FAULT
+    if verdict.state.tripped.fault is Fault.NOT_FOLLOWING:
         event = verdict.events[0]
         assert (event.source, event.limit) == ("slave_position", 2e-3)
         assert math.copysign(1.0, event.value) == math.copysign(1.0, departed)
@@ -753,20 +755,19 @@ def test_a_gap_between_two_ticks_trips(stage):
     assert bench.state.mode is not Mode.FAULT
     bench.time = 1.0
     bench.state = bench.state._replace(time=1.0)
-    event = bench.trips(Fault.OVERRUN, dt=larger(larger(larger(larger(larger(0.0625))))) + 1e-9)
+    event = bench.trips(Fault.OVERRUN, dt=0.0625 + 1e-9)
     assert event.value == pytest.approx(0.0625)
     assert (event.limit, event.since) == (0.0625, 1.0)
-    assert "62 ms" in event.text
+    assert "ms between two ticks, at most 62.5 ms" in event.text
 
 
 def test_skipped_periods_trip_by_their_share_over_about_a_second():
     bench = Bench().active()
-    for tick in range(2000):
+    armed, verdict = bench.time, bench.verdicts[-1]
+    while verdict.state.mode is Mode.ACTIVE:
         verdict = bench.tick(dt=2 * DT, request=Request(skipped=1))
-        if verdict.state.mode is Mode.FAULT:
-            break
     # 1 - exp(-t) of a share of one half reaches a quarter at t = log 2.
-    assert tick * 2 * DT == pytest.approx(math.log(2.0), abs=0.01)
+    assert bench.time - armed == pytest.approx(math.log(2.0), abs=0.01)
     (event,) = verdict.events
     assert (event.fault, event.limit) == (Fault.OVERRUN, 0.25)
     assert 0.25 < event.value < 0.26
@@ -838,18 +839,19 @@ SIDES = st.sampled_from([1.0, -1.0])
 @settings(max_examples=60)
 @given(
     side=SIDES,
-    start=st.floats(5e-3, 20e-3),
+    start=st.floats(14e-3, 20e-3),
     desired=st.floats(0.05, 1.0),
-    dts=st.lists(st.floats(2e-4, 0.079), min_size=1, max_size=6),
+    dts=st.lists(st.floats(1e-3, 0.079), min_size=1, max_size=6),
 )
 def test_the_slave_never_passes_its_soft_limit_by_more_than_a_tick(side, start, desired, dts):
     bench = Bench(x=side * start).active()
-    over = 20e-3
-    for tick in range(120):
+    over = 0.0
+    for tick in range(300):
         verdict = bench.tick(Command(side * desired, side * desired), dts[tick % len(dts)])
         travel = abs(bench.verdicts[-2].command.slave_velocity) * dts[tick % len(dts)]
-        assert side * bench.x <= over + travel + 1e-12
-        over = max(20e-3, side * bench.x)
+        if side * bench.x - travel <= 20e-3:
+            over = travel
+        assert side * bench.x <= 20e-3 + over + 1e-9
     assert side * bench.x > 19e-3
     assert abs(verdict.command.slave_velocity) < 0.01
 
@@ -883,17 +885,18 @@ def test_beyond_the_soft_limit_only_the_way_back_is_open(side):
     assert verdict.limited == 0
 
 
-def test_braking_is_half_of_what_the_deceleration_could_do():
-    bench = Bench(x=18e-3).active()
-    bench.time += 0.05
-    for _ in range(100):
-        verdict = bench.tick(
-            Command(1.0, 1.0), slave=0.0, slave_position=18e-3 - 1e-12 * bench.ticks
-        )
+@pytest.mark.parametrize("side", [1.0, -1.0])
+@pytest.mark.parametrize("room", [4e-4, 1e-3, 2e-3])
+def test_towards_the_soft_limit_half_of_the_deceleration_is_kept_in_hand(side, room):
+    bench = Bench(replace(LIMITS, following_error=1.0), x=side * (20e-3 - room)).active()
+    fastest = math.sqrt(10.0 * room)
+    for tick in range(150):
+        verdict = bench.tick(Command(side * 0.3, side * 0.15), slave=1e-12 * (-1) ** tick)
         if verdict.state.mode is Mode.FAULT:
-            break
-        steady = verdict
-    assert steady.command.slave_velocity <= math.sqrt(10.0 * 2e-3) * NEARLY
+            pytest.fail(verdict.events[0].text)
+    slave = min(fastest, 0.15)
+    assert verdict.command == pytest.approx((2.0 * side * slave, side * slave), rel=1e-5)
+    assert verdict.limited == (POSITION if fastest < 0.15 else 0)
 
 
 @settings(max_examples=60)

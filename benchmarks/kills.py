@@ -1,0 +1,241 @@
+"""Kill tests: SIGKILL of the controller and of the recorder at random instants of a live run.
+
+    python benchmarks/kills.py              # 100 of each
+    python benchmarks/kills.py --times 10
+
+The rig lives in a process of its own, as a real drive does, so that its watchdog is seen to
+stop the slave when the controller dies. Prints what was lost, and how long the slave went on;
+exits with 1 if a pushed tick is lost to the controller's death, more than 100 ms to the
+recorder's, the recovered ticks are not contiguous, or the slave did not stop in time.
+"""
+
+from __future__ import annotations
+
+import argparse
+import mmap
+import os
+import random
+import signal
+import struct
+import subprocess
+import sys
+import tempfile
+import time
+from dataclasses import dataclass
+from multiprocessing.connection import Client, Connection, Listener
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from drivers import Command, Measurement, Rig
+from sim_backend import CUBES, FreePalpation, SimulatedRig
+from teleop.errors import InputError
+from teleop.recorder.sinks import RecorderProcess
+from teleop.recording import load
+from teleop.settings import TrialSettings
+from teleop.trial import run_trial
+
+WATCHDOG = 0.1
+"""Of the emulated drive [s]."""
+LATEST = 0.02
+"""How late a process on a busy machine may look at its watchdog [s]."""
+LOST = 0.1
+"""Most that a killed recorder may lose [s]."""
+COUNTS = struct.Struct("<qqq")
+"""In shared memory: ticks pushed, the recorder's process, whether the run is over."""
+
+
+def serve_rig(address: str) -> None:
+    """The emulated rig: answers each command with a measurement; its watchdog needs nobody.
+
+    Writes to standard output how long after the last command the slave's drive stopped.
+    """
+    clock = time.monotonic
+    rig = SimulatedRig(CUBES["soft"], clock, FreePalpation(9e-3, 0), watchdog=WATCHDOG)
+    with Listener(address) as listener:
+        print("listening", flush=True)
+        connection = listener.accept()
+    last = clock()
+    with rig:
+        while True:
+            try:
+                if not connection.poll(0.001):
+                    rig.read()
+                    gone = isinstance(connection, NeverAgain)
+                    if rig._error or (gone and not rig._enabled):
+                        print(f"{clock() - last if rig._error else 0.0:.6f}", flush=True)
+                        return
+                    continue
+                name, arguments = connection.recv()
+            except (EOFError, ConnectionResetError):
+                connection = NeverAgain()
+                continue
+            last = clock()
+            connection.send(getattr(rig, name)(*arguments))
+
+
+class NeverAgain:
+    """A connection whose other end is dead."""
+
+    def poll(self, timeout: float) -> bool:
+        time.sleep(timeout)
+        return False
+
+
+@dataclass
+class RemoteRig(Rig):
+    """The rig in the other process."""
+
+    connection: Connection
+
+    def _call(self, name: str, *arguments: Any) -> Any:
+        self.connection.send((name, arguments))
+        return self.connection.recv()
+
+    def open(self) -> None: ...
+
+    def close(self) -> None: ...
+
+    def read(self) -> Measurement:
+        return self._call("read")
+
+    def enable(self) -> None:
+        self._call("enable")
+
+    def write(self, command: Command) -> Command:
+        return self._call("write", command)
+
+    def idle(self) -> None:
+        self._call("idle")
+
+
+@dataclass(frozen=True)
+class VictimSettings(TrialSettings):
+    """A trial on the rig in the other process."""
+
+    address: str = ""
+
+    def make_rig(self, now: Any) -> Any:
+        if self.clock == "virtual":
+            return super().make_rig(now)
+        return RemoteRig(Client(self.address))
+
+
+def victim(path: Path, shared: Path, address: str) -> None:
+    """The controller that is to be killed, or whose recorder is."""
+    with shared.open("r+b") as file:
+        counts = mmap.mmap(file.fileno(), COUNTS.size)
+    push = RecorderProcess.push
+    pushed = 0
+
+    def counted(self: RecorderProcess, message: bytes) -> None:
+        nonlocal pushed
+        push(self, message)
+        pushed += 1
+        COUNTS.pack_into(counts, 0, pushed, self.process.pid, 0)
+
+    RecorderProcess.push = counted  # type: ignore[method-assign]
+    trial = run_trial(VictimSettings(duration=2.0, address=address), path, real="try")
+    COUNTS.pack_into(counts, 0, pushed, 0, 1 + bool(trial.outcome.problem))
+
+
+def kill(target: str, folder: Path, instant: float) -> dict[str, Any]:
+    """Run a victim, kill it or its recorder, and see what is left."""
+    path, shared = folder / "run.mcap", folder / "counts"
+    shared.write_bytes(bytes(COUNTS.size))
+    address = str(folder / "rig")
+    me = [sys.executable, __file__]
+    rig = subprocess.Popen([*me, "--rig", address], stdout=subprocess.PIPE, text=True)
+    assert rig.stdout
+    rig.stdout.readline()
+    controller = subprocess.Popen([*me, "--victim", str(path), str(shared), address])
+
+    def counts() -> tuple[int, int, int]:
+        return COUNTS.unpack(shared.read_bytes())
+
+    while counts()[0] < 100:
+        time.sleep(0.01)
+        if controller.poll() is not None:
+            raise SystemExit("the victim did not start")
+    time.sleep(instant)
+    pushed, recorder, _ = counts()
+    if target == "controller":
+        os.kill(controller.pid, signal.SIGKILL)
+        controller.wait()
+        pushed = counts()[0]
+    else:
+        os.kill(recorder, signal.SIGKILL)
+        pushed = counts()[0]
+        controller.wait()
+        if counts()[2] != 2:
+            raise SystemExit("the run did not tell that its recorder was killed")
+    stopped = float(rig.stdout.readline())
+    rig.wait()
+    recovered = path
+    if target == "controller":
+        for _ in range(500):
+            try:
+                recording = load(path)
+                break
+            except InputError:
+                time.sleep(0.02)
+        else:
+            recording = load(path)
+    else:
+        recovered = folder / "recovered.mcap"
+        silent = subprocess.run(
+            [sys.executable, "-m", "teleop", "recover", str(path), "--out", str(recovered)],
+            capture_output=True,
+        )
+        if silent.returncode:
+            raise SystemExit(silent.stderr.decode())
+        recording = load(recovered)
+    t, dt = recording["time"], recording["dt"]
+    return {
+        "lost": pushed - len(recording),
+        "contiguous": bool(np.allclose(np.diff(t), dt[1:], atol=1e-9)),
+        "stopped": stopped if target == "controller" else 0.0,
+    }
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--times", type=int, default=100)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--victim", nargs=3, help=argparse.SUPPRESS)
+    parser.add_argument("--rig", help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    if options.rig:
+        serve_rig(options.rig)
+        return 0
+    if options.victim:
+        path, shared, address = options.victim
+        victim(Path(path), Path(shared), address)
+        return 0
+    rng = random.Random(options.seed)
+    bad = 0
+    for target, most in (("controller", 0), ("recorder", round(LOST * 1000))):
+        results = []
+        for _ in range(options.times):
+            with tempfile.TemporaryDirectory() as folder:
+                results.append(kill(target, Path(folder), rng.uniform(0.0, 1.2)))
+        lost = [r["lost"] for r in results]
+        stopped = max(r["stopped"] for r in results)
+        broken = sum(not r["contiguous"] for r in results)
+        print(
+            f"{target} killed {len(results)} times: ticks lost at most {max(lost)} "
+            f"(allowed {most}), median {sorted(lost)[len(lost) // 2]}; "
+            f"{broken} recordings not contiguous"
+        )
+        if target == "controller":
+            print(
+                f"  the drive stopped {stopped * 1e3:.1f} ms after the last command at the "
+                f"latest (watchdog {WATCHDOG * 1e3:.0f} ms)"
+            )
+        bad += sum(r["lost"] > most or r["stopped"] > WATCHDOG + LATEST for r in results) + broken
+    return 1 if bad else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

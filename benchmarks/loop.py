@@ -1,0 +1,191 @@
+"""The live loop beside cyclictest and beside loop-rate-limiters, in one run.
+
+    python benchmarks/loop.py                  # 30 s each: idle, second core busy, the peer
+    python benchmarks/loop.py --minutes 30     # the soak: as long, recorder on, second core busy
+
+The loop is `teleop run` with its recorder; cyclictest (Debian's rt-tests) measures the kernel's
+own wake-ups at the same rate and priority meanwhile, on the other processor. The soak also
+watches the loop's memory from outside.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+RATE = 1000.0
+WARM = 60.0
+"""Time after which memory must not grow any more [s]."""
+
+
+@contextmanager
+def busy(processor: int) -> Iterator[None]:
+    """A process that keeps a processor busy."""
+    code = f"import os\nos.sched_setaffinity(0, {{{processor}}})\nwhile True: pass"
+    process = subprocess.Popen([sys.executable, "-c", code])
+    try:
+        yield
+    finally:
+        process.kill()
+        process.wait()
+
+
+def cyclictest(seconds: float, processor: int) -> subprocess.Popen[str] | None:
+    """The kernel's wake-ups, if the tool is installed."""
+    if not shutil.which("cyclictest"):
+        print("cyclictest is not installed (Debian: rt-tests): nothing to compare with")
+        return None
+    options = ["-q", "-m", "-p", "80", "-i", "1000", "-h", "20000", "-t", "1"]
+    return subprocess.Popen(
+        ["cyclictest", *options, "-a", str(processor), "-D", str(int(seconds))],
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+
+
+def percentiles(histogram: str) -> dict[str, float]:
+    """Of cyclictest's lateness [us]."""
+    rows = [line.split() for line in histogram.splitlines() if line[:1].isdigit()]
+    late = np.array([int(row[0]) for row in rows])
+    counts = np.array([int(row[1]) for row in rows])
+    share = np.cumsum(counts) / counts.sum()
+    top = next(line for line in histogram.splitlines() if "Max Latencies" in line)
+    return {
+        "p50": float(late[np.searchsorted(share, 0.5)]),
+        "p99": float(late[np.searchsorted(share, 0.99)]),
+        "p99_9": float(late[np.searchsorted(share, 0.999)]),
+        "max": float(top.split(":")[1]),
+    }
+
+
+def resident(pid: int) -> int:
+    """Memory of a process [bytes]."""
+    for line in Path(f"/proc/{pid}/status").read_text().splitlines():
+        if line.startswith("VmRSS"):
+            return int(line.split()[1]) * 1024
+    return 0
+
+
+def run(seconds: float, folder: Path) -> tuple[dict[str, Any], list[tuple[float, int]]]:
+    """One `teleop run`, its memory watched; its summary and (time, bytes)."""
+    path = folder / f"{time.time_ns()}.mcap"
+    command = ["run", "--duration", str(seconds), "--condition", "free", "--record", str(path)]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "teleop", *command, "--json"], stdout=subprocess.PIPE, text=True
+    )
+    started = time.monotonic()
+    memory = []
+    while (now := time.monotonic() - started) < seconds - 2.0 and process.poll() is None:
+        memory.append((now, resident(process.pid)))
+        time.sleep(min(1.0, seconds / 20.0))
+    out, _ = process.communicate()
+    if process.returncode:
+        print(out)
+        raise SystemExit(f"teleop run ended with {process.returncode}")
+    return json.loads(out), memory
+
+
+def compare(title: str, seconds: float, folder: Path, load: bool) -> float:
+    """The loop and cyclictest at once; the ratio of their p99."""
+    processors = sorted(os.sched_getaffinity(0))
+    other = processors[0]
+    with busy(other) if load else nullcontext():
+        peer = cyclictest(seconds, other)
+        summary, memory = run(seconds, folder)
+        kernel = percentiles(peer.communicate()[0]) if peer else None
+    loop = summary["loop"]
+    late, tick = loop["lateness_us"], loop["tick_us"]
+    periods = summary["ticks"] + loop["skipped"]
+    print(f"\n{title}, {seconds:g} s")
+    print(
+        f"  loop        p50 {late['p50']:8.1f}  p99 {late['p99']:8.1f}  "
+        f"p99.9 {late['p99_9']:8.1f}  max {late['max']:8.1f} us late"
+    )
+    ratio = float("nan")
+    if kernel:
+        ratio = late["p99"] / kernel["p99"]
+        print(
+            f"  cyclictest  p50 {kernel['p50']:8.1f}  p99 {kernel['p99']:8.1f}  "
+            f"p99.9 {kernel['p99_9']:8.1f}  max {kernel['max']:8.1f} us late\n"
+            f"  ratio of the p99: {ratio:.2f}"
+        )
+    print(
+        f"  mean rate {loop['mean_rate_hz']:.4f} Hz, with the {loop['skipped']} skipped periods "
+        f"{loop['mean_rate_hz'] * periods / summary['ticks']:.4f} Hz; "
+        f"{loop['overruns']} overruns; {summary['recording']['dropped']} ticks dropped"
+    )
+    print(
+        f"  a tick takes p50 {tick['busy']['p50']:.1f}, p99 {tick['busy']['p99']:.1f} us: read "
+        f"{tick['read']['p50']:.1f}, compute {tick['compute']['p50']:.1f}, write "
+        f"{tick['write']['p50']:.1f}, the rest is packing and pushing"
+    )
+    print(f"  lateness: {histogram(loop['lateness_histogram'])}")
+    after = [size for when, size in memory if when > min(WARM, 0.3 * seconds)]
+    if after:
+        print(
+            f"  memory {after[0] / 2**20:.2f} MB, growth by {(max(after) - after[0]) / 2**10:.0f} "
+            f"kB after the first {min(WARM, 0.3 * seconds):.0f} s"
+        )
+    return ratio
+
+
+def histogram(counted: dict[str, Any]) -> str:
+    """Ticks by lateness on one line."""
+    names = [f"<{bound:g} us" for bound in counted["bounds_us"]] + ["more"]
+    pairs = zip(names, counted["ticks"], strict=True)
+    return ", ".join(f"{name} {count}" for name, count in pairs if count)
+
+
+def limiter(seconds: float) -> None:
+    """The peer: loop-rate-limiters with an empty body."""
+    try:
+        from loop_rate_limiters import RateLimiter
+    except ImportError:
+        print("\nloop-rate-limiters is not installed: pip install '.[dev]'")
+        return
+    rate = RateLimiter(frequency=RATE, warn=False)
+    ticks = []
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        ticks.append(time.perf_counter())
+        time.sleep(0.0)
+        rate.sleep()
+    t = np.array(ticks) - ticks[0]
+    late = (t - np.arange(len(t)) / RATE) * 1e6
+    print(
+        f"\nloop-rate-limiters, an empty body, {seconds:g} s\n"
+        f"  mean rate {(len(t) - 1) / t[-1]:.4f} Hz; behind the schedule at the end by "
+        f"{late[-1] / 1e3:.1f} ms; step between ticks p99 "
+        f"{np.percentile(np.diff(t), 99) * 1e6:.0f} us"
+    )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--minutes", type=float, default=0.0, help="length of the soak")
+    parser.add_argument("--seconds", type=float, default=30.0, help="of each short comparison")
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        if options.minutes:
+            compare("soak, second core busy", 60.0 * options.minutes, folder, load=True)
+            return
+        compare("idle machine", options.seconds, folder, load=False)
+        compare("second core busy", options.seconds, folder, load=True)
+        limiter(options.seconds)
+
+
+if __name__ == "__main__":
+    main()
