@@ -181,10 +181,10 @@ class Controller:
                 excitation = self._excitation.update(x, v, dt)
             except Exception as error:
                 self._fail(Fault.ESTIMATION_FAILURE, error, measurement.time)
-        events = tuple(
-            event._replace(time=event.time - self._start, since=event.since - self._start)
-            for event in verdict.events
-        )
+        events = verdict.events
+        if events:
+            start = self._start
+            events = tuple(e._replace(time=e.time - start, since=e.since - start) for e in events)
         compute = mapped - read + self._stopwatch() - written
         return Record(
             t,
@@ -210,7 +210,9 @@ class Controller:
         """The measurement, tared, and the time since the one before."""
         last = self._measurement
         try:
-            measurement = self._tare.apply(self._rig.read())
+            measurement = self._rig.read()
+            if self._tare is not NO_TARE:
+                measurement = self._tare.apply(measurement)
         except Exception as error:
             if last is None:
                 raise
