@@ -42,8 +42,9 @@ TIMES = np.cumsum(PERIOD * (1.0 + 0.5 * np.random.default_rng(0).uniform(-1.0, 1
 class SpyRig(Rig):
     """Channels that differ in every sample; drives that apply a third of the command."""
 
-    def __init__(self, failing: str = "", **overrides: float) -> None:
+    def __init__(self, failing: str = "", always: bool = False, **overrides: float) -> None:
         self.tick = -1
+        self.always = always
         self.failing = failing
         self.overrides = overrides
         self.written: list[Command] = []
@@ -74,7 +75,9 @@ class SpyRig(Rig):
         self.tick += 1
         if self.failing == "read" and self.tick == 200:
             raise OSError("the cable is out")
-        values = self.channels(self.tick) | (self.overrides if self.tick == 200 else {})
+        values = self.channels(self.tick) | (
+            self.overrides if self.always or self.tick == 200 else {}
+        )
         ages = Ages(1e-3, 2e-3, 3e-3, 4e-3, 5e-3)
         return Measurement(time=float(TIMES[self.tick]), age=ages, **values)
 
@@ -200,10 +203,14 @@ def test_a_channel_that_is_no_number_trips_and_reaches_no_drive(channel, value):
     assert rig.calls[-1].startswith("idle")
 
 
-def test_a_channel_that_the_rig_has_not_may_be_missing():
-    rig = SpyRig(slave_velocity=math.nan, master_position=math.nan)
+def test_a_channel_that_the_rig_has_not_may_be_missing_but_none_may_go_missing():
+    missing = {"slave_velocity": math.nan, "master_position": math.nan}
+    rig = SpyRig(always=True, **missing)
     _, events = record(rig, make(rig))
     assert events[-1].mode is Mode.ACTIVE
+    rig = SpyRig(**missing)
+    _, events = record(rig, make(rig))
+    assert events[-1].fault is Fault.NOT_A_NUMBER
 
 
 class Broken(Teleoperation):
