@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping
 from pathlib import Path
@@ -11,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 from rich import box
 from rich.console import Console
 from rich.table import Table
+
+from teleop.strict_json import dumps
 
 if TYPE_CHECKING:
     from teleop.tare import Tare
@@ -27,15 +28,7 @@ HEADINGS = ("", "k [N/m]", "b [N s/m]", "e_f [N]", "one-step rms [N]", "rise tim
 
 def print_json(document: Mapping[str, Any]) -> None:
     """Print a JSON document in which numbers that are not finite have become null."""
-
-    def finite(value: Any) -> Any:
-        if isinstance(value, dict):
-            return {key: finite(item) for key, item in value.items()}
-        if isinstance(value, list):
-            return [finite(item) for item in value]
-        return None if isinstance(value, float) and not math.isfinite(value) else value
-
-    print(json.dumps(finite(dict(document)), indent=2, allow_nan=False))
+    print(dumps(dict(document), indent=2))
 
 
 def plain_console() -> Console:

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import json
-import math
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from teleop.errors import InputError
 from teleop.files import unwritable
+from teleop.strict_json import dumps
 from teleop.table import write_table
 
 if TYPE_CHECKING:
@@ -31,10 +30,10 @@ def write_hdf5(path: Path, recording: Recording) -> None:
         raise missing(path, "h5py", "HDF5") from error
     with path.open("w+b") as disk, h5py.File(disk, "w", track_order=True) as file:
         file.attrs.update(recording.session)
-        file.attrs["settings"] = as_json(recording.settings)
+        file.attrs["settings"] = dumps(recording.settings)
         for name, column in recording.columns.items():
             file.create_dataset(name, data=column).attrs["unit"] = recording.units[name]
-        events = [as_json(event) for event in recording.events]
+        events = [dumps(event) for event in recording.events]
         file.create_dataset("events", data=np.array(events, dtype=h5py.string_dtype()))
 
 
@@ -45,8 +44,8 @@ def write_matlab(path: Path, recording: Recording) -> None:
     about = {
         "units": recording.units,
         "session": recording.session,
-        "settings": as_json(recording.settings),
-        "events": as_json(recording.events),
+        "settings": dumps(recording.settings),
+        "events": dumps(recording.events),
     }
     with path.open("wb") as file:
         savemat(file, {**recording.columns, **about}, long_field_names=True, oned_as="column")
@@ -64,9 +63,9 @@ def write_parquet(path: Path, recording: Recording) -> None:
         for name in recording.columns
     ]
     about = {
-        "session": as_json(recording.session),
-        "settings": as_json(recording.settings),
-        "events": as_json(recording.events),
+        "session": dumps(recording.session),
+        "settings": dumps(recording.settings),
+        "events": dumps(recording.events),
     }
     columns = [pyarrow.array(column) for column in recording.columns.values()]
     table = pyarrow.Table.from_arrays(columns, schema=pyarrow.schema(fields, metadata=about))
@@ -110,19 +109,6 @@ def export_recording(path: Path, recording: Recording) -> None:
         FORMATS[path.suffix.lower()][1](path, recording)
     except OSError as error:
         raise unwritable(path, error) from error
-
-
-def as_json(value: Any) -> str:
-    """JSON that every reader takes: a number that is not finite, as no limit, is null."""
-
-    def finite(value: Any) -> Any:
-        if isinstance(value, dict):
-            return {key: finite(item) for key, item in value.items()}
-        if isinstance(value, list):
-            return [finite(item) for item in value]
-        return None if isinstance(value, float) and not math.isfinite(value) else value
-
-    return json.dumps(finite(value), allow_nan=False)
 
 
 def missing(path: Path, library: str, name: str) -> InputError:

@@ -99,7 +99,7 @@ def fault_figure(recording: Recording, fault: Mapping[str, Any]) -> Figure:
         axes.set_ylabel(label)
         axes.grid(alpha=0.25, linewidth=0.6)
         axes.spines[["top", "right"]].set_visible(False)
-        axes.legend(loc="upper left", fontsize=8, frameon=False)
+        axes.legend(loc="best", fontsize=8, framealpha=0.8, edgecolor="none")
     rows[0].set_title(plain(fault["text"]), loc="left", fontsize=11, color="#CC0000")
     rows[-1].set_xlabel(f"time since the fault at {fault['time']:.3f} s [ms]")
     return figure

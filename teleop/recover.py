@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,11 +10,9 @@ from teleop.errors import InputError
 from teleop.files import unwritable
 from teleop.recorder.mcap_file import McapFile
 from teleop.recorder.mcap_reader import CUT, Contents, read_intact
-from teleop.recorder.schema import CDR
+from teleop.recorder.schema import CDR, TIME
 from teleop.recording import FIELD
 
-TIME = struct.Struct("<4xd")
-"""Where a tick's message has its time."""
 CHUNK = 1000
 """Ticks after which a chunk is written."""
 

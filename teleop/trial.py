@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import platform
 from dataclasses import dataclass
@@ -27,6 +26,7 @@ from teleop.rehearsal import check_rate
 from teleop.session import Session
 from teleop.settings import TrialSettings
 from teleop.stop_switch import StopSwitch
+from teleop.strict_json import dumps
 from teleop.summary import loop_timing, safety_summary, summarise, tick_times
 
 
@@ -196,5 +196,5 @@ def session_metadata(settings: TrialSettings) -> dict[str, dict[str, str]]:
             "seed": str(settings.seed),
             "rig": "simulated",
         },
-        "settings": {"json": json.dumps(settings.description())},
+        "settings": {"json": dumps(settings.description())},
     }

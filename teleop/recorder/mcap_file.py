@@ -15,6 +15,8 @@ import foxglove
 from foxglove import Channel, Context, Schema
 from foxglove.mcap import MCAPWriteOptions
 
+from teleop.recorder.schema import TICK
+
 TICKS, EVENTS = "/tick", "/event"
 """Topics of the file."""
 INFO, ERROR = 2, 4
@@ -112,7 +114,7 @@ class McapFile:
         units = {name: unit for name, unit, _ in columns}
         self._ticks = Channel(
             TICKS,
-            schema=Schema(name="teleop/msg/Tick", encoding="ros2msg", data=definition.encode()),
+            schema=Schema(name=TICK, encoding="ros2msg", data=definition.encode()),
             message_encoding="cdr",
             metadata=units,
             context=context,

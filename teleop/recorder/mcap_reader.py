@@ -12,7 +12,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 from mcap.data_stream import ReadDataStream
-from mcap.exceptions import McapError
+from mcap.exceptions import McapError, RecordLengthLimitExceeded
 from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, Message, Metadata, Schema
 from mcap.stream_reader import CRCValidationError, StreamReader, get_chunk_data_stream
@@ -20,13 +20,12 @@ from numpy.typing import NDArray
 
 from teleop.errors import InputError
 from teleop.recorder.mcap_file import EVENT_SCHEMA, EVENTS, TICKS
+from teleop.recorder.schema import TIME
 
 MAGIC = b"\x89MCAP"
 """How an MCAP file begins."""
 HEAD = struct.Struct("<BQHIQQ")
 """Of a message's record: opcode, length, channel, sequence, two times."""
-TIME = struct.Struct("<4xd")
-"""Where a tick's message has its time."""
 CUT = "its end is missing"
 """Damage of a file whose writer was killed, or whose disk was full."""
 
@@ -107,6 +106,8 @@ def read_records(file: BinaryIO, contents: Contents) -> None:
                 contents.damage = f"damaged: its {record.name} cannot be read"
     except CRCValidationError as error:
         damage = f"damaged: the checksum of a {type(error.record).__name__} does not match"
+    except RecordLengthLimitExceeded:
+        damage = CUT
     except (McapError, struct.error, ValueError, OverflowError, MemoryError) as error:
         damage = f"damaged: {' '.join(str(error).split())}" if file.read(1) else CUT
     except Exception as error:

@@ -19,14 +19,13 @@ from pathlib import Path
 from typing import Any
 
 from teleop.recorder.mcap_file import McapFile
+from teleop.recorder.schema import TIME
 
 FRAME = struct.Struct("<cH")
 """Head of a frame: its kind and the length of what follows."""
 TICK, EVENT = b"T", b"E"
 HEAD = struct.Struct("<I")
 """Length of the session's JSON."""
-TIME = struct.Struct("<4xd")
-"""Where a tick's message has its time."""
 NAP = 0.02
 """The pipe is left alone for this long [s]: a sleeping reader costs the writer no wake-up."""
 FLUSH = 0.08

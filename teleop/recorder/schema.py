@@ -8,14 +8,18 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterable
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
-from teleop.controller import Record
 from teleop.safety import Mode
 from teleop.safety.supervisor import ACCELERATION, FORCE, POSITION, VELOCITY
 
+if TYPE_CHECKING:
+    from teleop.controller import Record
+
 CDR = b"\0\1\0\0"
 """Head of a little-endian CDR message."""
+TIME = struct.Struct("<4xd")
+"""Where a message has its tick's time."""
 TICK = "teleop/msg/Tick"
 """Name of the message."""
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import json
-import math
 import os
 import subprocess
 import sys
@@ -18,6 +17,7 @@ from teleop.errors import InputError
 from teleop.recorder.process import EVENT, FRAME, HEAD, TICK
 from teleop.recorder.schema import Layout
 from teleop.safety import Event
+from teleop.strict_json import finite
 
 PIPE_SIZE = 1 << 20
 """Wanted size of the pipe [bytes], some two seconds of ticks; what Linux grants to anyone."""
@@ -232,13 +232,10 @@ class RecorderProcess(Sink):
 
 def event_record(event: Event) -> dict[str, Any]:
     """An event as JSON has it."""
-    return {
-        "time": event.time,
+    record: dict[str, Any] = finite(event._asdict())
+    return record | {
         "mode": event.mode.name.lower(),
         "text": event.text[:LONGEST_TEXT],
         "fault": event.fault and str(event.fault),
         "source": event.source[:100],
-    } | {
-        name: value if math.isfinite(value) else None
-        for name, value in (("value", event.value), ("limit", event.limit), ("since", event.since))
     }
