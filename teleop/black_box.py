@@ -34,7 +34,7 @@ class BlackBox:
     def __init__(self, layout: Layout, rate: float) -> None:
         self._layout = layout
         self._rate = rate
-        self._messages: deque[bytes] = deque(maxlen=math.ceil((BEFORE + AFTER) * rate))
+        self._messages: deque[bytes] = deque(maxlen=math.ceil((BEFORE + AFTER) * rate) + 1)
         self._events: list[Event] = []
         self.push = self._messages.append
         """Keep the message of one tick."""
@@ -89,6 +89,13 @@ class BlackBox:
 def fault_of(recording: Recording) -> dict[str, Any] | None:
     """The event that tripped the supervisor, if any did."""
     return next((event for event in recording.events if event["fault"]), None)
+
+
+def moment(fault: dict[str, Any]) -> str:
+    """When a fault was, for a sentence."""
+    if fault["time"] < 0.0:
+        return "before the drives were armed"
+    return f"at {fault['time']:.3f} s"
 
 
 def fault_text(recording: Recording, fault: dict[str, Any]) -> str:

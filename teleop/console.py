@@ -11,6 +11,7 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
+from teleop.black_box import moment
 from teleop.strict_json import dumps
 
 if TYPE_CHECKING:
@@ -146,9 +147,7 @@ def print_safety(console: Console, safety: Mapping[str, Any]) -> None:
         console.print(f"  soft limits held the command back: {', '.join(held)}", style="yellow")
     if safety["fault"]:
         fault = safety["fault"]
-        console.print(
-            f"  STOPPED for safety at {fault['time']:.3f} s: {fault['text']}", style="bold red"
-        )
+        console.print(f"  STOPPED for safety {moment(fault)}: {fault['text']}", style="bold red")
 
 
 def print_evaluation(summary: Mapping[str, Any], name: str) -> None:

@@ -51,10 +51,16 @@ def read_tare(path: Path) -> Tare:
     InputError
         The file cannot be read, or is not as expected.
     """
-    from pydantic import TypeAdapter, ValidationError
+    from pydantic import BaseModel, FiniteFloat, ValidationError
+
+    class File(BaseModel, extra="forbid"):
+        master_force: FiniteFloat
+        contact_force: FiniteFloat
+        slave_position: FiniteFloat
+        date: str
 
     try:
-        return TypeAdapter(Tare).validate_json(path.read_bytes())
+        return Tare(**File.model_validate_json(path.read_bytes()).model_dump())
     except OSError as error:
         raise InputError(f"{path}: {(error.strerror or 'cannot be read').lower()}") from error
     except ValidationError as error:

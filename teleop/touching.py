@@ -9,6 +9,7 @@ from pathlib import Path
 from sim_backend import CUBES, Sensors, SimulatedRig
 from teleop.conditions import Condition
 from teleop.errors import InputError
+from teleop.safety import Limits
 from teleop.settings import TrialSettings
 from teleop.tare import Tare
 from teleop.trial import run_trial
@@ -18,6 +19,8 @@ SPEED = 1e-3
 """Of the approach [m/s]."""
 REACH = 4e-3
 """How far contact is looked for [m]."""
+SOFT_FORCE = 5.0
+"""Contact force at which the approach ends in any case [N]."""
 AWAY = 2e-3
 """How far before the cube the simulated slave stands [m]."""
 
@@ -27,6 +30,17 @@ class TouchSettings(TrialSettings):
     """A trial that goes forward until it touches, on a cube that lets go again."""
 
     zero: ForceZero = field(kw_only=True)
+
+    @property
+    def limits(self) -> Limits:
+        """Tight on force; the position means nothing before the datum is known."""
+        return replace(
+            super().limits,
+            soft_position=(-0.4, 0.4),
+            hard_position=(-0.5, 0.5),
+            soft_force=SOFT_FORCE,
+            hard_force=2.0 * SOFT_FORCE,
+        )
 
     def make_rig(self, now: Callable[[], float]) -> SimulatedRig:
         """The rig with the slave off the cube."""

@@ -120,9 +120,9 @@ def contact_begins(recording: Recording) -> float:
     InputError
         Nothing was touched.
     """
-    forward = recording["commanded_slave_velocity"] > 0.0
-    x, f = recording["slave_position"][forward], recording["contact_force"][forward]
-    if not len(f) or f.max() < TOUCH:
+    deepest = int(np.argmax(recording["slave_position"])) if len(recording) else -1
+    x, f = (recording[name][: deepest + 1] for name in ("slave_position", "contact_force"))
+    if not len(f) or f.max() < 0.5 * TOUCH:
         raise InputError("tare: nothing was touched within the range: expected a contact")
     candidates = np.linspace(x.max() - 0.5 * np.ptp(x), x.max(), 400, endpoint=False)
     return float(candidates[int(np.argmin([misfit(x, f, start) for start in candidates]))])

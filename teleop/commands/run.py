@@ -87,6 +87,7 @@ def run(
     import sys
 
     from teleop import console
+    from teleop.black_box import moment
     from teleop.choices import make_coupling, make_signal
     from teleop.errors import InputError, SafetyStop
     from teleop.files import check_outputs
@@ -141,7 +142,7 @@ def run(
     if trial.outcome.problem:
         raise InputError(f"{record}: the recording is not complete: {trial.outcome.problem}")
     if trial.fault:
-        raise SafetyStop(f"stopped at {trial.fault['time']:.3f} s: {trial.fault['text']}")
+        raise SafetyStop(f"stopped {moment(trial.fault)}: {trial.fault['text']}")
     return 130 if trial.interrupted else 0
 
 

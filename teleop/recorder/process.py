@@ -164,8 +164,18 @@ def main() -> None:
     drain = Drain(file, progress)
     flushed = time.monotonic()
     told = False
-    while data := os.read(sys.stdin.fileno(), BULK):
-        drain.take(data)
+    pipe = sys.stdin.fileno()
+    if hasattr(os, "set_blocking"):
+        os.set_blocking(pipe, False)
+    while True:
+        try:
+            data = os.read(pipe, BULK)
+        except BlockingIOError:
+            data = None
+        if data == b"":
+            break
+        if data:
+            drain.take(data)
         if file and time.monotonic() - flushed >= FLUSH:
             file.flush()
             flushed = time.monotonic()
@@ -175,7 +185,7 @@ def main() -> None:
                 f"teleop: {session['path']}: {(file.error.strerror or '').lower()}: "
                 "the run goes on unrecorded"
             )
-        if len(data) < BULK:
+        if not data or len(data) < BULK:
             time.sleep(NAP)
     if file:
         file.close()

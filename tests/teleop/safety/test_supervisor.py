@@ -293,10 +293,12 @@ def test_laws_hold_when_every_channel_is_arbitrary(ticks):
         state = verdict.state
 
 
-@settings(max_examples=60)
+@settings(max_examples=30)
 @given(
     st.sampled_from([fault for fault in Fault if not stops_at_once(fault)]),
-    st.lists(st.tuples(CHANGES, DESIRED, REQUESTS, st.floats(1e-4, 0.05)), min_size=30),
+    st.lists(
+        st.tuples(CHANGES, DESIRED, REQUESTS, st.floats(1e-4, 0.05)), min_size=20, max_size=30
+    ),
 )
 def test_a_ramping_fault_only_slows_down_whatever_happens(fault, ticks):
     bench = copy.copy(STARTS["fast", GENTLE.max_acceleration])
@@ -388,6 +390,17 @@ def test_a_stop_request_ramps_at_full_deceleration_and_then_idles():
     for old, new in pairwise(speeds[:-1]):
         assert old[0] - new[0] == pytest.approx(25.0 * DT)
         assert new[1] - old[1] == pytest.approx(10.0 * DT)
+
+
+@pytest.mark.parametrize("desired", [Command(0.1, 0.0), Command(0.0, 0.05)])
+def test_a_stop_ramps_the_one_drive_that_moves(desired):
+    bench = Bench().moving(desired)
+    verdict = bench.tick(request=Request(stop="Ctrl-C"))
+    while verdict.enabled:
+        last = max(map(abs, verdict.command))
+        verdict = bench.tick(request=Request(stop="Ctrl-C"))
+    assert last <= 25.0 * DT * NEARLY
+    assert verdict.state.mode is Mode.IDLE
 
 
 def test_a_stop_request_at_standstill_idles_after_one_tick():
@@ -764,7 +777,7 @@ def test_a_gap_between_two_ticks_trips(stage):
 def test_skipped_periods_trip_by_their_share_over_about_a_second():
     bench = Bench().active()
     armed, verdict = bench.time, bench.verdicts[-1]
-    while verdict.state.mode is Mode.ACTIVE:
+    while verdict.state.mode is Mode.ACTIVE and bench.time < 5.0:
         verdict = bench.tick(dt=2 * DT, request=Request(skipped=1))
     # 1 - exp(-t) of a share of one half reaches a quarter at t = log 2.
     assert bench.time - armed == pytest.approx(math.log(2.0), abs=0.01)
