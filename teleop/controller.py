@@ -15,7 +15,7 @@ from teleop.conditions import Condition
 from teleop.safety import Event, Fault, Limits, Mode, Request, Supervision, Verdict, supervise
 from teleop.safety import rearm as rearmed
 from teleop.safety.channels import Trip
-from teleop.safety.supervisor import NO_REQUEST
+from teleop.safety.state import NO_REQUEST
 from teleop.tare import NO_TARE, Tare
 
 

@@ -71,7 +71,8 @@ class Session:
     def step(self) -> bool:
         """Run one tick; whether there is another."""
         tick = self._clock.wait()
-        record = self.controller.tick(tick, self._switch.request(tick.skipped, self._end))
+        request = self._switch.request(not self._armed, tick.skipped, self._end)
+        record = self.controller.tick(tick, request)
         message = self._layout.pack(record, self._sinks[0].dropped if self._sinks else 0)
         self._box.push(message)
         for sink in self._sinks:

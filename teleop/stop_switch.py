@@ -13,6 +13,9 @@ from typing import Any, Self
 
 from teleop.safety import Fault, Request
 from teleop.safety.channels import Trip
+from teleop.safety.state import NO_REQUEST
+
+ARM = Request(arm=True)
 
 SIGNALS = {"SIGINT": "Ctrl-C", "SIGTERM": "asked to end", "SIGHUP": "the terminal was closed"}
 """Signals that end a run in good order; one more of them ends it at once."""
@@ -36,7 +39,6 @@ class StopSwitch:
         self._asked = 0
         self._reason = ""
         self._pressed = False
-        self._request = Request(arm=True)
 
     @property
     def interrupted(self) -> bool:
@@ -58,22 +60,24 @@ class StopSwitch:
         for number, handler in self._before.items():
             signal.signal(number, handler)
 
-    def request(self, skipped: int, end: str = "") -> Request:
+    def request(self, arm: bool, skipped: int, end: str = "") -> Request:
         """What the person wants at a tick.
 
         Parameters
         ----------
+        arm
+            Whether the drives are still to be armed.
         skipped
             Periods that the loop left out before it.
         end
             Why the run is to end by itself; empty to go on.
         """
         if not (skipped or end or self._asked or self._pressed):
-            return self._request
+            return ARM if arm else NO_REQUEST
         trip = None
         if self._pressed:
             trip = Trip(Fault.EMERGENCY_STOP, "key", math.nan, math.nan, math.nan)
-        return Request(True, self._reason or end, self._asked > 1, trip, skipped)
+        return Request(arm, self._reason or end, self._asked > 1, trip, skipped)
 
     def _on_signal(self, number: int, frame: FrameType | None) -> None:
         self._reason = SIGNALS[signal.Signals(number).name]

@@ -17,7 +17,7 @@ from estimation import (
 )
 from estimation.compiled import Floats
 from teleop.recording import Recording
-from teleop.safety.supervisor import ACCELERATION, FORCE, POSITION, VELOCITY
+from teleop.safety.soft_limits import ACCELERATION, FORCE, POSITION, VELOCITY
 
 PERCENTILES = {"p50": 50.0, "p99": 99.0, "p99_9": 99.9, "max": 100.0}
 HISTOGRAM = (1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0, 3000.0, 10000.0)

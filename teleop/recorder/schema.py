@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING, NamedTuple
 
 from teleop.safety import Mode
-from teleop.safety.supervisor import ACCELERATION, FORCE, POSITION, VELOCITY
+from teleop.safety.soft_limits import ACCELERATION, FORCE, POSITION, VELOCITY
 
 if TYPE_CHECKING:
     from teleop.controller import Record

@@ -3,7 +3,8 @@
 from teleop.safety.channels import Watch, check_channel
 from teleop.safety.events import Event, Fault, Mode, describe, stops_at_once
 from teleop.safety.limits import ChannelLimits, Limits
-from teleop.safety.supervisor import Request, Supervision, Verdict, rearm, supervise
+from teleop.safety.state import Request, Supervision, Verdict
+from teleop.safety.supervisor import rearm, supervise
 
 __all__ = [
     "ChannelLimits",

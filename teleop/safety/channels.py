@@ -71,7 +71,7 @@ def check_channel(
             return watch, Trip(Fault.INFINITE, name, value, math.nan, now)
         limit = limits.high if value > limits.high else limits.low
         return watch, Trip(Fault.OUT_OF_RANGE, name, value, limit, now)
-    if not age <= limits.max_age:
+    if not abs(age) <= limits.max_age:
         return watch, Trip(Fault.STALE, name, age, limits.max_age, now - age)
     sampled = now - age
     if value != watch.value:

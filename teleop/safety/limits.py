@@ -15,7 +15,7 @@ class ChannelLimits:
     Raises
     ------
     ValueError
-        The range is empty, or a bound is not positive.
+        The range is empty or not finite, or a bound is not positive.
     """
 
     low: float
@@ -33,15 +33,15 @@ class ChannelLimits:
     """Whether the rig must have it: one that is not required may read NaN from the start on."""
 
     def __post_init__(self) -> None:
-        if not self.low < self.high:
-            raise ValueError(f"a channel's range must not be empty: {self.low} to {self.high}")
+        if not -math.inf < self.low < self.high < math.inf:
+            raise ValueError(f"a channel's range must be finite: {self.low} to {self.high}")
         for name in ("max_rate", "max_age", "frozen_time", "frozen_travel"):
             if not getattr(self, name) > 0.0:
                 raise ValueError(f"{name} must be positive, got {getattr(self, name)}")
 
 
 def usual_channels() -> dict[str, ChannelLimits]:
-    """Channels of a laboratory's linear actuator with a force sensor of 500 N."""
+    """Channels of a laboratory's linear actuator with a contact force sensor of 1 kN."""
     return {
         "master_force": ChannelLimits(-200.0, 200.0, max_rate=2e4, frozen_time=0.05),
         "master_position": ChannelLimits(
@@ -85,7 +85,7 @@ class Limits:
     hard_force: float = 80.0
     """Greatest size of the contact force [N]."""
     following_error: float = 2e-3
-    """Farthest that the slave may depart from its command in half a second [m]."""
+    """Farthest that the slave may depart from its command [m]."""
     drive_compliance: float = 0.0
     """How far the slave's drive gives way to the contact force [m/N]."""
     rest_velocity: float = 2e-3
@@ -105,8 +105,10 @@ class Limits:
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
             least = 0.0 if name == "drive_compliance" else math.ulp(0.0)
-            if isinstance(value, float) and not least <= value < math.inf:
+            if isinstance(value, float | int) and not least <= value < math.inf:
                 raise ValueError(f"{name} must be positive, got {value}")
+        if self.max_lost >= 1.0:
+            raise ValueError(f"max_lost must be a share below 1, got {self.max_lost}")
         (hard_low, hard_high), (low, high) = self.hard_position, self.soft_position
         if not -math.inf < hard_low <= low < high <= hard_high < math.inf:
             raise ValueError(

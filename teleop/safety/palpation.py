@@ -13,6 +13,8 @@ SPEED = 14.0
 """Greatest speed, in depths a second; a sine of 2 Hz takes 6.3."""
 STOPPING = 0.015
 """Time in which the greatest speed is brought to zero [s]."""
+LIVELY = 26.0
+"""Greatest acceleration, in depths times the square of the frequency; a sine takes 19.7."""
 FOLLOWING, FROZEN = 0.15, 0.03
 """Following error and the commanded travel that shows a frozen encoder, as a share of depth."""
 FROZEN_SPEED = 0.1
@@ -38,7 +40,7 @@ def palpation_limits(
         Of the slave's drive [m/N].
     """
     velocity = max(SPEED, 5.0 * fastest) * depth
-    acceleration = velocity / STOPPING
+    acceleration = max(velocity / STOPPING, LIVELY * fastest**2 * depth)
     frozen = FROZEN * depth
     channels = usual_channels()
     travels = {

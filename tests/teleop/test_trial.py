@@ -179,10 +179,10 @@ def test_a_stop_ramps_to_standstill_and_keeps_what_was_logged(monkeypatch):
     settings = replace(QUICK, condition="autonomous")
     asked = []
 
-    def request(self, skipped, end=""):
+    def request(self, arm, skipped, end=""):
         asked.append(end)
         self._asked = len(asked) >= 700
-        return Request(arm=True, stop="Ctrl-C" if self._asked else "")
+        return Request(arm=arm, stop="Ctrl-C" if self._asked else "")
 
     monkeypatch.setattr("teleop.stop_switch.StopSwitch.request", request)
     trial = run_trial(settings)

@@ -33,7 +33,6 @@ def test_a_limit_that_is_not_positive_and_finite_is_refused_by_name(name, value)
 
 @pytest.mark.parametrize("value", [0, -1])
 def test_limits_that_are_bad_integers_are_refused_by_name(value):
-    # DEFECT: only instances of float are checked; Limits(max_velocity=-1) is taken.
     for name in NUMBERS:
         with pytest.raises(ValueError, match=name):
             Limits(**{name: value})
