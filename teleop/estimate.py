@@ -143,6 +143,11 @@ def evaluate(signals: Signals, settings: EstimateSettings) -> Evaluation:
     InputError
         A setting is out of its range, or nothing moves.
     """
+    if len(signals.t) < FEWEST:
+        raise InputError(
+            f"only {len(signals.t)} samples were given to the estimators: "
+            f"expected at least {FEWEST}"
+        )
     if np.ptp(signals.f) == 0.0:
         raise InputError("nothing to estimate from: the force is the same in every sample")
     datum = find_datum(signals, settings.datum)

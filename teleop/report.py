@@ -46,7 +46,8 @@ def report_page(name: str, evaluation: Evaluation, recording: Recording | None =
 {summary["to_s"]:.3f} s, at {summary["rate_hz"]:g} Hz. Datum: {datum["position_m"] * 1e3:.6g} mm,
 {datum["force_n"]:.6g} N ({escape(datum["source"])}). Excitation {summary["excitation"]["mean"]:.2f}
 (0 none, 1 a sine about the datum).</p>
-{black_box(recording)}{table(HEADINGS, rows)}{notes}
+{black_box(recording)}<h2>Estimates</h2>
+{table(HEADINGS, rows)}{notes}
 {
         captioned(
             figure,
@@ -66,6 +67,11 @@ def report_page(name: str, evaluation: Evaluation, recording: Recording | None =
     return web_page(name, body)
 
 
+def stop_page(name: str, recording: Recording) -> str:
+    """The page for a trial that was stopped before there was anything to estimate from."""
+    return web_page(name, f"<h1>{escape(name)}</h1>\n{black_box(recording)}")
+
+
 def black_box(recording: Recording | None) -> str:
     """What stopped a trial for safety; empty where nothing did."""
     fault = fault_of(recording) if recording else None
@@ -76,7 +82,7 @@ def black_box(recording: Recording | None) -> str:
         "The channels about the fault (red line), and the command that followed it.",
     )
     account = escape(fault_text(recording, fault))
-    return f"<h2>Stopped for safety</h2>\n<pre>{account}</pre>{drawing}<h2>Estimates</h2>\n"
+    return f"<h2>Stopped for safety</h2>\n<pre>{account}</pre>{drawing}\n"
 
 
 def ambiguity_drawing(evaluation: Evaluation) -> str:

@@ -10,11 +10,13 @@ import pytest
 
 from teleop.cli import main
 
-README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
+ROOT = Path(__file__).parents[1]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+RECORDING = (ROOT / "docs" / "recording.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
 COMMANDS = [
     shlex.split(line, comments=True)[1:]
-    for line in README.splitlines()
+    for line in [*README.splitlines(), *RECORDING.splitlines()]
     if line.startswith("    teleop ")
 ]
 
@@ -56,3 +58,12 @@ def test_a_command_of_the_readme_works(command, folder, monkeypatch, capsys):
         command = [*without(command, "--clock", "--duration"), *QUICKLY]
     assert main(command) == 0
     assert capsys.readouterr().out
+
+
+def test_the_example_of_the_docs_reads_that_recording(folder, monkeypatch):
+    monkeypatch.chdir(folder)
+    (block,) = re.findall(r"```python\n(.*?)```", RECORDING, re.DOTALL)
+    namespace: dict = {}
+    exec(compile(block, "recording.md", "exec"), namespace)
+    assert namespace["recording"].units["contact_force"] == "N"
+    assert len(namespace["force"]) > 3000

@@ -51,10 +51,7 @@ class Columns:
                     f"{file}: --{option} takes a column of a table; a recorded trial has its own"
                 )
         recording = load(file)
-        signals = recorded_signals(recording)
-        if len(signals.t) < 2:
-            raise InputError(f"{file}: the trial ended before the estimators were given a sample")
-        return signals, recording
+        return recorded_signals(recording), recording
 
 
 ColumnOptions = Annotated[Columns, Parameter(name="*")]

@@ -41,15 +41,20 @@ def report(
     force_lag
         Lag of the force channel [s] to make up for.
     """
+    from teleop.black_box import fault_of
     from teleop.commands.estimate import chosen
-    from teleop.estimate import evaluate
+    from teleop.estimate import FEWEST, evaluate
     from teleop.files import check_outputs, write_text
-    from teleop.report import report_page
+    from teleop.report import report_page, stop_page
 
     page = out or file.with_suffix(".html")
     check_outputs(page, source=file)
     signals, recording = columns.read(file)
-    settings = chosen(recording, columns.datum, preset, cube, None, None, force_lag)
-    write_text(page, report_page(file.name, evaluate(signals, settings), recording))
+    fault = fault_of(recording) if recording else None
+    if recording and fault and len(signals.t) < FEWEST:
+        write_text(page, stop_page(file.name, recording))
+    else:
+        settings = chosen(recording, columns.datum, preset, cube, None, None, force_lag)
+        write_text(page, report_page(file.name, evaluate(signals, settings), recording))
     print(page)
     return 0

@@ -95,6 +95,16 @@ def test_a_fault_before_anything_moves_leaves_its_account_too(stopped):
     assert "master force 40 N, at most 5 N" in (trial.black_box / "cause.txt").read_text()
 
 
+def test_the_report_of_a_run_that_never_moved_shows_the_stop_alone(stopped, capsys):
+    _, path = stopped(Replaced("master_force", 40.0), at=0.0)
+    assert main(["report", str(path)]) == 0
+    page = path.with_suffix(".html").read_text()
+    assert "not at rest at the start" in page
+    assert page.count("<svg") == 1
+    assert main(["estimate", str(path)]) == 2
+    assert "only 0 samples were given to the estimators" in capsys.readouterr().err
+
+
 def test_the_report_shows_what_stopped_the_run(stopped, capsys):
     _, path = stopped(Unplugged(), at=2.0, duration=3.0)
     assert main(["report", str(path)]) == 0
