@@ -83,7 +83,8 @@ class FileSink(Sink):
 
     def __init__(self, path: Path, layout: Layout, columns: Any) -> None:
         self.path = path
-        self._file = McapFile(path, columns, layout.definition, {}, 0)
+        self._file = McapFile(path, columns, layout.definition, {})
+        self._file.begin(0)
         self.pushed: list[bytes] = []
         self.alive = True
 

@@ -72,7 +72,8 @@ class BlackBox:
         try:
             folder.mkdir(parents=True, exist_ok=True)
             path = folder / "ticks.mcap"
-            file = McapFile(path, layout.columns, layout.definition, metadata, start, True)
+            file = McapFile(path, layout.columns, layout.definition, metadata, overwrite=True)
+            file.begin(start)
             for message, t in zip(self._messages, recording["time"].tolist(), strict=True):
                 file.tick(message, t)
             for event in recording.events:

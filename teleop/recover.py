@@ -69,12 +69,12 @@ def write_contents(out: Path, contents: Contents, ticks: list[bytes]) -> None:
             FIELD.findall(contents.definition),
             contents.definition,
             contents.metadata,
-            contents.start,
         )
     except FileExistsError as error:
         raise InputError(f"{out}: exists already: give another file with --out") from error
     except OSError as error:
         raise unwritable(out, error) from error
+    file.begin(contents.start)
     events = contents.events[1:]  # the file begins with the first of itself
     for number, message in enumerate(ticks, start=1):
         t = TIME.unpack_from(message)[0]

@@ -45,13 +45,10 @@ class Trial:
     """What became of the recording."""
     realtime: dict[str, str]
     """What became of each step of the real-time set-up."""
-    black_box: Path | None = None
+    fault: dict[str, Any] | None
+    """The event that stopped it for safety, if any did."""
+    black_box: Path | None
     """Folder of the black box, where a fault left one."""
-
-    @property
-    def fault(self) -> dict[str, Any] | None:
-        """The event that stopped the trial for safety, if any did."""
-        return fault_of(self.recording)
 
     @property
     def columns(self) -> dict[str, Floats]:
@@ -140,23 +137,21 @@ def run_trial(
     """
     bank = settings.make_bank()
     layout = Layout(bank)
-    start = wall_clock()
     metadata = session_metadata(settings)
     recorder = None
     if record or show:
         virtual = settings.clock == "virtual"
-        recorder = RecorderProcess(
-            record, layout, metadata, start, settings.duration, show, wait=virtual
-        )
+        recorder = RecorderProcess(record, layout, metadata, settings.duration, show, wait=virtual)
     memory = None if record else Memory()
     sinks: list[Sink] = [sink for sink in (recorder, memory) if sink]
     box = BlackBox(layout, settings.rate)
     try:
         if settings.clock == "real":
             check_rate(settings)
-        if recorder:
-            recorder.ready()
         clock = settings.make_clock()
+        start = wall_clock() + round((settings.limits.preflight + clock.period) * 1e9)
+        if recorder:
+            recorder.begin(start)
         with StopSwitch(key) as switch, settings.make_rig(clock.now) as rig:
             session = Session(settings, clock, rig, bank, layout, sinks, box, switch)
             with realtime(real) as report:
@@ -170,9 +165,9 @@ def run_trial(
     else:
         assert record
         recording = salvage(record) or box.recording(metadata)
-    folder = None
-    error = session.error
-    if record and fault_of(box.recording(metadata)):
+    folder, error = None, session.error
+    fault = fault_of(box.recording(metadata))
+    if record and fault:
         folder = record.with_suffix(".fault")
         try:
             box.write(folder, metadata, start)
@@ -182,7 +177,8 @@ def run_trial(
     if error and not isinstance(error, RigError):
         error.add_note(f"The drives were stopped. Recording: {record}. Black box: {folder}.")
         raise error
-    return Trial(settings, recording, bank, switch.interrupted, outcome, report, folder)
+    interrupted = switch.interrupted
+    return Trial(settings, recording, bank, interrupted, outcome, report, fault, folder)
 
 
 def session_metadata(settings: TrialSettings) -> dict[str, dict[str, str]]:

@@ -81,8 +81,6 @@ class McapFile:
         The tick's definition in the language of ROS 2.
     metadata
         Named records of text about the session.
-    start
-        Wall-clock time of the trial's beginning [ns].
     overwrite
         Whether the file may exist.
 
@@ -98,12 +96,11 @@ class McapFile:
         columns: Sequence[Sequence[str]],
         definition: str,
         metadata: Mapping[str, Mapping[str, str]],
-        start: int,
         overwrite: bool = False,
     ) -> None:
         logging.getLogger("foxglove").setLevel(logging.CRITICAL)
         foxglove.set_log_level("CRITICAL")
-        self._start = start
+        self._start = 0
         self._disk = Disk(path, overwrite)
         self._context = context = Context()  # its channels close with it
         self._writer = foxglove.open_mcap(
@@ -123,7 +120,6 @@ class McapFile:
         with self._told():
             for name, record in metadata.items():
                 self._writer.write_metadata(name, dict(record))
-            self.event({"time": 0.0, "text": "recording", "mode": "disconnected", "fault": None})
             self._writer.flush()
 
     @property
@@ -139,6 +135,12 @@ class McapFile:
         except (RuntimeError, OSError):
             if self.error is None:
                 raise
+
+    def begin(self, start: int) -> None:
+        """Take note of the wall-clock time of the trial's beginning [ns], before any tick."""
+        self._start = start
+        self.event({"time": 0.0, "text": "recording", "mode": "disconnected", "fault": None})
+        self.flush()
 
     def tick(self, message: bytes, t: float) -> None:
         """Take in one tick, which happened at t [s] of the trial."""

@@ -2,7 +2,8 @@
 
     python -m teleop.recorder.process
 
-Standard input carries a head, the session as JSON, and then frames of a tick or an event each.
+Standard input carries a head, the session as JSON, and then frames: when the trial begins, and a
+tick or an event each.
 Standard output says when recording has begun, and at the end what became of it. Standard error
 shows the progress line where the session asks for one. It ends when the pipe ends: when the
 control process closes it, exits, or is killed; so what was pushed is kept in every case.
@@ -23,9 +24,11 @@ from teleop.recorder.schema import TIME
 
 FRAME = struct.Struct("<cH")
 """Head of a frame: its kind and the length of what follows."""
-TICK, EVENT = b"T", b"E"
+TICK, EVENT, BEGIN = b"T", b"E", b"B"
 HEAD = struct.Struct("<I")
 """Length of the session's JSON."""
+START = struct.Struct("<q")
+"""Wall-clock time of the trial's beginning [ns]."""
 NAP = 0.02
 """The pipe is left alone for this long [s]: a sleeping reader costs the writer no wake-up."""
 FLUSH = 0.08
@@ -134,8 +137,10 @@ class Drain:
                 if self.file:
                     self.file.tick(frame, t)
                 self.progress.show(frame, t)
-            elif self.file:
+            elif self.file and kind == EVENT:
                 self.file.event(json.loads(frame))
+            elif self.file:
+                self.file.begin(START.unpack(frame)[0])
         self._rest = data[place:]
 
 
@@ -154,7 +159,6 @@ def main() -> None:
                 session["columns"],
                 session["definition"],
                 session["metadata"],
-                session["start"],
                 session["overwrite"],
             )
         except OSError as refusal:

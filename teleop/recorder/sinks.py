@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from teleop.errors import InputError
-from teleop.recorder.process import EVENT, FRAME, HEAD, TICK
+from teleop.recorder.process import BEGIN, EVENT, FRAME, HEAD, START, TICK
 from teleop.recorder.schema import Layout
 from teleop.safety import Event
 from teleop.strict_json import finite
@@ -93,8 +93,6 @@ class RecorderProcess(Sink):
         The ticks' message.
     metadata
         Named records of text about the session.
-    start
-        Wall-clock time of the trial's beginning [ns].
     duration
         Length of the trial [s], for the progress line.
     show
@@ -110,7 +108,6 @@ class RecorderProcess(Sink):
         path: Path | None,
         layout: Layout,
         metadata: Mapping[str, Mapping[str, str]],
-        start: int,
         duration: float,
         show: bool,
         wait: bool,
@@ -137,7 +134,6 @@ class RecorderProcess(Sink):
             "estimators": layout.estimators,
             "definition": layout.definition,
             "metadata": metadata,
-            "start": start,
             "duration": duration,
             "show": show,
             "overwrite": overwrite,
@@ -148,8 +144,13 @@ class RecorderProcess(Sink):
         except BrokenPipeError:
             self._gone = "the recorder did not start"
 
-    def ready(self) -> None:
-        """Wait until the file is open.
+    def begin(self, start: int) -> None:
+        """Wait until the file is open; then ticks may be pushed.
+
+        Parameters
+        ----------
+        start
+            Wall-clock time of the trial's beginning [ns].
 
         Raises
         ------
@@ -162,6 +163,8 @@ class RecorderProcess(Sink):
             self._release()
             why = status["error"] if status else "the recorder did not start"
             raise InputError(f"{self.path or 'progress line'}: cannot be recorded to: {why}")
+        with contextlib.suppress(BrokenPipeError):
+            os.write(self._pipe, FRAME.pack(BEGIN, START.size) + START.pack(start))
         if sys.platform == "linux":
             import fcntl
 

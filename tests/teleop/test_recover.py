@@ -32,7 +32,8 @@ def whole(tmp_path_factory):
     contents = read_intact(folder / "a.mcap")
     path = folder / "whole.mcap"
     fields = FIELD.findall(contents.definition)
-    file = McapFile(path, fields, contents.definition, contents.metadata, contents.start)
+    file = McapFile(path, fields, contents.definition, contents.metadata)
+    file.begin(contents.start)
     events = contents.events[1:]
     size = 4 + 8 * len(fields)
     for number, place in enumerate(range(0, len(contents.messages), size)):

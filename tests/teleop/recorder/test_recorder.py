@@ -34,10 +34,8 @@ def message(t: float) -> bytes:
 
 
 def recorder(path, wait=True, **options):
-    sink = RecorderProcess(
-        path, LAYOUT, METADATA, start=10**18, duration=1.0, show=False, wait=wait, **options
-    )
-    sink.ready()
+    sink = RecorderProcess(path, LAYOUT, METADATA, duration=1.0, show=False, wait=wait, **options)
+    sink.begin(10**18)
     return sink
 
 
@@ -75,6 +73,8 @@ def test_a_reader_that_is_not_ours_finds_every_tick_by_name(tmp_path):
         np.testing.assert_array_equal([getattr(tick, name) for _, tick in ticks], column)
     apart = np.diff([record.log_time for record, _ in ticks])
     assert (apart == 1_000_000).all()
+    zero = next(record.log_time for record, tick in ticks if tick.time >= 0.0)
+    assert abs(zero - time.time_ns()) < 20e9
     assert metadata["session"]["software"].startswith("teleop ")
     assert json.loads(metadata["settings"]["json"])["seed"] == 0
     channel = next(c for c in summary.channels.values() if c.topic == "/tick")
