@@ -41,8 +41,7 @@ def locked_memory() -> Callable[[], object]:
     """Memory that is never paged out."""
     libc = ctypes.CDLL(None, use_errno=True)
     if libc.mlockall(MCL_CURRENT | MCL_FUTURE):
-        number = ctypes.get_errno()
-        raise OSError(number, os.strerror(number))
+        raise PermissionError("the limit of locked memory, memlock, is too low")
     return lambda: libc.munlockall()
 
 
@@ -101,7 +100,7 @@ def realtime(mode: RealtimeName) -> Iterator[dict[str, str]]:
                 report[name] = "not permitted"
             except OSError as error:
                 report[name] = str(error.strerror or error).lower()
-            except AttributeError:
+            except (AttributeError, TypeError):
                 report[name] = "not there on this system"
         missing = [f"{name} ({why})" for name, why in report.items() if why != DONE]
         if mode == "require" and missing:

@@ -1,3 +1,5 @@
+"""Steps that the system refuses are told, and every step is taken back."""
+
 from __future__ import annotations
 
 import gc
@@ -10,6 +12,7 @@ from teleop.errors import InputError
 from teleop.realtime import DONE, STEPS, realtime
 
 
+@pytest.mark.skipif(not hasattr(os, "sched_getscheduler"), reason="needs Linux's scheduler")
 def test_each_step_is_reported_and_taken_back():
     before = os.sched_getscheduler(0), os.sched_getaffinity(0), gc.isenabled()
     with realtime("try") as report:
