@@ -102,7 +102,7 @@ class Evaluation:
             "rate_hz": self.rate,
             "jitter": self.jitter,
             "longest_gap_s": float(np.max(self.dt)),
-            "from_s": float(self.t[0]),
+            "from_s": round(float(self.t[0]), 9) + 0.0,
             "to_s": float(self.t[-1]),
             "datum": {
                 "position_m": self.datum.x,

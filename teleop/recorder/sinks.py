@@ -9,7 +9,7 @@ import subprocess
 import sys
 import threading
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -115,6 +115,7 @@ class RecorderProcess(Sink):
     ) -> None:
         self.path = path
         self._pushed = 0
+        self._events: list[bytes] = []
         self._gone = ""
         self._head = FRAME.pack(TICK, layout.size)
         self._wait = wait
@@ -177,6 +178,9 @@ class RecorderProcess(Sink):
         if self._gone:
             return
         try:
+            while self._events:
+                os.write(self._pipe, self._events[0])
+                self._events.pop(0)
             os.write(self._pipe, self._head + message)
             self._pushed += 1
         except BlockingIOError:
@@ -185,20 +189,23 @@ class RecorderProcess(Sink):
             self._gone = "the recorder was killed"
 
     def event(self, event: Event) -> None:
-        """Hand over an event; if the pipe is full it is lost, and its tick with it."""
+        """Hand over an event with the next tick that finds room in the pipe."""
         data = json.dumps(event_record(event)).encode()
-        try:
-            os.write(self._pipe, FRAME.pack(EVENT, len(data)) + data)
-        except OSError:
-            self.dropped += 1
+        self._events.append(FRAME.pack(EVENT, len(data)) + data)
 
     def close(self) -> Outcome:
         """Let the recorder finish."""
         assert self.process.stdin
         if self.process.stdin.closed:
             return Outcome(self.path, 0, 0, self._gone)
-        with contextlib.suppress(OSError):
-            self.process.stdin.close()
+        with self._patience():
+            with contextlib.suppress(OSError):
+                if hasattr(os, "set_blocking"):
+                    os.set_blocking(self._pipe, True)
+                for data in self._events:
+                    os.write(self._pipe, data)
+            with contextlib.suppress(OSError):
+                self.process.stdin.close()
         status = self._status()
         problem = self._gone
         if status is None:
@@ -223,14 +230,20 @@ class RecorderProcess(Sink):
     def _status(self) -> dict[str, Any] | None:
         """What the recorder says next; None if it is gone, or says nothing for too long."""
         assert self.process.stdout
+        with self._patience():
+            line = self.process.stdout.readline()
+        status: dict[str, Any] | None = json.loads(line) if line.endswith(b"\n") else None
+        return status
+
+    @contextlib.contextmanager
+    def _patience(self) -> Iterator[None]:
+        """Kill a recorder that keeps the control process waiting for too long."""
         watchdog = threading.Timer(PATIENCE, self.process.kill)
         watchdog.start()
         try:
-            line = self.process.stdout.readline()
+            yield
         finally:
             watchdog.cancel()
-        status: dict[str, Any] | None = json.loads(line) if line.endswith(b"\n") else None
-        return status
 
 
 def event_record(event: Event) -> dict[str, Any]:

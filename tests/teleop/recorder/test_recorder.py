@@ -121,11 +121,27 @@ def test_a_recorder_that_has_stopped_costs_ticks_and_never_time(tmp_path):
     for i in range(20_000):
         sink.push(message(i * 1e-3))
     assert sink.dropped > 10_000
+    sink.event(Event(9.0, Mode.FAULT, "it matters most", Fault.JUMP))
+    sink.push(message(20.0))
     sink.process.send_signal(signal.SIGCONT)
     outcome = sink.close()
-    assert outcome.pushed + outcome.dropped == 20_000
+    assert outcome.pushed + outcome.dropped == 20_001
     assert outcome.problem == f"{outcome.dropped} ticks found the recorder's pipe full"
-    assert len(load(tmp_path / "a.mcap")) == outcome.pushed
+    recording = load(tmp_path / "a.mcap")
+    assert len(recording) == outcome.pushed
+    assert recording.events[-1]["text"] == "it matters most"
+
+
+def test_a_recorder_that_hangs_does_not_hang_the_end(tmp_path, monkeypatch):
+    if not hasattr(signal, "SIGSTOP"):
+        pytest.skip("needs SIGSTOP")
+    monkeypatch.setattr("teleop.recorder.sinks.PATIENCE", 0.5)
+    sink = recorder(tmp_path / "a.mcap", wait=False)
+    sink.process.send_signal(signal.SIGSTOP)
+    for i in range(10_000):
+        sink.push(message(i * 1e-3))
+    sink.event(Event(9.0, Mode.FAULT, "told to nobody", Fault.JUMP))
+    assert sink.close().problem == "the recorder was killed"
 
 
 def test_the_signals_of_the_terminal_do_not_reach_the_recorder(tmp_path):
