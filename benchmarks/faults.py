@@ -379,6 +379,7 @@ def run_case(case: Case, name: str, folder: Path) -> dict[str, Any]:
     for message in list(case.box._messages)[-200:]:
         sink.push(message)
     case.sinks.append(sink)
+    taken = len(sink.pushed)
     kind.inject(case)
     started = case.clock.now()
     known, stopped, travel, change, peak = math.inf, 0.0, 0.0, 0.0, 0.0
@@ -435,7 +436,7 @@ def run_case(case: Case, name: str, folder: Path) -> dict[str, Any]:
         broken = name in ("disk full", "recorder killed")
         data = read_intact(sink.path).messages if broken else None
         kept = len(data) // case.layout.size if broken else len(load(sink.path))
-        whole = len(sink.pushed) if not broken else 200 // 80 * 80
+        whole = len(sink.pushed) if not broken else taken // 80 * 80
         if kept < whole or (broken and bytes(data) != b"".join(sink.pushed[:kept])):
             problems.append(f"recording holds {kept} of {whole} ticks")
     except Exception as error:
@@ -457,7 +458,7 @@ def run_case(case: Case, name: str, folder: Path) -> dict[str, Any]:
 
 def virtual(condition: str, cube: str, names: list[str], instants: int, seed: int) -> list[dict]:
     """All kinds at some instants of one trial, each in a child of its own."""
-    settings = TrialSettings(condition=condition, cube=cube, clock="virtual", duration=6.0)
+    settings = TrialSettings(condition=condition, cube=cube, clock="virtual", duration=7.0)
     clock = CampaignClock(settings.rate)
     rig = FaultyRig(settings.make_rig(clock.now))
     rig.open()

@@ -15,6 +15,7 @@ from teleop.conditions import Condition
 from teleop.safety import Event, Fault, Limits, Mode, Request, Supervision, Verdict, supervise
 from teleop.safety import rearm as rearmed
 from teleop.safety.channels import Trip
+from teleop.safety.events import ACTIVE, STOPPING
 from teleop.safety.state import NO_REQUEST
 from teleop.tare import NO_TARE, Tare
 
@@ -151,7 +152,7 @@ class Controller:
         t = measurement.time - self._start
 
         drive_force, desired = 0.0, STANDSTILL
-        if self._supervision.mode is Mode.ACTIVE:
+        if self._supervision.mode is ACTIVE:
             try:
                 drive_force = self._condition.drive_force(t, measurement)
                 self._admittance.step(drive_force, dt)
@@ -172,7 +173,7 @@ class Controller:
 
         x = v = f = excitation = math.nan
         estimates = self._no_estimates
-        if mode is Mode.ACTIVE or mode is Mode.STOPPING:
+        if mode is ACTIVE or mode is STOPPING:
             try:
                 x, v, f = self._conditioner.update(
                     measurement.slave_position, measurement.contact_force, dt

@@ -10,7 +10,7 @@ from teleop.black_box import AFTER, BlackBox
 from teleop.clock import Clock
 from teleop.recorder.schema import Layout
 from teleop.recorder.sinks import Sink
-from teleop.safety import Mode
+from teleop.safety.events import ACTIVE, FAULT, IDLE
 from teleop.settings import TrialSettings
 from teleop.stop_switch import StopSwitch
 
@@ -83,12 +83,12 @@ class Session:
                 self._box.event(event)
                 for sink in self._sinks:
                     sink.event(event)
-                if event.mode is Mode.ACTIVE:
+                if event.mode is ACTIVE:
                     self._armed = True
-                elif event.mode is Mode.FAULT:
+                elif event.mode is FAULT:
                     self._leave = record.t + AFTER
         if record.t >= self._last or self.controller.over:
             self._end = END
-        if record.mode is Mode.IDLE:
+        if record.mode is IDLE:
             return not (self._armed or self._switch.interrupted)
         return record.t < self._leave

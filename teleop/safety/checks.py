@@ -6,7 +6,7 @@ import math
 
 from drivers import CHANNELS, Command, Measurement
 from teleop.safety.channels import Trip, Watch, check_channel
-from teleop.safety.events import Fault, Mode
+from teleop.safety.events import ACTIVE, Fault
 from teleop.safety.limits import Limits
 from teleop.safety.state import Request, Supervision
 
@@ -93,7 +93,7 @@ def check_hard_limits(measurement: Measurement, limits: Limits) -> Trip | None:
 
 def check_command(state: Supervision, desired: Command, now: float) -> Trip | None:
     """Hold the desired command against being numbers."""
-    if state.mode is not Mode.ACTIVE or (math.isfinite(desired[0]) and math.isfinite(desired[1])):
+    if state.mode is not ACTIVE or (math.isfinite(desired[0]) and math.isfinite(desired[1])):
         return None
     source = f"the desired velocities are {desired[0]} and {desired[1]} m/s"
     return Trip(Fault.CONTROL_FAILURE, source, math.nan, math.nan, now)

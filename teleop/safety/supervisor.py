@@ -20,7 +20,17 @@ from teleop.safety.checks import (
     departure,
     share_lost,
 )
-from teleop.safety.events import Event, Mode, describe, stops_at_once
+from teleop.safety.events import (
+    ACTIVE,
+    DISCONNECTED,
+    FAULT,
+    IDLE,
+    READY,
+    STOPPING,
+    Event,
+    describe,
+    stops_at_once,
+)
 from teleop.safety.limits import Limits
 from teleop.safety.soft_limits import limit, slowed
 from teleop.safety.state import Request, Supervision, Verdict
@@ -53,7 +63,7 @@ def supervise(
     """
     now = measurement.time
     dt = now - state.time if state.time == state.time else 0.0 * now
-    if state.mode is Mode.FAULT:
+    if state.mode is FAULT:
         return halted(state, measurement, dt, request, limits)
 
     watches, trip = check_channels(state, measurement, dt, limits)
@@ -67,49 +77,49 @@ def supervise(
         or check_limits(measurement, behind, limits)
         or check_command(state, desired, now)
     )
-    restless = state.mode < Mode.ACTIVE and check_rest(measurement, limits)
+    restless = state.mode < ACTIVE and check_rest(measurement, limits)
     if restless and request.arm:
         trip = trip or restless
     position = measurement.slave_position
     if trip:
         text = describe(trip.fault, trip.source, trip.value, trip.limit)
-        event = Event(now, Mode.FAULT, text, *trip)
+        event = Event(now, FAULT, text, *trip)
         state = Supervision(
-            Mode.FAULT, now, now, state.applied, 0.0, position, behind, lost, watches, trip
+            FAULT, now, now, state.applied, 0.0, position, behind, lost, watches, trip
         )
         verdict = halted(state, measurement, dt, request, limits)
         return verdict._replace(events=(event,))
 
     mode, command, limited, text = state.mode, STANDSTILL, 0, ""
-    if mode is Mode.ACTIVE and not request.stop:
+    if mode is ACTIVE and not request.stop:
         command, limited = limit(desired, measurement, now - state.since, dt, state, limits)
-    elif mode is Mode.ACTIVE:
-        mode, text = Mode.STOPPING, request.stop
+    elif mode is ACTIVE:
+        mode, text = STOPPING, request.stop
         command = slowed(state.applied, dt, limits)
-    elif mode is Mode.STOPPING:
+    elif mode is STOPPING:
         command = slowed(state.applied, dt, limits)
         if command == STANDSTILL:
-            mode, text = Mode.IDLE, "at standstill"
-    elif mode is Mode.DISCONNECTED:
-        mode, text = Mode.IDLE, "connected"
+            mode, text = IDLE, "at standstill"
+    elif mode is DISCONNECTED:
+        mode, text = IDLE, "connected"
     elif request.stop:
-        mode, text = Mode.IDLE, request.stop
+        mode, text = IDLE, request.stop
     elif restless:
-        mode, text = Mode.IDLE, "not at rest"
-    elif mode is Mode.IDLE and now - state.since >= limits.preflight - EARLY:
-        mode, text = Mode.READY, "ready"
-    elif mode is Mode.READY and request.arm:
-        mode, text = Mode.ACTIVE, "armed"
-    if request.halt and mode is not Mode.READY:
-        mode, command, limited, text = Mode.IDLE, STANDSTILL, 0, text or "stopped at once"
+        mode, text = IDLE, "not at rest"
+    elif mode is IDLE and now - state.since >= limits.preflight - EARLY:
+        mode, text = READY, "ready"
+    elif mode is READY and request.arm:
+        mode, text = ACTIVE, "armed"
+    if request.halt and mode is not READY:
+        mode, command, limited, text = IDLE, STANDSTILL, 0, text or "stopped at once"
 
     since = state.since if mode is state.mode and not restless else now
-    if mode is not state.mode and mode is Mode.ACTIVE:
+    if mode is not state.mode and mode is ACTIVE:
         behind = 0.0
     events = (Event(now, mode, text),) if mode is not state.mode else ()
     accelerated = abs(command[1] - state.applied[1])
     state = Supervision(mode, since, now, command, accelerated, position, behind, lost, watches)
-    enabled = mode is Mode.ACTIVE or mode is Mode.STOPPING
+    enabled = mode is ACTIVE or mode is STOPPING
     return Verdict(state, command, enabled, limited, events)
 
 
@@ -121,7 +131,7 @@ def rearm(state: Supervision) -> Supervision:
     ValueError
         There is no fault.
     """
-    if state.mode is not Mode.FAULT:
+    if state.mode is not FAULT:
         raise ValueError(f"only a fault is re-armed, the mode is {state.mode.name.lower()}")
     return Supervision()
 
@@ -137,7 +147,7 @@ def halted(
         worse = request.trip or check_rig(measurement) or check_hard_limits(measurement, limits)
         if worse and stops_at_once(worse.fault):
             text = describe(worse.fault, worse.source, worse.value, worse.limit)
-            events = (Event(now, Mode.FAULT, f"while stopping: {text}", *worse),)
+            events = (Event(now, FAULT, f"while stopping: {text}", *worse),)
         elif not request.halt and dt >= 0.0:
             command = slowed(state.applied, dt, limits)
     state = state._replace(time=now, applied=command)
