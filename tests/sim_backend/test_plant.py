@@ -123,3 +123,11 @@ def test_an_impossible_cube_is_refused(values):
 def test_an_impossible_drive_is_refused():
     with pytest.raises(ValueError, match="slave_mass must be positive"):
         PlantParameters(slave_mass=0.0)
+
+
+def test_a_cube_that_is_not_glued_lets_go_and_never_pulls():
+    loose, glued = Cube(2000.0, 0.0, 30.0, glued=False), Cube(2000.0, 0.0, 30.0)
+    assert loose.force(1e-3, 0.01) == glued.force(1e-3, 0.01) == pytest.approx(2.3)
+    assert loose.force(-1e-3, 0.01) == 0.0
+    assert glued.force(1e-3, -0.1) < 0.0
+    assert loose.force(1e-3, -0.1) == 0.0

@@ -86,3 +86,16 @@ def test_position_coupling_makes_up_for_a_difference_in_position():
 def test_a_parameter_out_of_range_is_refused(make):
     with pytest.raises(ValueError, match=r"must be|>= 0"):
         make()
+
+
+def test_an_admittance_that_is_told_what_was_applied_goes_on_from_there():
+    admittance = Admittance(AdmittanceParameters())
+    admittance.step(10.0, 1e-3)
+    before = admittance.position
+    wanted = admittance.velocity
+    admittance.follow(0.25 * wanted, 1e-3)
+    assert admittance.velocity == 0.25 * wanted
+    assert admittance.position == pytest.approx(before - 0.75 * wanted * 1e-3)
+    fresh = Admittance(AdmittanceParameters())
+    fresh.velocity = 0.25 * wanted
+    assert admittance.step(3.0, 1e-3) == fresh.step(3.0, 1e-3)
