@@ -122,7 +122,7 @@ class VictimSettings(TrialSettings):
         return RemoteRig(Client(self.address))
 
 
-def victim(path: Path, shared: Path, address: str) -> None:
+def victim(path: Path, shared: Path, address: str, real: Any) -> None:
     """The controller that is to be killed, or whose recorder is."""
     with shared.open("r+b") as file:
         counts = mmap.mmap(file.fileno(), COUNTS.size)
@@ -136,11 +136,11 @@ def victim(path: Path, shared: Path, address: str) -> None:
         COUNTS.pack_into(counts, 0, pushed, self.process.pid, 0)
 
     RecorderProcess.push = counted  # type: ignore[method-assign]
-    trial = run_trial(VictimSettings(duration=2.0, address=address), path, real="try")
+    trial = run_trial(VictimSettings(duration=2.0, address=address), path, real=real)
     COUNTS.pack_into(counts, 0, pushed, 0, 1 + bool(trial.outcome.problem))
 
 
-def kill(target: str, folder: Path, instant: float) -> dict[str, Any]:
+def kill(target: str, folder: Path, instant: float, real: str) -> dict[str, Any]:
     """Run a victim, kill it or its recorder, and see what is left."""
     path, shared = folder / "run.mcap", folder / "counts"
     shared.write_bytes(bytes(COUNTS.size))
@@ -149,7 +149,9 @@ def kill(target: str, folder: Path, instant: float) -> dict[str, Any]:
     rig = subprocess.Popen([*me, "--rig", address], stdout=subprocess.PIPE, text=True)
     assert rig.stdout
     rig.stdout.readline()
-    controller = subprocess.Popen([*me, "--victim", str(path), str(shared), address])
+    controller = subprocess.Popen(
+        [*me, "--victim", str(path), str(shared), address, "--realtime", real]
+    )
 
     def counts() -> tuple[int, int, int]:
         return COUNTS.unpack(shared.read_bytes())
@@ -203,6 +205,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--times", type=int, default=100)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--realtime", choices=("require", "try", "off"), default="try")
     parser.add_argument("--victim", nargs=3, help=argparse.SUPPRESS)
     parser.add_argument("--rig", help=argparse.SUPPRESS)
     options = parser.parse_args()
@@ -211,7 +214,7 @@ def main() -> int:
         return 0
     if options.victim:
         path, shared, address = options.victim
-        victim(Path(path), Path(shared), address)
+        victim(Path(path), Path(shared), address, options.realtime)
         return 0
     rng = random.Random(options.seed)
     bad = 0
@@ -219,7 +222,7 @@ def main() -> int:
         results = []
         for _ in range(options.times):
             with tempfile.TemporaryDirectory() as folder:
-                results.append(kill(target, Path(folder), rng.uniform(0.0, 1.2)))
+                results.append(kill(target, Path(folder), rng.uniform(0.0, 1.2), options.realtime))
         lost = [r["lost"] for r in results]
         stopped = max(r["stopped"] for r in results)
         broken = sum(not r["contiguous"] for r in results)
