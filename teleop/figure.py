@@ -105,6 +105,30 @@ def fault_figure(recording: Recording, fault: Mapping[str, Any]) -> Figure:
     return figure
 
 
+def timing_figure(recording: Recording) -> Figure:
+    """How late the ticks of a loop in real time began, and how long they took, as histograms.
+
+    Parameters
+    ----------
+    recording
+        Every tick.
+    """
+    figure = Figure(figsize=(8.0, 2.8), layout="constrained")
+    axes = figure.subplots(1, 2, sharey=True)
+    bins = np.logspace(-1.0, 5.0, 61)
+    for panel, name, label in zip(
+        axes, ("lateness", "busy_time"), ("late by [us]", "a tick takes [us]"), strict=True
+    ):
+        panel.hist(np.clip(recording[name] * 1e6, bins[0], bins[-1]), bins, color="#0072B2")
+        panel.set_xscale("log")
+        panel.set_yscale("log")
+        panel.set_xlabel(label)
+        panel.grid(alpha=0.25, linewidth=0.6)
+        panel.spines[["top", "right"]].set_visible(False)
+    axes[0].set_ylabel("ticks")
+    return figure
+
+
 def plain(text: str) -> str:
     """A text for a figure as it is, whatever characters a file's name has."""
     return text.encode("utf-8", "replace").decode().replace("$", r"\$")

@@ -9,7 +9,7 @@ from estimation.redundancy import ambiguity
 from teleop.black_box import fault_of, fault_text
 from teleop.console import HEADINGS, estimate_cells
 from teleop.estimate import Evaluation
-from teleop.figure import ambiguity_figure, estimates_figure, fault_figure
+from teleop.figure import ambiguity_figure, estimates_figure, fault_figure, timing_figure
 from teleop.recording import Recording
 from teleop.web_page import captioned, svg, table, web_page
 
@@ -63,7 +63,8 @@ def report_page(name: str, evaluation: Evaluation, recording: Recording | None =
             f"monitoring signal exceeds its by at most {MARGIN:.0%} (band). A wide band says that "
             "the motion of the last moments does not show this parameter.",
         )
-    }"""
+    }
+{timing(recording)}"""
     return web_page(name, body)
 
 
@@ -83,6 +84,15 @@ def black_box(recording: Recording | None) -> str:
     )
     account = escape(fault_text(recording, fault))
     return f"<h2>Stopped for safety</h2>\n<pre>{account}</pre>{drawing}\n"
+
+
+def timing(recording: Recording | None) -> str:
+    """How a loop in real time kept time; empty for a table, or for virtual time."""
+    if recording is None or not recording["lateness"].any():
+        return ""
+    skipped, ticks = int(recording["skipped"].sum()), len(recording)
+    caption = f"{ticks} ticks, {skipped} periods skipped; how late each began, how long it took."
+    return f"<h2>The loop</h2>\n{captioned(svg(timing_figure(recording)), caption)}"
 
 
 def ambiguity_drawing(evaluation: Evaluation) -> str:

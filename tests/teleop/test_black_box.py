@@ -114,6 +114,15 @@ def test_the_report_shows_what_stopped_the_run(stopped, capsys):
     assert page.count("<svg") == 3
 
 
+def test_the_report_of_a_run_in_real_time_shows_how_the_loop_kept_time(tmp_path, capsys):
+    path = tmp_path / "run.mcap"
+    assert main(["run", "--duration", "0.5", "--record", str(path)]) == 0
+    assert main(["report", str(path)]) == 0
+    page = path.with_suffix(".html").read_text()
+    assert "periods skipped; how late each began" in page
+    assert page.count("<svg") == 3
+
+
 def test_a_run_that_is_stopped_says_so_and_ends_with_3(tmp_path, capsys, monkeypatch, with_fault):
     monkeypatch.chdir(tmp_path)
     with_fault(Replaced("slave_position", float("inf")), at=0.5)
