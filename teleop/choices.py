@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal, get_args
+from typing import get_args
 
 from estimation import (
     Conditioner,
@@ -15,10 +15,7 @@ from estimation.conditioning import angular
 from teleop.admittance import Coupling
 from teleop.errors import InputError
 from teleop.injector import Chirp, Multisine, Signal, Sine
-
-SignalName = Literal["sine", "multisine", "chirp"]
-CouplingName = Literal["velocity", "position"]
-ConditioningName = Literal["matched", "svf", "foaw", "difference"]
+from teleop.names import ConditioningName, CouplingName, SignalName
 
 POSITION_GAIN = 10.0
 """Rate at which a position-coupled slave makes up for a difference in position [1/s]."""

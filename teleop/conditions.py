@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from typing import get_args
 
 from drivers import Measurement
 from teleop.injector import Injector
+from teleop.names import ConditionName
 
-CONDITIONS = ("free", "mimic", "autonomous")
+CONDITIONS = get_args(ConditionName)
 
 
 class Condition(ABC):

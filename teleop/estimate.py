@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -19,8 +19,9 @@ from estimation import (
     scaled_preset,
 )
 from estimation.compiled import Floats
-from teleop.choices import ConditioningName, make_conditioner
+from teleop.choices import make_conditioner
 from teleop.errors import InputError
+from teleop.names import ConditioningName, PresetName
 from teleop.recorder.schema import estimate_columns
 from teleop.recording import Recording
 from teleop.summary import summarise
@@ -51,7 +52,7 @@ class EstimateSettings:
 
     datum: str = "auto"
     """`auto`, `file`, `start`, `mean`, or a position and a force such as `1.5mm,20N`."""
-    preset: Literal["scaled", "paper"] | Preset = "scaled"
+    preset: PresetName | Preset = "scaled"
     """Settings of the estimators: scaled from the data, the paper's, or given."""
     cube: str = "soft"
     """The cube whose adaptation gain the paper's preset takes."""

@@ -7,11 +7,10 @@ import ctypes
 import gc
 import os
 from collections.abc import Callable, Iterator
-from typing import Literal, get_args
+from typing import get_args
 
 from teleop.errors import InputError
-
-RealtimeName = Literal["require", "try", "off"]
+from teleop.names import RealtimeName
 
 PRIORITY = 80
 """Of SCHED_FIFO: above interrupt threads (50), below the kernel's watchdogs (99)."""

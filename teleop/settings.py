@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
-from typing import Any, Literal
+from typing import Any
 
 from drivers import Rig
 from estimation import Bank, Conditioner, Excitation, Preset, paper_preset
@@ -19,12 +19,13 @@ from sim_backend import (
     paper_setup,
 )
 from teleop.admittance import Admittance, AdmittanceParameters, Coupling
-from teleop.choices import ConditioningName, make_conditioner
+from teleop.choices import make_conditioner
 from teleop.clock import Clock, RealClock, VirtualClock
 from teleop.conditions import CONDITIONS, Autonomous, Condition, Teleoperation
 from teleop.controller import Controller
 from teleop.errors import InputError
 from teleop.injector import Injector, Signal, Sine
+from teleop.names import ClockName, ConditioningName
 from teleop.safety import Limits
 from teleop.safety.palpation import palpation_limits
 from teleop.tare import NO_TARE, Tare
@@ -49,7 +50,7 @@ class TrialSettings:
     cube: str = "soft"
     duration: float = 10.0
     """Length [s]."""
-    clock: Literal["real", "virtual"] = "real"
+    clock: ClockName = "real"
     rate: float = 1000.0
     """Ticks a second [Hz]."""
     seed: int = 0

@@ -17,7 +17,8 @@ from estimation import Bank, Estimates
 from estimation.compiled import Floats
 from teleop.black_box import BlackBox, fault_of
 from teleop.errors import InputError
-from teleop.realtime import RealtimeName, realtime
+from teleop.names import RealtimeName
+from teleop.realtime import realtime
 from teleop.recorder.mcap_file import wall_clock
 from teleop.recorder.schema import Layout
 from teleop.recorder.sinks import Memory, Outcome, RecorderProcess, Sink

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
 from teleop.commands.recording import BY_NAME, ColumnOptions
+from teleop.names import ConditioningName, CubeName, PresetName
 
 if TYPE_CHECKING:
     from teleop.estimate import EstimateSettings
@@ -20,9 +21,9 @@ def estimate(
     /,
     *,
     columns: ColumnOptions = BY_NAME,
-    preset: Literal["scaled", "paper"] | None = None,
-    cube: Literal["soft", "medium", "hard"] = "soft",
-    conditioning: Literal["matched", "svf", "foaw", "difference"] | None = None,
+    preset: PresetName | None = None,
+    cube: CubeName = "soft",
+    conditioning: ConditioningName | None = None,
     bandwidth: float | None = None,
     force_lag: float | None = None,
     whole: Annotated[bool, Parameter(negative="")] = False,
@@ -101,9 +102,9 @@ def estimate(
 def chosen(
     recording: Recording | None,
     datum: str,
-    preset: Literal["scaled", "paper"] | None,
+    preset: PresetName | None,
     cube: str,
-    conditioning: Literal["matched", "svf", "foaw", "difference"] | None,
+    conditioning: ConditioningName | None,
     bandwidth: float | None,
     force_lag: float | None,
 ) -> EstimateSettings:

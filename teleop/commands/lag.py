@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 from cyclopts import Parameter
 
 from teleop.commands.recording import BY_NAME, ColumnOptions
+from teleop.names import CubeName
 
 
 def lag(
@@ -15,7 +16,7 @@ def lag(
     /,
     *,
     columns: ColumnOptions = BY_NAME,
-    cube: Literal["soft", "medium", "hard"] = "soft",
+    cube: CubeName = "soft",
     seed: int = 0,
     json: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Literal
 
 from teleop.commands.recording import BY_NAME, ColumnOptions
+from teleop.names import CubeName, PresetName
 
 
 def report(
@@ -14,8 +14,8 @@ def report(
     *,
     out: Path | None = None,
     columns: ColumnOptions = BY_NAME,
-    preset: Literal["scaled", "paper"] | None = None,
-    cube: Literal["soft", "medium", "hard"] = "soft",
+    preset: PresetName | None = None,
+    cube: CubeName = "soft",
     force_lag: float | None = None,
 ) -> int:
     """Write a recording's estimates and figures to one HTML page that opens offline.

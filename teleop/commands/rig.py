@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 from cyclopts import App, Parameter
+
+from teleop.names import CubeName
 
 rig = App(name="rig", help="Set up a rig: its zeros.", help_format="markdown")
 
@@ -15,7 +17,7 @@ def tare(
     *,
     out: Path = Path("tare.json"),
     contact: str = "keep",
-    cube: Literal["soft", "medium", "hard"] = "soft",
+    cube: CubeName = "soft",
     seed: int = 0,
     json: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:

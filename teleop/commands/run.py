@@ -4,26 +4,36 @@ from __future__ import annotations
 
 from datetime import datetime
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 from cyclopts import Parameter
+
+from teleop.names import (
+    ClockName,
+    ConditioningName,
+    ConditionName,
+    CouplingName,
+    CubeName,
+    RealtimeName,
+    SignalName,
+)
 
 
 def run(
     *,
-    condition: Literal["free", "mimic", "autonomous"] = "free",
-    cube: Literal["soft", "medium", "hard"] = "soft",
+    condition: ConditionName = "free",
+    cube: CubeName = "soft",
     duration: float = 10.0,
-    clock: Literal["real", "virtual"] = "real",
+    clock: ClockName = "real",
     rate: float = 1000.0,
     seed: int = 0,
-    signal: Literal["sine", "multisine", "chirp"] = "sine",
+    signal: SignalName = "sine",
     frequency: float = 2.0,
-    coupling: Literal["velocity", "position"] = "velocity",
-    conditioning: Literal["matched", "svf", "foaw", "difference"] = "matched",
+    coupling: CouplingName = "velocity",
+    conditioning: ConditioningName = "matched",
     bandwidth: float = 20.0,
     force_lag: float = 0.0,
-    realtime: Literal["require", "try", "off"] = "try",
+    realtime: RealtimeName = "try",
     tare: Path | None = None,
     record: Path | None = None,
     no_record: Annotated[bool, Parameter(negative="")] = False,

@@ -6,7 +6,15 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from sim_backend import FreePalpation, MimickedSine
+from sim_backend import (
+    CUBES,
+    Arm,
+    FreePalpation,
+    Intention,
+    MimickedSine,
+    Plant,
+    PlantParameters,
+)
 from sim_backend.operators import REACTION
 
 times = np.arange(0.0, 20.0, 1e-3)
@@ -59,6 +67,25 @@ def test_mimicking_errs_in_amplitude_and_in_phase():
     assert 0.005 < periods.std() < 0.2
     peaks = [position[(times >= a) & (times < b)].max() for a, b in pairwise(up)]
     assert 0.01 < np.std(peaks) / np.mean(peaks) < 0.3
+
+
+def test_the_hand_trembles_at_8_to_12_hz_by_about_a_tenth_of_a_millimetre(make):
+    moved, still = make(9e-3, 3), make(9e-3, 3)
+    late = times[times > REACTION + 1.0]
+    tremor = np.array([moved.intention(t)[0] for t in late])
+    tremor -= [still.movement(t - REACTION)[0] for t in late]
+    assert 0.02e-3 < tremor.std() < 0.2e-3
+    spectrum = np.abs(np.fft.rfft(tremor))
+    frequencies = np.fft.rfftfreq(len(tremor), 1e-3)
+    band = (frequencies > 7.5) & (frequencies < 12.5)
+    assert (spectrum[band] ** 2).sum() > 0.95 * (spectrum[1:] ** 2).sum()
+
+
+def test_the_arm_pulls_by_stiffness_and_damps_by_the_difference_of_velocities():
+    plant = Plant(CUBES["soft"], PlantParameters())
+    plant.handle.x, plant.handle.v = 1e-3, 0.02
+    pull = Arm(stiffness=400.0, damping=12.0).force(Intention(3e-3, 0.05), plant.handle)
+    assert pull == pytest.approx(400.0 * 2e-3 + 12.0 * 0.03)
 
 
 @pytest.mark.parametrize("depth", [0.0, -1e-3, math.nan, math.inf])

@@ -1,0 +1,14 @@
+"""The names by which a person chooses the parts of a trial."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+ConditionName = Literal["free", "mimic", "autonomous"]
+CubeName = Literal["soft", "medium", "hard"]
+ClockName = Literal["real", "virtual"]
+SignalName = Literal["sine", "multisine", "chirp"]
+CouplingName = Literal["velocity", "position"]
+ConditioningName = Literal["matched", "svf", "foaw", "difference"]
+PresetName = Literal["scaled", "paper"]
+RealtimeName = Literal["require", "try", "off"]
