@@ -31,7 +31,7 @@ START = struct.Struct("<q")
 """Wall-clock time of the trial's beginning [ns]."""
 NAP = 0.02
 """The pipe is left alone for this long [s]: a sleeping reader costs the writer no wake-up."""
-FLUSH = 0.08
+FLUSH = 0.05
 """Longest time for which a tick stays out of the file [s]."""
 REDRAW = 0.1
 """Time between two drawings of the progress line [s]."""
