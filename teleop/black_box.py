@@ -33,7 +33,6 @@ class BlackBox:
 
     def __init__(self, layout: Layout, rate: float) -> None:
         self._layout = layout
-        self._rate = rate
         self._messages: deque[bytes] = deque(maxlen=math.ceil((BEFORE + AFTER) * rate) + 1)
         self._events: list[Event] = []
         self.push = self._messages.append
@@ -42,6 +41,11 @@ class BlackBox:
     def event(self, event: Event) -> None:
         """Keep an event."""
         self._events.append(event)
+
+    @property
+    def fault(self) -> dict[str, Any] | None:
+        """The event that tripped the supervisor, if any did."""
+        return next((event_record(event) for event in self._events if event.fault), None)
 
     def recording(self, metadata: dict[str, dict[str, str]]) -> Recording:
         """What is in the box."""

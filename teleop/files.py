@@ -60,6 +60,11 @@ def write_text(path: Path, text: str) -> None:
         raise unwritable(path, error) from error
 
 
+def unreadable(path: Path, error: OSError) -> InputError:
+    """The one line that says why a file cannot be read."""
+    return InputError(f"{path}: {(error.strerror or 'cannot be read').lower()}")
+
+
 def unwritable(path: Path, error: OSError) -> InputError:
     """The one line that says why a file cannot be written."""
     return InputError(f"{path}: cannot be written: {(error.strerror or str(error)).lower()}")

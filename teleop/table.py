@@ -13,7 +13,7 @@ import numpy as np
 
 from estimation.compiled import Floats
 from teleop.errors import InputError
-from teleop.files import unwritable
+from teleop.files import unreadable, unwritable
 
 UNITS = {
     "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "min": 60.0},
@@ -146,7 +146,7 @@ def read_signals(
     try:
         content = path.read_bytes()
     except OSError as error:
-        raise InputError(f"{path}: {(error.strerror or 'cannot be read').lower()}") from error
+        raise unreadable(path, error) from error
     if b"\0" in content:
         raise InputError(f"{path}: not a text file: expected CSV or TSV in UTF-8 or Latin-1")
     try:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from drivers import Measurement
 from teleop.errors import InputError
-from teleop.files import write_text
+from teleop.files import unreadable, write_text
 
 if TYPE_CHECKING:
     from pydantic import ValidationError
@@ -62,7 +62,7 @@ def read_tare(path: Path) -> Tare:
     try:
         return Tare(**File.model_validate_json(path.read_bytes()).model_dump())
     except OSError as error:
-        raise InputError(f"{path}: {(error.strerror or 'cannot be read').lower()}") from error
+        raise unreadable(path, error) from error
     except ValidationError as error:
         raise InputError(
             f"{path}: expected a file of teleop rig tare: {problems(error)}"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import platform
+import time
 from dataclasses import dataclass
 from datetime import datetime
 from importlib.metadata import version
@@ -15,11 +16,10 @@ import numpy as np
 from drivers import RigError
 from estimation import Bank, Estimates
 from estimation.compiled import Floats
-from teleop.black_box import BlackBox, fault_of
+from teleop.black_box import BlackBox
 from teleop.errors import InputError
 from teleop.names import RealtimeName
 from teleop.realtime import realtime
-from teleop.recorder.mcap_file import wall_clock
 from teleop.recorder.schema import Layout
 from teleop.recorder.sinks import Memory, Outcome, RecorderProcess, Sink
 from teleop.recording import Recording, from_messages, salvage
@@ -150,7 +150,7 @@ def run_trial(
         if settings.clock == "real":
             check_rate(settings)
         clock = settings.make_clock()
-        start = wall_clock() + round((settings.limits.preflight + clock.period) * 1e9)
+        start = time.time_ns() + round((settings.limits.preflight + clock.period) * 1e9)
         if recorder:
             recorder.begin(start)
         with StopSwitch(key) as switch, settings.make_rig(clock.now) as rig:
@@ -166,8 +166,7 @@ def run_trial(
     else:
         assert record
         recording = salvage(record) or box.recording(metadata)
-    folder, error = None, session.error
-    fault = fault_of(box.recording(metadata))
+    folder, error, fault = None, session.error, box.fault
     if record and fault:
         folder = record.with_suffix(".fault")
         try:

@@ -6,7 +6,6 @@ import contextlib
 import io
 import json
 import logging
-import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -172,8 +171,3 @@ class McapFile:
         with self._told():
             self._writer.close()
         self._disk.close()
-
-
-def wall_clock() -> int:
-    """Now [ns since 1970]."""
-    return time.time_ns()

@@ -19,6 +19,7 @@ from mcap.stream_reader import CRCValidationError, StreamReader, get_chunk_data_
 from numpy.typing import NDArray
 
 from teleop.errors import InputError
+from teleop.files import unreadable
 from teleop.recorder.mcap_file import EVENT_SCHEMA, EVENTS, TICKS
 from teleop.recorder.schema import TIME
 
@@ -82,7 +83,7 @@ def read_intact(path: Path) -> Contents:
             file.seek(0)
             read_records(file, contents)
     except OSError as error:
-        raise InputError(f"{path}: {(error.strerror or 'cannot be read').lower()}") from error
+        raise unreadable(path, error) from error
     if not contents.definition:
         raise InputError(
             f"{path}: no ticks in it: expected a recording of teleop run"
