@@ -20,6 +20,8 @@ pytestmark = pytest.mark.skipif(os.name != "posix", reason="needs fork and a pse
 
 
 def load_campaign():
+    """The script, whose own folder Python would look in for its parts."""
+    sys.path.insert(0, str(ROOT / "benchmarks"))
     spec = importlib.util.spec_from_file_location("campaign", ROOT / "benchmarks" / "faults.py")
     module = importlib.util.module_from_spec(spec)
     sys.modules["campaign"] = module

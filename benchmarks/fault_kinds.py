@@ -1,0 +1,252 @@
+"""The kinds of fault of the campaign: how each sets in, what it may be called, its bound."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from fault_case import Case, FileSink
+
+from drivers import CHANNELS
+from sim_backend import Cube
+from sim_backend.faults import (
+    Frozen,
+    Replaced,
+    Reported,
+    RigFault,
+    Runaway,
+    Shifted,
+    Unplugged,
+)
+from sim_backend.plant import Intention
+from teleop.safety import Fault
+from teleop.safety.palpation import FROZEN, FROZEN_SPEED, STOPPING
+
+PERIOD = 1e-3
+RAMP = STOPPING + PERIOD
+WATCHDOG = 0.1
+
+Inject = Callable[[Case], Any]
+Evidence = Callable[[Case, float, float], bool]
+"""Of the case, the travel commanded so far [m] and the change of velocity commanded [m/s]."""
+
+
+def at_once(case: Case, travel: float, change: float) -> bool:
+    return True
+
+
+@dataclass
+class Kind:
+    """A kind of fault."""
+
+    inject: Inject
+    faults: frozenset[Fault | None]
+    """What it may be called; None where the run must go on."""
+    bound: float
+    """Time from the fault's evidence to a commanded speed of zero [s]."""
+    source: str = ""
+    """Where it must be said to come from."""
+    evidence: Evidence = at_once
+    """Whether it can be known yet."""
+    ends: bool = False
+    """Whether the run must come to an orderly end."""
+
+
+def rig_fault(make: Callable[[Case], RigFault]) -> Inject:
+    return lambda case: case.rig.inject(make(case))
+
+
+def moved(case: Case, travel: float, change: float) -> bool:
+    """A frozen encoder shows once its drive has travelled."""
+    return travel > FROZEN * case.settings.setup.depth
+
+
+def accelerated(case: Case, travel: float, change: float) -> bool:
+    """A frozen velocity shows once another one has been commanded."""
+    return change > FROZEN_SPEED * case.limits.max_velocity
+
+
+def raiser(*arguments: Any) -> Any:
+    raise ZeroDivisionError("injected")
+
+
+def break_estimator(case: Case) -> None:
+    case.bank["rls"].advance = raiser  # type: ignore[method-assign]
+
+
+def break_condition(case: Case) -> None:
+    case.controller._condition.drive_force = raiser
+
+
+def runaway(case: Case) -> RigFault:
+    most = case.limits.max_velocity
+    return Runaway(case.random.choice((-1.0, 1.0)) * case.random.uniform(0.3, 1.0) * most)
+
+
+class Shove:
+    """An operator who pushes on to three times the depth, at half of the greatest speed."""
+
+    def __init__(self, case: Case) -> None:
+        self.before, self.start = case.sim._operator, case.clock.now() - case.sim._start
+        self.depth, self.speed = 3.0 * case.settings.setup.depth, 0.5 * case.limits.max_velocity
+
+    def intention(self, t: float) -> Intention:
+        base = self.before.intention(t)
+        push = min(self.speed * (t - self.start), self.depth)
+        return Intention(base.position + push, base.velocity)
+
+
+def shove(case: Case) -> None:
+    if case.sim._operator:
+        case.sim._operator = Shove(case)
+        return
+    injected = case.controller._condition.drive_force
+    case.controller._condition.drive_force = lambda t, m: 4.0 * injected(t, m)
+
+
+class Inclusion(Cube):
+    """A cube with something ten times as stiff inside, from the present depth on."""
+
+    def force(self, x: float, v: float) -> float:
+        hard = max(x - self.surface, 0.0) * self.stiffness  # type: ignore[attr-defined]
+        return super().force(x, v) + hard
+
+
+def include(case: Case) -> None:
+    slave = case.sim.plant.slave
+    cube = Inclusion(slave.cube.k1, slave.cube.k3, slave.cube.b)
+    object.__setattr__(cube, "surface", max(slave.x, 0.3 * case.settings.setup.depth))
+    object.__setattr__(cube, "stiffness", 10.0 * cube.k1)
+    slave.cube = cube
+
+
+def back(case: Case, travel: float, change: float) -> bool:
+    """A loop that stalled finds out once it is back; until then the drives' watchdog acts."""
+    return True
+
+
+def over_force(case: Case, travel: float, change: float) -> bool:
+    return abs(case.measured.contact_force) > case.limits.hard_force
+
+
+def interrupt(times: int) -> Inject:
+    def ask(case: Case) -> None:
+        case.switch._asked, case.switch._reason = times, "Ctrl-C"
+
+    return ask
+
+
+def press(case: Case) -> None:
+    case.switch._pressed = True
+
+
+def lose(once: int, always: int) -> Inject:
+    def stall(case: Case) -> None:
+        case.clock.once, case.clock.losing = once, always
+
+    return stall
+
+
+def sensor_kinds() -> dict[str, Kind]:
+    kinds = {}
+    for channel in CHANNELS:
+        quantity = channel.rpartition("_")[2]
+        step = {"force": 120.0, "position": 0.1, "velocity": 1.5}[quantity]
+        beyond = {"force": 3000.0, "position": 3.0, "velocity": 9.0}[quantity]
+
+        def kind(
+            make: Callable[[], RigFault], fault: Fault, bound: float, c: str = channel, **more: Any
+        ) -> Kind:
+            return Kind(rig_fault(lambda case: make()), frozenset({fault}), bound, c, **more)
+
+        force = quantity == "force"
+        kinds |= {
+            f"{channel} NaN": kind(
+                lambda c=channel: Replaced(c, math.nan), Fault.NOT_A_NUMBER, RAMP
+            ),
+            f"{channel} infinite": kind(
+                lambda c=channel: Replaced(c, -math.inf), Fault.INFINITE, RAMP
+            ),
+            f"{channel} out of range": kind(
+                lambda c=channel, b=beyond: Replaced(c, b), Fault.OUT_OF_RANGE, RAMP
+            ),
+            f"{channel} jump": kind(lambda c=channel, s=step: Shifted(c, s), Fault.JUMP, RAMP),
+            f"{channel} stale": kind(
+                lambda c=channel: Frozen(c, ageing=True), Fault.STALE, 0.02 + RAMP + PERIOD
+            ),
+            f"{channel} frozen": kind(
+                lambda c=channel: Frozen(c, ageing=False),
+                Fault.FROZEN,
+                (0.05 if force else 0.0) + RAMP + 2 * PERIOD,
+                evidence={"force": at_once, "position": moved, "velocity": accelerated}[quantity],
+            ),
+        }
+    return kinds
+
+
+def late_jumps() -> None:
+    """A jump seen late in real time may be possible, and then passes a limit instead."""
+    for channel, fault in (
+        ("contact_force", Fault.FORCE_LIMIT),
+        ("slave_position", Fault.POSITION_LIMIT),
+        ("slave_velocity", Fault.VELOCITY_LIMIT),
+    ):
+        KINDS[f"{channel} jump"].faults |= {fault}
+
+
+def recorder(failure: str) -> Inject:
+    def fail(case: Case) -> None:
+        sink = next(sink for sink in case.sinks if isinstance(sink, FileSink))
+        getattr(sink, failure)()
+
+    return fail
+
+
+def die(case: Case) -> None:
+    case.killed = True
+
+
+GOES_ON: frozenset[Fault | None] = frozenset({None})
+KINDS = sensor_kinds() | {
+    "drive error": Kind(
+        rig_fault(lambda case: Reported("overcurrent")), frozenset({Fault.DRIVE_ERROR}), PERIOD
+    ),
+    "emergency-stop input": Kind(
+        rig_fault(lambda case: Reported(emergency_stop=True)),
+        frozenset({Fault.EMERGENCY_STOP}),
+        PERIOD,
+    ),
+    "emergency-stop key": Kind(press, frozenset({Fault.EMERGENCY_STOP}), PERIOD),
+    "contact force over limit": Kind(
+        rig_fault(lambda case: Shifted("contact_force", 0.0, 3000.0)),
+        # a force to which the drive does not give way may be told by that first
+        frozenset({Fault.FORCE_LIMIT, Fault.NOT_FOLLOWING}),
+        PERIOD,
+        evidence=over_force,
+    ),
+    "inclusion in the tissue": Kind(
+        include, frozenset({None, Fault.FORCE_LIMIT}), PERIOD, evidence=over_force
+    ),
+    "operator pushes past limits": Kind(shove, GOES_ON, math.inf),
+    "runaway plant": Kind(
+        rig_fault(runaway),
+        frozenset({Fault.NOT_FOLLOWING, Fault.VELOCITY_LIMIT, Fault.FROZEN}),
+        0.1,
+    ),
+    "rig unplugged": Kind(
+        rig_fault(lambda case: Unplugged()), frozenset({Fault.RIG_FAILURE}), PERIOD
+    ),
+    "loop stalls 200 ms": Kind(lose(200, 0), frozenset({Fault.OVERRUN}), PERIOD, evidence=back),
+    "loop skips 3 of 4 periods": Kind(lose(0, 3), frozenset({Fault.OVERRUN}), 0.5),
+    "exception in an estimator": Kind(
+        break_estimator, frozenset({Fault.ESTIMATION_FAILURE}), RAMP + PERIOD
+    ),
+    "exception in the condition": Kind(break_condition, frozenset({Fault.CONTROL_FAILURE}), RAMP),
+    "disk full": Kind(recorder("fill"), GOES_ON, math.inf),
+    "recorder killed": Kind(recorder("kill"), GOES_ON, math.inf),
+    "controller killed": Kind(die, GOES_ON, WATCHDOG + PERIOD),
+    "Ctrl-C": Kind(interrupt(1), GOES_ON, RAMP, ends=True),
+    "Ctrl-C twice": Kind(interrupt(2), GOES_ON, PERIOD, ends=True),
+}

@@ -1,0 +1,109 @@
+"""One case of the campaign: lets a fault set in, and holds what becomes of it against its kind."""
+
+from __future__ import annotations
+
+import math
+import os
+from pathlib import Path
+from typing import Any
+
+from fault_case import FLUSHED, Case, FileSink
+from fault_kinds import GOES_ON, KINDS, at_once
+
+from teleop.recorder.mcap_reader import read_intact
+from teleop.recording import load
+from teleop.safety import Mode
+
+SETTLE = 60
+"""Ticks that are run after standstill, for the contact force to reach its peak."""
+LONGEST = 1500
+"""Ticks after which a fault that could not show itself is let go."""
+OVERSHOOT = 0.05
+"""Overshoot of the hard force limit that is stated, as a share of it."""
+
+
+def run_case(case: Case, name: str, folder: Path, slack: float = 0.0) -> dict[str, Any]:
+    """Let a fault set in now, and see what becomes of it.
+
+    The slack [s] is what a tick may be late by on a machine in real time.
+    """
+    kind = KINDS[name]
+    sink = FileSink(folder / f"{os.getpid()}.mcap", case.layout, case.layout.columns)
+    for message in list(case.box._messages)[-200:]:
+        sink.push(message)
+    case.sinks.append(sink)
+    taken = len(sink.pushed)
+    kind.inject(case)
+    started = case.clock.now()
+    known, stopped, travel, change, peak = math.inf, 0.0, 0.0, 0.0, 0.0
+    speed = case.speed
+    quiet = 0
+    alive = True
+    for n in range(LONGEST):
+        if case.killed:
+            case.clock.wait()
+            case.sim.read()
+        elif alive:
+            before = case.clock.now()
+            alive = case.session.step()
+            travel += abs(case.speed) * (case.clock.now() - before)
+            change += abs(case.speed - speed)
+            speed = case.speed
+        else:
+            case.clock.wait()
+            case.sim.read()
+        now = case.clock.now()
+        if known == math.inf and kind.evidence(case, travel, change):
+            known = started if kind.evidence is at_once else now
+        peak = max(peak, abs(case.force))
+        if case.speed != 0.0:
+            stopped, quiet = math.inf, 0
+        else:
+            stopped = now if quiet == 0 else stopped
+            quiet += 1
+        tripped = case.controller.mode is Mode.FAULT
+        done = tripped or not alive or case.killed
+        if done and quiet > SETTLE:
+            break
+        if n > 400 and kind.faults == GOES_ON and not (case.killed or kind.ends):
+            break
+    for other in case.sinks:
+        other.close()
+    event = next((e for e in case.box._events if e.fault), None)
+    fault = event.fault if event else None
+    took = max(stopped - known, 0.0) if done and known < math.inf else 0.0
+    problems = []
+    due = known < math.inf
+    if fault not in kind.faults and (due or fault is not None):
+        problems.append(f"called {fault}")
+    if due and kind.source and event and event.source != kind.source:
+        problems.append(f"source {event.source}")
+    if not took <= kind.bound + slack + 1e-9:
+        problems.append(f"stopped after {took * 1e3:.1f} ms")
+    if kind.ends and (alive or fault):
+        problems.append("did not end in good order")
+    overshoot = peak - case.limits.hard_force
+    if overshoot > OVERSHOOT * case.limits.hard_force:
+        problems.append(f"contact force {overshoot:.1f} N over the limit")
+    try:
+        broken = name in ("disk full", "recorder killed")
+        data = read_intact(sink.path).messages if broken else None
+        kept = len(data) // case.layout.size if broken else len(load(sink.path))
+        whole = len(sink.pushed) if not broken else taken // FLUSHED * FLUSHED
+        if kept < whole or (broken and bytes(data) != b"".join(sink.pushed[:kept])):
+            problems.append(f"recording holds {kept} of {whole} ticks")
+    except Exception as error:
+        problems.append(f"recording: {error}")
+    sink.path.unlink(missing_ok=True)
+    return {
+        "kind": name,
+        "condition": case.settings.condition,
+        "cube": case.settings.cube,
+        "instant": started,
+        "fault": str(fault) if fault else None,
+        "due": due,
+        "stop": took,
+        "overshoot": overshoot / case.limits.hard_force,
+        "overshoot_n": overshoot,
+        "problems": problems,
+    }
