@@ -34,16 +34,6 @@ def recording(tmp_path):
     return str(path)
 
 
-def refused(capsys, *arguments):
-    assert main(arguments) == 2
-    out, err = capsys.readouterr()
-    assert out == ""
-    assert err.count("\n") == 1
-    assert err.startswith("teleop: ")
-    assert "Traceback" not in err
-    return err
-
-
 def test_run_prints_estimates_and_timing(capsys):
     assert main(RUN) == 0
     out, err = capsys.readouterr()
@@ -119,10 +109,10 @@ def test_a_run_is_recorded_in_a_dated_folder_and_says_where(capsys, tmp_path):
     assert document["recording"]["complete"]
 
 
-def test_a_recording_is_never_overwritten_by_a_run(capsys, tmp_path):
+def test_a_recording_is_never_overwritten_by_a_run(refused, tmp_path):
     path = tmp_path / "run.mcap"
     path.write_bytes(b"precious")
-    assert "file exists" in refused(capsys, *RUN[:-1], "--record", str(path))
+    assert "file exists" in refused(*RUN[:-1], "--record", str(path))
     assert path.read_bytes() == b"precious"
 
 
@@ -167,8 +157,8 @@ def test_estimate_prints_the_estimators_beside_batch_least_squares(capsys, recor
         (["estimate", "nothing.csv"], ["nothing.csv", "no such file"]),
     ],
 )
-def test_bad_arguments_are_told_in_one_line(capsys, arguments, words):
-    error = refused(capsys, *arguments)
+def test_bad_arguments_are_told_in_one_line(refused, arguments, words):
+    error = refused(*arguments)
     for word in words:
         assert word in error
 
@@ -183,14 +173,14 @@ def test_bad_arguments_are_told_in_one_line(capsys, arguments, words):
         (["--plot", "/nowhere/a.png"], ["/nowhere/a.png"]),
     ],
 )
-def test_bad_arguments_of_estimate_are_told_in_one_line(capsys, recording, extra, words):
-    error = refused(capsys, "estimate", recording, *extra)
+def test_bad_arguments_of_estimate_are_told_in_one_line(refused, recording, extra, words):
+    error = refused("estimate", recording, *extra)
     for word in words:
         assert word in error
 
 
-def test_a_rate_that_the_loop_cannot_hold_is_told(capsys):
-    error = refused(capsys, "run", "--rate", "100000")
+def test_a_rate_that_the_loop_cannot_hold_is_told(refused):
+    error = refused("run", "--rate", "100000")
     assert "a tick takes" in error
     assert "at most" in error
 
@@ -296,21 +286,21 @@ def test_a_run_is_reproducible_through_the_command_line(capsys):
         (["estimate", "/dev/zero"], ["/dev/zero: expected a file"]),
     ],
 )
-def test_hostile_arguments_are_told_in_one_line(capsys, tmp_path, monkeypatch, arguments, words):
+def test_hostile_arguments_are_told_in_one_line(refused, tmp_path, monkeypatch, arguments, words):
     monkeypatch.chdir(tmp_path)
-    error = refused(capsys, *arguments)
+    error = refused(*arguments)
     for word in words:
         assert word in error
 
 
 @pytest.mark.parametrize("option", ["--out", "--plot"])
-def test_a_recording_is_never_overwritten_by_its_estimates(capsys, tmp_path, option):
+def test_a_recording_is_never_overwritten_by_its_estimates(refused, tmp_path, option):
     path = tmp_path / "data.svg"
     path.write_text(GOOD)
     link = tmp_path / "link.svg"
     link.symlink_to(path)
     for output in (path, link):
-        assert "would overwrite" in refused(capsys, "estimate", str(path), option, str(output))
+        assert "would overwrite" in refused("estimate", str(path), option, str(output))
     assert path.read_text() == GOOD
 
 
@@ -348,9 +338,9 @@ def test_a_request_to_end_stops_a_run_like_ctrl_c():
     assert json.loads(out)["interrupted"]
 
 
-def test_random_bytes_as_a_file_are_told_and_never_a_traceback(capsys, tmp_path):
+def test_random_bytes_as_a_file_are_told_and_never_a_traceback(refused, tmp_path):
     rng = np.random.default_rng(0)
     path = tmp_path / "noise.csv"
     for _ in range(50):
         path.write_bytes(rng.integers(0, 256, int(rng.integers(1, 400)), dtype=np.uint8).tobytes())
-        refused(capsys, "estimate", str(path))
+        refused("estimate", str(path))

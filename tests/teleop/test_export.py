@@ -38,16 +38,6 @@ def exported(trial, tmp_path, capsys):
     return export
 
 
-def refused(capsys, *arguments):
-    capsys.readouterr()
-    assert main([str(a) for a in arguments]) == 2
-    out, err = capsys.readouterr()
-    assert out == ""
-    assert err.count("\n") == 1
-    assert err.startswith("teleop: ")
-    return err
-
-
 def need(ending):
     if ending in ("h5", "hdf5"):
         pytest.importorskip("h5py")
@@ -171,8 +161,8 @@ def test_json_is_one_document(trial, exported, recording, capsys, ending, name):
 
 
 @pytest.mark.parametrize("name", ["trial.xlsx", "trial", "trial.mcap"])
-def test_an_unknown_ending_is_refused_with_those_that_there_are(trial, tmp_path, capsys, name):
-    err = refused(capsys, "export", trial, "--out", tmp_path / name)
+def test_an_unknown_ending_is_refused_with_those_that_there_are(refused, trial, tmp_path, name):
+    err = refused("export", trial, "--out", tmp_path / name)
     for ending in (".csv", ".h5", ".mat", ".parquet"):
         assert ending in err
     assert not (tmp_path / name).exists()
@@ -180,43 +170,43 @@ def test_an_unknown_ending_is_refused_with_those_that_there_are(trial, tmp_path,
 
 @pytest.mark.parametrize(("library", "ending"), [("h5py", "h5"), ("pyarrow", "parquet")])
 def test_a_library_that_is_not_installed_is_told_with_what_to_install(
-    trial, tmp_path, capsys, monkeypatch, library, ending
+    refused, trial, tmp_path, monkeypatch, library, ending
 ):
     need(ending)
     monkeypatch.setitem(sys.modules, library, None)
     out = tmp_path / f"trial.{ending}"
-    err = refused(capsys, "export", trial, "--out", out)
+    err = refused("export", trial, "--out", out)
     assert library in err
     assert "pip install '.[export]'" in err
     assert not out.exists()
 
 
 @pytest.mark.parametrize("ending", ENDINGS)
-def test_a_folder_that_is_not_there_is_told(trial, tmp_path, capsys, ending):
+def test_a_folder_that_is_not_there_is_told(refused, trial, tmp_path, ending):
     out = tmp_path / "none" / f"trial.{ending}"
-    assert "cannot be written" in refused(capsys, "export", trial, "--out", out)
+    assert "cannot be written" in refused("export", trial, "--out", out)
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs /dev/full")  # noqa: PTH110
 @pytest.mark.parametrize("ending", ENDINGS)
-def test_a_full_disk_is_told_in_one_line(trial, tmp_path, capsys, ending):
+def test_a_full_disk_is_told_in_one_line(refused, trial, tmp_path, ending):
     need(ending)
     out = tmp_path / f"full.{ending}"
     out.symlink_to("/dev/full")
-    err = refused(capsys, "export", trial, "--out", out)
+    err = refused("export", trial, "--out", out)
     assert "cannot be written: no space left on device" in err
 
 
-def test_a_file_that_is_no_recording_is_refused(tmp_path, capsys):
+def test_a_file_that_is_no_recording_is_refused(refused, tmp_path):
     table = tmp_path / "table.csv"
     table.write_text("Time [s]\n1\n")
-    assert "not an MCAP file" in refused(capsys, "export", table, "--out", tmp_path / "a.mat")
-    assert "would overwrite" in refused(capsys, "export", table)
+    assert "not an MCAP file" in refused("export", table, "--out", tmp_path / "a.mat")
+    assert "would overwrite" in refused("export", table)
     assert table.read_text() == "Time [s]\n1\n"
 
 
-def test_a_recording_that_is_not_complete_is_refused_and_nothing_written(trial, tmp_path, capsys):
+def test_a_recording_that_is_not_complete_is_refused_and_nothing_written(refused, trial, tmp_path):
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(trial.read_bytes()[:-100])
-    assert "teleop recover" in refused(capsys, "export", cut)
+    assert "teleop recover" in refused("export", cut)
     assert not (tmp_path / "cut.csv").exists()

@@ -83,16 +83,6 @@ def cut(whole, tmp_path):
     return cut
 
 
-def refused(capsys, *arguments):
-    capsys.readouterr()
-    assert main([str(a) for a in arguments]) == 2
-    out, err = capsys.readouterr()
-    assert out == ""
-    assert err.count("\n") == 1
-    assert err.startswith("teleop: ")
-    return err
-
-
 def ticks_before(path):
     """Ticks in the chunks that lie wholly in a file, by the MCAP library alone."""
     count, ticks = 0, None
@@ -191,12 +181,12 @@ def test_a_recovered_recording_keeps_the_times_at_which_messages_were_logged(
 
 
 def test_where_no_tick_is_left_it_is_told_and_nothing_written(
-    whole, records, first_tick_chunk, cut, capsys
+    refused, whole, records, first_tick_chunk, cut
 ):
     for length in [0, 3, MAGIC, *(end for _, _, end in records), first_tick_chunk - 1]:
         if length < first_tick_chunk:
             path = cut(length)
-            err = refused(capsys, "recover", path)
+            err = refused("recover", path)
             assert "no ticks in it" in err or "not an MCAP file" in err
             assert not path.with_name(f"{path.stem}-recovered.mcap").exists()
             with pytest.raises(InputError):
@@ -229,29 +219,29 @@ def test_json_is_one_document(recording, first_tick_chunk, cut, tmp_path, capsys
     }
 
 
-def test_a_file_that_exists_is_not_overwritten(first_tick_chunk, cut, tmp_path, capsys):
+def test_a_file_that_exists_is_not_overwritten(refused, first_tick_chunk, cut, tmp_path):
     path, out = cut(first_tick_chunk), tmp_path / "out.mcap"
     out.write_bytes(b"precious")
     before = path.read_bytes()
-    assert "exists already" in refused(capsys, "recover", path, "--out", out)
-    assert "exists already" in refused(capsys, "recover", path, "--out", path)
+    assert "exists already" in refused("recover", path, "--out", out)
+    assert "exists already" in refused("recover", path, "--out", path)
     assert out.read_bytes() == b"precious"
     assert path.read_bytes() == before
 
 
 def test_a_folder_that_is_not_there_and_a_full_disk_are_told(
-    first_tick_chunk, cut, tmp_path, capsys, monkeypatch
+    refused, first_tick_chunk, cut, tmp_path, monkeypatch
 ):
     path, out = cut(first_tick_chunk), tmp_path / "out.mcap"
     missing = tmp_path / "none" / "out.mcap"
-    assert "cannot be written" in refused(capsys, "recover", path, "--out", missing)
+    assert "cannot be written" in refused("recover", path, "--out", missing)
 
     def full(self, data):
         self.error = self.error or OSError(errno.ENOSPC, "No space left on device")
         raise self.error
 
     monkeypatch.setattr(Disk, "write", full)
-    err = refused(capsys, "recover", path, "--out", out)
+    err = refused("recover", path, "--out", out)
     assert "cannot be written: no space left on device" in err
     assert not out.exists()
 

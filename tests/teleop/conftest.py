@@ -1,0 +1,22 @@
+from __future__ import annotations
+
+import pytest
+
+from teleop.cli import main
+
+
+@pytest.fixture
+def refused(capsys):
+    """Runs a command that must be refused in one line, and gives the line."""
+
+    def run(*arguments):
+        capsys.readouterr()
+        assert main([str(argument) for argument in arguments]) == 2
+        out, err = capsys.readouterr()
+        assert out == ""
+        assert err.count("\n") == 1
+        assert err.startswith("teleop: ")
+        assert "Traceback" not in err
+        return err
+
+    return run
