@@ -200,6 +200,14 @@ def worse(m: Measurement, request: Request, limits: Limits) -> bool:
     )
 
 
+def at_rest(m: Measurement, limits: Limits) -> bool:
+    """What a rig must be for the whole preflight."""
+    return (
+        abs(m.slave_velocity) <= limits.rest_velocity
+        and abs(m.master_force) <= limits.rest_master_force
+    )
+
+
 def check_tick(before: Supervision, m, desired, request, limits, verdict):
     state, command = verdict.state, verdict.command
     mode, now = state.mode, m.time
@@ -235,7 +243,8 @@ def check_tick(before: Supervision, m, desired, request, limits, verdict):
         assert (event.fault is not None) == (mode is Mode.FAULT)
         assert state.since == now or before.mode is Mode.FAULT
     if mode is before.mode:
-        assert state.since == before.since
+        restarted = mode is Mode.IDLE and not at_rest(m, limits)
+        assert state.since == (now if restarted else before.since)
     assert (state.tripped is not None) == (mode is Mode.FAULT)
 
     if before.mode is Mode.FAULT:
