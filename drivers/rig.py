@@ -84,8 +84,10 @@ class Rig(ABC):
         """
 
     @abstractmethod
-    def enable(self) -> None:
-        """Let the drives take commands, at standstill, and arm their watchdogs.
+    def enable(self) -> bool:
+        """Ask the drives to take commands, at standstill, and arm their watchdogs.
+
+        Called once a tick until it says that all drives do.
 
         Raises
         ------

@@ -145,10 +145,10 @@ class FaultyRig(Rig):
         """What the fault makes of the rig's measurement."""
         return self._fault.read(self.rig.read())
 
-    def enable(self) -> None:
+    def enable(self) -> bool:
         """Enable the drives."""
-        self.rig.enable()
-        self._enabled = True
+        self._enabled = self.rig.enable()
+        return self._enabled
 
     def write(self, command: Command) -> Command:
         """Command the drives what the fault makes of it; tells what the drives would tell."""

@@ -111,10 +111,11 @@ class SimulatedRig(Rig):
             drive_error=self._error,
         )
 
-    def enable(self) -> None:
+    def enable(self) -> bool:
         """Let the drives take commands; the operator's time starts, too."""
         self._enabled, self._error = True, ""
         self._start = self._commanded = self._time
+        return True
 
     def write(self, command: Command) -> Command:
         """Command the drives; velocities beyond their greatest are clipped.

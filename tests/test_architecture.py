@@ -11,8 +11,8 @@ import pytest
 ROOT = Path(__file__).parents[1]
 ALLOWED = {
     "estimation": {"numpy", "scipy", "numba"},
-    "drivers": {"numpy", "serial", "can"},
-    "sim_backend": {"drivers", "numpy", "scipy"},
+    "drivers": {"numpy", "serial", "can", "pydantic", "canopen", "cantools"},
+    "sim_backend": {"drivers", "numpy", "scipy", "can", "cantools"},
     "teleop": {
         "estimation",
         "drivers",

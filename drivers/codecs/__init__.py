@@ -1,0 +1,1 @@
+"""Codecs: from a frame's bytes to SI units and back, pure functions."""

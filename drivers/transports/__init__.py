@@ -1,0 +1,1 @@
+"""Transports: what carries the bytes and frames between the controller and the devices."""

@@ -1,0 +1,110 @@
+"""A serial port, drained once a tick."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable
+
+import serial
+
+from drivers.device import SerialDevice
+from drivers.rig import RigError
+from drivers.transports.bus import Bus
+
+CHUNK = 1 << 16
+"""Most bytes that are taken at once: more than a kernel keeps of a port."""
+
+
+class SerialPort(Bus):
+    """A serial port and the device behind it.
+
+    Parameters
+    ----------
+    name
+        What the rig file calls it.
+    now
+        The controller's clock [s].
+    port
+        Device file, or COM port.
+    baud
+        Line rate [bit/s].
+    """
+
+    def __init__(self, name: str, now: Callable[[], float], port: str, baud: int) -> None:
+        super().__init__(name, now)
+        self.port = port
+        self.baud = baud
+        self.device: SerialDevice | None = None
+        self.received = 0
+        """Bytes so far."""
+        self._serial: serial.Serial | None = None
+        self._polled = now()
+
+    def open(self) -> None:
+        """Open the port, empty it, and ask its driver for low latency where it knows that."""
+        try:
+            opened = serial.Serial(self.port, self.baud, timeout=0, write_timeout=0)
+            self._serial = opened
+            opened.reset_input_buffer()
+        except (serial.SerialException, OSError, ValueError) as error:
+            raise RigError(
+                f"{self.name}: port {self.port} cannot be opened: {reason(error)}: expected a "
+                "serial port, see teleop rig list"
+            ) from error
+        with contextlib.suppress(OSError, ValueError, NotImplementedError, AttributeError):
+            opened.set_low_latency_mode(True)
+        self._polled = self.now()
+
+    def poll(self) -> None:
+        """Hand all that has arrived to the device, as of the middle of the time since."""
+        data, now = self.drain(), self.now()
+        if data and self.device:
+            self.received += len(data)
+            self.device.receive(data, 0.5 * (self._polled + now))
+        self._polled = now
+
+    def drain(self) -> bytes:
+        """All bytes that have arrived.
+
+        Raises
+        ------
+        RigError
+            The port is gone.
+        """
+        assert self._serial
+        try:
+            return bytes(self._serial.read(CHUNK))
+        except (serial.SerialException, OSError, TypeError) as error:
+            raise self._gone(error) from error
+
+    def write(self, data: bytes) -> None:
+        """Send bytes without waiting.
+
+        Raises
+        ------
+        RigError
+            The port is gone or takes no more: its buffer is full.
+        """
+        assert self._serial
+        try:
+            taken = self._serial.write(data)
+        except (serial.SerialException, OSError, TypeError) as error:
+            raise self._gone(error) from error
+        if taken != len(data):
+            raise RigError(f"{self.name}: port {self.port} takes no more, its buffer is full")
+
+    def close(self) -> None:
+        """Close the port."""
+        if self._serial:
+            with contextlib.suppress(serial.SerialException, OSError):
+                self._serial.close()
+        self._serial = None
+
+    def _gone(self, error: Exception) -> RigError:
+        return RigError(f"{self.name}: port {self.port} is gone: {reason(error)}")
+
+
+def reason(error: Exception) -> str:
+    """What the system says, on one line."""
+    text = getattr(error, "strerror", None) or str(error)
+    return " ".join(str(text).split()).rstrip(".").lower() or type(error).__name__

@@ -1,0 +1,226 @@
+"""A rig of devices on serial ports and CAN buses, put together as its rig file says."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Callable
+from contextlib import ExitStack
+from typing import NamedTuple
+
+from drivers.device import CanDevice, DerivedDevice, Device, SerialDevice, VelocityDrive, sole_drive
+from drivers.rig import CHANNELS, STANDSTILL, Ages, Command, Measurement, Rig, RigError
+from drivers.rig_file import CanSettings, RigFile
+from drivers.transports.bus import Bus
+from drivers.transports.can_bus import CanBus
+from drivers.transports.serial_port import SerialPort
+
+FIRST_SAMPLES = 2.0
+"""Longest wait for the first sample of every channel [s]."""
+ENABLING = 2.0
+"""Longest time in which drives get ready to take commands [s]."""
+
+
+class Channel(NamedTuple):
+    """How a channel is had from a device's signal: gain * signal + offset."""
+
+    device: Device
+    signal: str
+    gain: float
+    offset: float
+    """[SI unit]"""
+    lag: float
+    """[s]"""
+
+
+class WiredDrive(NamedTuple):
+    """A drive in the rig's direction."""
+
+    name: str
+    drive: VelocityDrive
+    sign: int
+    max_velocity: float
+    """[m/s]"""
+
+
+class WiredRig(Rig):
+    """A telemanipulator of real devices.
+
+    Parameters
+    ----------
+    file
+        What it is made of.
+    now
+        The controller's clock [s].
+    """
+
+    def __init__(self, file: RigFile, now: Callable[[], float]) -> None:
+        self.file = file
+        self.devices = file.make_devices()
+        self.buses = {name: make_bus(name, file, now) for name in file.sections.buses}
+        self._now = now
+        self._channels = {
+            name: Channel(
+                self.devices[c.device],
+                c.signal,
+                c.sign * (c.scale or 1.0),
+                c.offset,
+                c.lag_ms * 1e-3,
+            )
+            for name, c in file.sections.channels.items()
+        }
+        self._sources = [self._channels.get(name) for name in CHANNELS]
+        self._drives = [
+            WiredDrive(
+                name,
+                self.devices[d.device].drives[sole_drive(self.devices[d.device], d.drive)],
+                d.sign,
+                d.max_velocity_mm_per_s * 1e-3,
+            )
+            for name, d in file.sections.drives.items()
+        ]
+        self._has_master = len(self._drives) == 2
+        self._enabling = math.nan
+        self._enabled = False
+
+    @property
+    def rejected(self) -> dict[str, Counter[str]]:
+        """How many frames each device did not take, by reason."""
+        return {name: device.rejected for name, device in self.devices.items() if device.rejected}
+
+    def open(self) -> None:
+        """Connect to every device, and wait for the first sample of every channel.
+
+        Raises
+        ------
+        RigError
+            A port cannot be opened, a device does not answer, or a channel stays silent.
+        """
+        for bus in self.buses.values():
+            bus.open()
+        for device in self.devices.values():
+            if isinstance(device, SerialDevice):
+                port = self.buses[device.settings.bus]
+                assert isinstance(port, SerialPort)
+                port.device = device
+                device.start(port)
+            elif isinstance(device, CanDevice):
+                can_bus = self.buses[device.settings.bus]
+                assert isinstance(can_bus, CanBus)
+                can_bus.attach(device)
+                device.start(can_bus)
+            elif isinstance(device, DerivedDevice):
+                device.start(self.devices)
+        end = self._now() + FIRST_SAMPLES
+        while silent := [name for name, value in self._values().items() if math.isnan(value)]:
+            if self._now() > end:
+                raise RigError(f"no sample of {self._whereabouts(silent)} in {FIRST_SAMPLES:g} s")
+            next(iter(self.buses.values())).wait_for(lambda: False, 1e-3)
+            self._poll(self._now())
+
+    def _values(self) -> dict[str, float]:
+        return {name: c.device.samples[c.signal].value for name, c in self._channels.items()}
+
+    def _whereabouts(self, channels: list[str]) -> str:
+        """Which channels, from where, and what came instead."""
+        parts = []
+        for name in channels:
+            device = self._channels[name].device
+            instead = ", ".join(f"{n} rejected for {why}" for why, n in device.rejected.items())
+            bus = getattr(device.settings, "bus", "")
+            parts.append(f"{name} ({device.name} on {bus}{': ' if instead else ''}{instead})")
+        return ", ".join(parts)
+
+    def _poll(self, now: float) -> None:
+        for bus in self.buses.values():
+            bus.poll()
+        for device in self.devices.values():
+            device.update(now)
+
+    def read(self) -> Measurement:
+        """Drain every bus; the latest sample of every channel."""
+        self._poll(self._now())
+        now = self._now()
+        values, ages = [], []
+        for channel in self._sources:
+            if channel is None:
+                values.append(math.nan)
+                ages.append(0.0)
+            else:
+                value, time = channel.device.samples[channel.signal]
+                values.append(channel.gain * value + channel.offset)
+                ages.append(now - time + channel.lag)
+        error, stop = "", False
+        for device in self.devices.values():
+            if device.error:
+                error = error or f"{device.name}: {device.error}"
+            stop = stop or device.emergency_stop
+        force, handle, position, contact, velocity = values
+        return Measurement(
+            now, force, handle, position, contact, velocity, Ages(*ages), error, stop
+        )
+
+    def enable(self) -> bool:
+        """Ask the drives to take commands; whether all do by now."""
+        if math.isnan(self._enabling):
+            self._enabling = self._now()
+        ready = [drive.drive.enable() for drive in self._drives]
+        self._enabled = all(ready)
+        if not self._enabled and self._now() - self._enabling > ENABLING:
+            late = [d.name for d, r in zip(self._drives, ready, strict=True) if not r]
+            raise RigError(f"drive {' and '.join(late)} not ready within {ENABLING:g} s")
+        return self._enabled
+
+    def write(self, command: Command) -> Command:
+        """Command the drives; velocities beyond their greatest are clipped.
+
+        Raises
+        ------
+        ValueError
+            A velocity is not finite; nothing was commanded.
+        RigError
+            A port is gone.
+        """
+        if not all(map(math.isfinite, command)):
+            raise ValueError(f"a velocity command must be finite, got {command}")
+        if not self._enabled:
+            command = STANDSTILL
+        applied = [0.0, 0.0]
+        for wired in self._drives:
+            i = 0 if wired.name == "master" else 1
+            most = wired.max_velocity
+            v = min(max(command[i], -most), most)
+            applied[i] = wired.sign * wired.drive.command(wired.sign * v)
+        for device in self.devices.values():
+            device.transmit()
+        return Command(*applied)
+
+    def idle(self) -> None:
+        """Take every drive out of operation; each is tried, whatever became of the others."""
+        self._enabled, self._enabling = False, math.nan
+        with ExitStack() as stack:
+            for wired in self._drives:
+                stack.callback(wired.drive.idle)
+
+    def close(self) -> None:
+        """Release every device and bus."""
+        with ExitStack() as stack:
+            for bus in self.buses.values():
+                stack.callback(bus.close)
+            for device in self.devices.values():
+                stack.callback(device.stop)
+
+
+def make_bus(name: str, file: RigFile, now: Callable[[], float]) -> Bus:
+    """The bus of that name."""
+    settings = file.sections.buses[name]
+    if isinstance(settings, CanSettings):
+        return CanBus(
+            name,
+            now,
+            settings.interface,
+            settings.channel,
+            settings.bitrate_bps,
+            settings.options,
+        )
+    return SerialPort(name, now, settings.port, settings.baud_bps)

@@ -1,0 +1,29 @@
+"""Emulated devices by the name of their kind, ours and those of installed packages."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from importlib.metadata import entry_points
+
+from sim_backend.wire.emulated import EmulatedDevice
+
+GROUP = "teleop.emulators"
+"""Entry points under which other packages offer emulated devices."""
+BUILT_IN = {
+    "board": "sim_backend.wire.devices.board:EmulatedBoard",
+    "bota": "sim_backend.wire.devices.bota:EmulatedBota",
+    "cia402": "sim_backend.wire.devices.cia402:EmulatedCia402",
+    "dbc": "sim_backend.wire.devices.dbc:EmulatedDbcDevice",
+    "ft300": "sim_backend.wire.devices.ft300:EmulatedFt300",
+    "odrive": "sim_backend.wire.devices.odrive:EmulatedODrive",
+}
+
+
+def emulated_class(kind: str) -> type[EmulatedDevice]:
+    """The class of a kind; KeyError if there is none."""
+    if kind in BUILT_IN:
+        module, _, name = BUILT_IN[kind].partition(":")
+        found: type[EmulatedDevice] = getattr(import_module(module), name)
+        return found
+    loaded: type[EmulatedDevice] = entry_points(group=GROUP)[kind].load()
+    return loaded
