@@ -100,8 +100,8 @@ class RemoteRig(Rig):
     def read(self) -> Measurement:
         return self._call("read")
 
-    def enable(self) -> None:
-        self._call("enable")
+    def enable(self) -> bool:
+        return bool(self._call("enable"))
 
     def write(self, command: Command) -> Command:
         return self._call("write", command)

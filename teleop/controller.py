@@ -10,14 +10,17 @@ from typing import NamedTuple
 from drivers import STANDSTILL, Command, Measurement, Rig
 from estimation import Bank, Conditioner, Estimate, Excitation
 from teleop.admittance import Admittance, Coupling
+from teleop.alignment import Alignment, Pair
 from teleop.clock import Tick
 from teleop.conditions import Condition
 from teleop.safety import Event, Fault, Limits, Mode, Request, Supervision, Verdict, supervise
 from teleop.safety import rearm as rearmed
 from teleop.safety.channels import Trip
-from teleop.safety.events import ACTIVE, STOPPING
+from teleop.safety.events import ACTIVE, READY, STOPPING
 from teleop.safety.state import NO_REQUEST
 from teleop.tare import NO_TARE, Tare
+
+NO_PAIR = Pair(math.nan, math.nan, math.nan)
 
 
 class Timing(NamedTuple):
@@ -47,6 +50,8 @@ class Record(NamedTuple):
     """What the supervisor made of it."""
     applied: Command
     """What the drives made of that."""
+    pair: Pair
+    """What the conditioning was given; NaN where position and force made no pair."""
     x: float
     """Displacement that the estimators were given [m]; NaN where they were given none."""
     v: float
@@ -119,10 +124,11 @@ class Controller:
         self._limits = limits
         self._tare = tare
         self._stopwatch = stopwatch
+        self._alignment = Alignment()
         self._supervision = Supervision()
         self._measurement: Measurement | None = None
         self._start = math.nan
-        self._enabled = False
+        self._energised = False
         self._trip: Trip | None = None
         self._no_estimates = dict.fromkeys(bank, Estimate(math.nan, math.nan))
         self.error: Exception | None = None
@@ -154,11 +160,15 @@ class Controller:
         drive_force, desired = 0.0, STANDSTILL
         if self._supervision.mode is ACTIVE:
             try:
-                drive_force = self._condition.drive_force(t, measurement)
+                active = measurement.time - self._supervision.since
+                drive_force = self._condition.drive_force(active, measurement)
                 self._admittance.step(drive_force, dt)
                 desired = self._coupling.command(self._admittance, measurement.slave_position)
             except Exception as error:
                 self._fail(Fault.CONTROL_FAILURE, error, measurement.time)
+        arming = request.arm and self._supervision.mode is READY
+        if arming and not self._enable(measurement.time):
+            request = request._replace(arm=False)
         if self._trip:
             request = request._replace(trip=request.trip or self._trip)
         verdict = supervise(self._supervision, measurement, desired, request, self._limits)
@@ -166,20 +176,20 @@ class Controller:
         mode = verdict.state.mode
 
         mapped = self._stopwatch()
-        applied = self._apply(verdict, measurement.time)
+        applied = self._apply(verdict, arming and mode is READY, measurement.time)
         written = self._stopwatch()
         if verdict.limited:
             self._admittance.follow(applied.master_velocity, dt)
 
-        x = v = f = excitation = math.nan
+        pair, x, v, f, excitation = NO_PAIR, math.nan, math.nan, math.nan, math.nan
         estimates = self._no_estimates
         if mode is ACTIVE or mode is STOPPING:
             try:
-                x, v, f = self._conditioner.update(
-                    measurement.slave_position, measurement.contact_force, dt
-                )
-                estimates = self._bank.update(x, v, f, dt)
-                excitation = self._excitation.update(x, v, dt)
+                if found := self._alignment.update(measurement, dt):
+                    pair = found
+                    x, v, f = self._conditioner.update(*pair)
+                    estimates = self._bank.update(x, v, f, pair.dt)
+                    excitation = self._excitation.update(x, v, pair.dt)
             except Exception as error:
                 self._fail(Fault.ESTIMATION_FAILURE, error, measurement.time)
         events = verdict.events
@@ -195,6 +205,7 @@ class Controller:
             desired,
             verdict.command,
             applied,
+            pair,
             x,
             v,
             f,
@@ -225,18 +236,25 @@ class Controller:
             return measurement, self._period
         return measurement, measurement.time - last.time
 
-    def _apply(self, verdict: Verdict, now: float) -> Command:
-        """Command the drives, or take them out of operation."""
+    def _enable(self, now: float) -> bool:
+        """Get the drives ready for arming; whether they are by now."""
         try:
-            if verdict.enabled and not self._enabled:
-                self._rig.enable()
-            applied = self._rig.write(verdict.command)
-            if self._enabled and not verdict.enabled:
-                self._rig.idle()
-            self._enabled = verdict.enabled
+            self._energised = True
+            return self._rig.enable()
         except Exception as error:
             self._fail(Fault.RIG_FAILURE, error, now)
-            self._enabled = False
+            return False
+
+    def _apply(self, verdict: Verdict, arming: bool, now: float) -> Command:
+        """Command the drives, or take them out of operation."""
+        try:
+            applied = self._rig.write(verdict.command)
+            if self._energised and not (verdict.enabled or arming):
+                self._energised = False
+                self._rig.idle()
+        except Exception as error:
+            self._fail(Fault.RIG_FAILURE, error, now)
+            self._energised = False
             applied = STANDSTILL
             try:
                 self._rig.idle()

@@ -200,7 +200,9 @@ def evaluate(signals: Signals, settings: EstimateSettings) -> Evaluation:
 def recorded_signals(recording: Recording) -> Signals:
     """What the estimators were given in a recorded trial, before conditioning."""
     r = recording.estimated()
-    return Signals(r["time"], r["slave_position"], r["contact_force"], r["dt"], "slave_position")
+    return Signals(
+        r["time"], r["paired_position"], r["paired_force"], r["paired_dt"], "slave_position"
+    )
 
 
 def recorded_settings(recording: Recording) -> EstimateSettings:

@@ -27,6 +27,7 @@ class Recorder(Rig):
 
     def enable(self):
         self.call("enable")
+        return True
 
     def idle(self):
         self.call("idle")

@@ -56,6 +56,7 @@ class SpyRig(Rig):
 
     def enable(self):
         self.calls.append(f"enable at {self.tick}")
+        return True
 
     def idle(self):
         self.calls.append(f"idle at {self.tick}")
@@ -78,7 +79,7 @@ class SpyRig(Rig):
         values = self.channels(self.tick) | (
             self.overrides if self.always or self.tick == 200 else {}
         )
-        ages = Ages(1e-3, 2e-3, 3e-3, 4e-3, 5e-3)
+        ages = Ages(1e-3, 2e-3, 3e-3, 3e-3, 5e-3)
         return Measurement(time=float(TIMES[self.tick]), age=ages, **values)
 
     def write(self, command):
@@ -152,6 +153,9 @@ def test_every_stage_gets_its_channel_and_the_measured_dt():
         "dt": dt,
         "slave_position": position,
         "contact_force": force,
+        "paired_position": idle + list(position[armed:]),
+        "paired_force": idle + list(force[armed:]),
+        "paired_dt": idle + list(dt[armed:]),
         "x": x,
         "v": v,
         "f": f,
@@ -168,7 +172,7 @@ def test_every_stage_gets_its_channel_and_the_measured_dt():
         "master_force_age": np.full(len(TIMES), 1e-3),
         "master_position_age": np.full(len(TIMES), 2e-3),
         "slave_position_age": np.full(len(TIMES), 3e-3),
-        "contact_force_age": np.full(len(TIMES), 4e-3),
+        "contact_force_age": np.full(len(TIMES), 3e-3),
         "slave_velocity_age": np.full(len(TIMES), 5e-3),
         "lateness": np.full(len(TIMES), 0.25),
         "overrun": np.ones(len(TIMES)),

@@ -138,8 +138,8 @@ class Spy(SimulatedRig):
         assert self._applied == STANDSTILL
 
     def enable(self):
-        super().enable()
         self.calls.append("enable")
+        return super().enable()
 
 
 @pytest.mark.parametrize(
