@@ -9,24 +9,26 @@ bare BEL; frames from the bus come between the answers. Protocol: Lawicel, CANUS
 from __future__ import annotations
 
 import contextlib
-import io
-import os
-import select
+import re
 import time
-from binascii import hexlify, unhexlify
+from binascii import unhexlify
 from collections import deque
 from enum import IntFlag
 
 import can
-import serial
+
+from drivers.transports.bulk_port import open_port
+from drivers.transports.slcan_frames import decode, encode
 
 CR, BEL = b"\r", b"\a"
+ACKNOWLEDGEMENTS = (b"", b"z", b"Z")
+FRAMES = (b"t", b"T", b"r", b"R")
+BARE = re.compile(rb"(?<![^\r\a])[\r\a]")
+"""CR or BEL that ends an empty line."""
 BITRATES = (10_000, 20_000, 50_000, 100_000, 125_000, 250_000, 500_000, 800_000, 1_000_000)
 """Bit rates [bit/s] of the commands S0 to S8."""
 LINE_LIMIT = 64
 """Length kept of a line that does not end: twice the longest frame's."""
-CHUNK = 65_536
-"""Most bytes taken by one read."""
 IN_FLIGHT_LIMIT = 1000
 """Unanswered commands that are remembered."""
 BOOT = 2.0
@@ -47,79 +49,6 @@ class StatusFlags(IntFlag):
     ERROR_PASSIVE = 0x20
     ARBITRATION_LOST = 0x40
     BUS_ERROR = 0x80
-
-
-class PortablePort:
-    """A serial port by the calls that pyserial has on every system and for every URL."""
-
-    def __init__(self, port: serial.SerialBase) -> None:
-        self._port = port
-
-    def read(self, timeout: float | None) -> bytes:
-        """All bytes that have arrived; if there are none, wait for some [s], None for ever."""
-        deadline = None if timeout is None else time.monotonic() + timeout
-        while not (waiting := self._port.in_waiting):
-            if deadline is not None and time.monotonic() >= deadline:
-                return b""
-            time.sleep(1e-3)
-        return bytes(self._port.read(waiting))
-
-    def write(self, data: bytes, timeout: float) -> int:
-        """Write all bytes, or raise where the port takes none; how many it took."""
-        return int(self._port.write(data))
-
-    def close(self) -> None:
-        """Close the port."""
-        self._port.close()
-
-
-class DescriptorPort(PortablePort):
-    """The same by POSIX calls on the file descriptor, at a fifth of the time."""
-
-    def __init__(self, port: serial.SerialBase) -> None:
-        super().__init__(port)
-        self._descriptor: int = port.fileno()
-
-    def read(self, timeout: float | None) -> bytes:
-        """All bytes that have arrived; if there are none, wait for some [s], None for ever."""
-        if not select.select([self._descriptor], [], [], timeout)[0]:
-            return b""
-        data = os.read(self._descriptor, CHUNK)
-        if not data:
-            raise OSError("end of file")
-        return data
-
-    def write(self, data: bytes, timeout: float) -> int:
-        """Write what the port takes within a time [s]; how many bytes it took."""
-        taken = self._write_some(data)
-        if taken < len(data):
-            deadline = time.monotonic() + timeout
-            while taken < len(data) and (left := deadline - time.monotonic()) > 0.0:
-                select.select([], [self._descriptor], [], left)
-                taken += self._write_some(data[taken:])
-        return taken
-
-    def close(self) -> None:
-        """Close the port; no use of it afterwards reaches another file."""
-        self._descriptor = -1
-        super().close()
-
-    def _write_some(self, data: bytes) -> int:
-        try:
-            return os.write(self._descriptor, data)
-        except BlockingIOError:
-            return 0
-
-
-def open_port(channel: str, tty_baudrate: int) -> PortablePort:
-    """A serial port by the fastest calls that it has, and with the least latency."""
-    port = serial.serial_for_url(channel, tty_baudrate, timeout=0, write_timeout=ANSWER)
-    with contextlib.suppress(AttributeError, NotImplementedError, ValueError, OSError):
-        port.set_low_latency_mode(True)
-    with contextlib.suppress(io.UnsupportedOperation):
-        if os.name == "posix":
-            return DescriptorPort(port)
-    return PortablePort(port)
 
 
 class SlcanBus(can.BusABC):
@@ -176,16 +105,18 @@ class SlcanBus(can.BusABC):
         self._in_flight: deque[bytes] = deque(maxlen=IN_FLIGHT_LIMIT)
         self._rest = b""
         self._cut = b""
-        self._refusal = ""
+        self._refusal = b""
         try:
             self._port = open_port(channel, tty_baudrate)
+            try:
+                self._open_channel(bitrate)
+            except BaseException:
+                self._port.close()
+                raise
         except (OSError, ValueError) as error:
-            raise can.CanInitializationError(f"{channel} cannot be opened: {error}") from error
-        try:
-            self._open_channel(bitrate)
-        except BaseException:
-            self._port.close()
-            raise
+            raise can.CanInitializationError(
+                f"{self.channel_info} cannot be opened: {error}"
+            ) from error
         super().__init__(channel, can_filters)
 
     @property
@@ -255,34 +186,105 @@ class SlcanBus(can.BusABC):
         while not self._ask(b"\rC"):
             if time.monotonic() > deadline:
                 raise can.CanInitializationError(
-                    f"{self.channel_info}: 'C' (close) is not answered: check that this is the port "
-                    "of an slcan adapter, that no other program uses it, and that its firmware "
-                    "acknowledges commands"
+                    f"{self.channel_info}: 'C' (close) is not acknowledged: check that this is the "
+                    "port of an slcan adapter whose firmware acknowledges commands, and that no "
+                    "other program uses it"
                 )
-        with self._port_in_use():
-            while self._port.read(QUIET) and time.monotonic() < deadline + BOOT:
-                pass
+        while self._port.read(QUIET) and time.monotonic() < deadline + BOOT:
+            pass
         if bitrate is not None:
             code = b"S%d" % BITRATES.index(bitrate)
-            self._demand(code, "bit rate", f"check that the adapter offers {bitrate} bit/s")
-        self._demand(b"O", "open", "check its bit rate, and that no other program uses it")
+            self._demand(code, f"check that the adapter offers {bitrate} bit/s")
+        self._demand(b"O", "check that a bit rate is set, and that no other program uses the port")
+        self._parse(b"")
 
-    def _demand(self, command: bytes, meaning: str, advice: str) -> None:
+    def _demand(self, command: bytes, advice: str) -> None:
         answer = self._ask(command)
         if answer != CR:
             fault = "is refused" if answer else "is not acknowledged"
             raise can.CanInitializationError(
-                f"{self.channel_info}: {command.decode()!r} ({meaning}) {fault}: {advice}"
+                f"{self.channel_info}: {command.decode()!r} {fault}: {advice}"
             )
 
     def _ask(self, command: bytes) -> bytes:
-        """The CR or BEL at the end of an adapter's first line of answer; empty if none came."""
+        """The bare CR or BEL that answers a command, empty if none came in time."""
+        self._port.write(command + CR, ANSWER)
         deadline = time.monotonic() + ANSWER
-        answer = b""
-        with self._port_in_use():
-            self._port.write(command + CR, ANSWER)
-            while (left := deadline - time.monotonic()) > 0.0:
-                answer += self._port.read(left)
-                for place, byte in enumerate(answer):
-                    ...
+        text = b""
+        while (left := deadline - time.monotonic()) > 0.0:
+            text += self._port.read(left)
+            if answer := BARE.search(text):
+                self._rest = text[answer.end() :]
+                return answer[0]
         return b""
+
+    def _write(self, line: bytes, timeout: float) -> None:
+        data = self._cut + line
+        try:
+            taken = self._port.write(data, timeout)
+        except (OSError, ValueError) as error:
+            raise self._gone(error) from error
+        self._in_flight.append(line)
+        self._cut = b"" if taken == len(data) else CR
+        if self._cut:
+            raise can.CanOperationError(
+                f"{self.channel_info}: the port takes no more, has the adapter come to a stop?"
+            )
+
+    def _fetch(self, timeout: float | None) -> None:
+        """Take all that the port holds, and tell of a frame that was refused."""
+        try:
+            data = self._port.read(timeout)
+        except (OSError, ValueError) as error:
+            raise self._gone(error) from error
+        if data:
+            self._parse(data)
+            if self._refusal:
+                refusal, self._refusal = self._refusal, b""
+                raise can.CanOperationError(
+                    f"{self.channel_info}: frame {refusal.decode().strip()} was refused, "
+                    f"{self.refused} so far: its queue is full, or the bus is off or closed"
+                )
+
+    def _parse(self, data: bytes) -> None:
+        *lines, rest = (self._rest + data).replace(BEL, BEL + CR).split(CR)
+        self._rest = rest[:LINE_LIMIT]
+        now = time.time()
+        for line in lines:
+            try:
+                if line[-1:] == BEL:
+                    self._take_refusal(line)
+                elif line[:1] in FRAMES:
+                    self._received.append(decode(line, now))
+                else:
+                    self._take_answer(line)
+            except ValueError:
+                self.malformed += 1
+
+    def _take_answer(self, line: bytes) -> None:
+        if line[:1] == b"F" and len(line) == 3:
+            self.flags = StatusFlags(unhexlify(line[1:])[0])
+        elif line not in ACKNOWLEDGEMENTS:
+            raise ValueError("no slcan")
+        if self._in_flight:
+            self._in_flight.popleft()
+            self.acknowledged += 1
+        else:
+            self.unassigned += 1
+
+    def _take_refusal(self, line: bytes) -> None:
+        """Of the oldest command without an answer: adapters answer in order."""
+        if not self._in_flight:
+            self.unassigned += 1
+        else:
+            self.refused += 1
+            command = self._in_flight.popleft()
+            if command[:1] in FRAMES:
+                self._refusal = command
+        if line != BEL:
+            raise ValueError("no slcan before the refusal")
+
+    def _gone(self, error: Exception) -> can.CanOperationError:
+        return can.CanOperationError(
+            f"{self.channel_info}: the port is gone, was it unplugged? ({error})"
+        )

@@ -1,0 +1,128 @@
+"""The adapter's end of slcan: what a Lawicel CANUSB does with a host's bytes, without its port."""
+
+from __future__ import annotations
+
+import re
+
+import can
+
+BITRATES = {
+    "S0": 10_000,
+    "S1": 20_000,
+    "S2": 50_000,
+    "S3": 100_000,
+    "S4": 125_000,
+    "S5": 250_000,
+    "S6": 500_000,
+    "S7": 800_000,
+    "S8": 1_000_000,
+}
+STANDARD = re.compile("([tr])([0-7][0-9A-Fa-f]{2})([0-8])([0-9A-Fa-f]*)")
+EXTENDED = re.compile("([TR])([01][0-9A-Fa-f]{7})([0-8])([0-9A-Fa-f]*)")
+DONE, REFUSED = "\r", "\a"
+TRANSMIT_QUEUE_FULL = 0x02
+LONGEST = 40
+"""Characters of a line that are kept, more than any command has."""
+
+
+class SlcanAdapter:
+    """An adapter between a host and a CAN bus, both of which are the caller's.
+
+    It is closed and has no bit rate at first. Like Lawicel's it answers frames with `z` or `Z`
+    (auto poll), refuses frames while closed and settings while open, and refuses to close or open
+    what is closed or open.
+
+    Attributes
+    ----------
+    is_open
+        Whether the channel is open.
+    bitrate
+        Bit rate of the bus [bit/s], None before the host chose one.
+    flags
+        Status flags, which the host may ask for; frames are refused while bit 1, transmit queue
+        full, is set.
+    stamps
+        Whether frames for the host carry a time stamp [ms], as the host chose by `Z1`.
+    """
+
+    def __init__(self) -> None:
+        self.is_open = False
+        self.bitrate: int | None = None
+        self.flags = 0
+        self.stamps = False
+        self._line = ""
+        self._replies = ""
+
+    def receive(self, data: bytes) -> list[can.Message]:
+        """Take bytes from the host, cut anywhere; the frames that it wants sent on the bus."""
+        frames = []
+        for character in data.decode("latin-1"):
+            if character != "\r":
+                self._line = (self._line + character)[:LONGEST]
+                continue
+            line, self._line = self._line, ""
+            frame = self._frame(line)
+            if frame:
+                frames.append(frame)
+            self._replies += self._reply(line, frame)
+        return frames
+
+    def pending(self) -> bytes:
+        """The answers that the host is to be sent, each once."""
+        replies, self._replies = self._replies, ""
+        return replies.encode("latin-1")
+
+    def encode(self, message: can.Message) -> bytes:
+        """A frame from the bus as the host gets it; nothing while the channel is closed."""
+        if not self.is_open:
+            return b""
+        kind = "r" if message.is_remote_frame else "t"
+        identifier = f"{message.arbitration_id:03X}"
+        if message.is_extended_id:
+            kind, identifier = kind.upper(), f"{message.arbitration_id:08X}"
+        line = f"{kind}{identifier}{message.dlc}{message.data.hex().upper()}"
+        if self.stamps:
+            line += f"{int(message.timestamp * 1e3) % 60_000:04X}"
+        return f"{line}\r".encode()
+
+    def _frame(self, line: str) -> can.Message | None:
+        match = STANDARD.fullmatch(line) or EXTENDED.fullmatch(line)
+        if not match or not self.is_open or self.flags & TRANSMIT_QUEUE_FULL:
+            return None
+        kind, identifier, length, data = match.groups()
+        is_remote = kind in "rR"
+        if len(data) != (0 if is_remote else 2 * int(length)):
+            return None
+        return can.Message(
+            arbitration_id=int(identifier, 16),
+            is_extended_id=kind in "TR",
+            is_remote_frame=is_remote,
+            dlc=int(length),
+            data=bytes.fromhex(data),
+        )
+
+    def _reply(self, line: str, frame: can.Message | None) -> str:
+        """The answer to a command, which takes effect."""
+        if frame:
+            return "Z\r" if frame.is_extended_id else "z\r"
+        if line == "":
+            return DONE
+        if line == "V":
+            return "V1013\r"
+        if line == "N":
+            return "NTELE\r"
+        if line == "F" and self.is_open:
+            return f"F{self.flags:02X}\r"
+        if line == "C" and self.is_open:
+            self.is_open = False
+            return DONE
+        if line == "O" and not self.is_open and self.bitrate:
+            self.is_open = True
+            return DONE
+        if line in BITRATES and not self.is_open:
+            self.bitrate = BITRATES[line]
+            return DONE
+        if line in ("Z0", "Z1") and not self.is_open:
+            self.stamps = line == "Z1"
+            return DONE
+        return REFUSED
