@@ -109,6 +109,14 @@ class Device(ABC):
     def transmit(self) -> None:  # noqa: B027
         """Send what the tick has commanded; by itself nothing."""
 
+    def ping(self) -> bool:
+        """Ask the device something, for the round trip to be timed; whether it can be asked."""
+        return False
+
+    def answered(self) -> bool:
+        """Whether the answer to the last `ping` has come."""
+        return False
+
     def stop(self) -> None:  # noqa: B027
         """Say goodbye before the bus closes; the drives are idle already. By itself nothing."""
 

@@ -73,6 +73,8 @@ class Slave:
     def __init__(self, cube: Cube, parameters: PlantParameters) -> None:
         self.cube = cube
         self.x = self.v = 0.0
+        self.command = 0.0
+        """Velocity that it was last told [m/s]."""
         self._error = 0.0
         self._mass = parameters.slave_mass
         self._proportional = 2.0 * math.pi * parameters.slave_bandwidth
@@ -83,6 +85,13 @@ class Slave:
         """Force of the cube on the slave [N]."""
         return self.cube.force(self.x, self.v)
 
+    @property
+    def motor_force(self) -> float:
+        """Force of the motor on the slave [N]."""
+        return self._mass * (
+            self._proportional * (self.command - self.v) + self._integral * self._error
+        )
+
     def acceleration(self, x: float, v: float, error: float, u: float) -> float:
         """X'' [m/s^2] in the state (x, v, e) under the velocity command u."""
         servo = self._proportional * (u - v) + self._integral * error
@@ -90,6 +99,7 @@ class Slave:
 
     def advance(self, u: float, h: float) -> None:
         """Let one step h pass with the velocity command u held; Runge-Kutta 4."""
+        self.command = u
         x, v1, error = self.x, self.v, self._error
         half = 0.5 * h
         a1 = self.acceleration(x, v1, error, u)

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from cyclopts import App, CycloptsError, UnusedCliTokensError
 
+from drivers import RigError
 from teleop.commands.estimate import estimate
 from teleop.commands.export import export
 from teleop.commands.lag import lag
@@ -68,8 +69,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except SafetyStop as error:
         print("teleop:", error, file=sys.stderr)
         return 3
-    except (InputError, CycloptsError) as error:
-        print("teleop:", " ".join(str(error).split()), file=sys.stderr)
+    except (InputError, CycloptsError, RigError) as error:
+        for line in str(error).splitlines() or [type(error).__name__]:
+            print("teleop:", " ".join(line.split()), file=sys.stderr)
         return 2
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -86,14 +86,12 @@ def print_trial(summary: Mapping[str, Any]) -> None:
     if summary["estimates"]:
         print_estimates(
             summary["estimates"],
-            f"{summary['condition']}, {summary['cube']} cube, {summary['duration_s']:g} s",
+            f"{summary['condition']}, {palpated(summary)}, {summary['duration_s']:g} s",
         )
-    truth = summary["truth"]
-    console.print(
-        f"  truth (simulated): b {truth['b']:g} N s/m, k {number(truth['k_surface'], 0)} N/m at "
-        f"the surface\n  to {number(truth['k_deepest'], 0)} N/m at the deepest; the force channel "
-        f"lags by {truth['force_lag_s'] * 1e3:g} ms,\n  which alone reads as b - k * lag"
-    )
+    if summary["truth"]:
+        print_truth(console, summary["truth"])
+    for name in summary["estimated_channels"]:
+        console.print(f"  {name}: estimated by an observer, not measured", style="yellow")
     console.print(
         f"  excitation: {summary['excitation']['mean']:.2f} (0 none, 1 a sine of 1 Hz about zero)"
     )
@@ -111,6 +109,21 @@ def print_trial(summary: Mapping[str, Any]) -> None:
         console.print("  what is intact of it: teleop recover; above stands what could be had")
     if recording["black_box"]:
         console.print(f"  black box: {recording['black_box']}", style="red")
+
+
+def palpated(summary: Mapping[str, Any]) -> str:
+    """What a trial was on."""
+    simulated = summary["rig"] == "simulated"
+    return f"{summary['cube']} cube" if simulated else str(summary["rig"])
+
+
+def print_truth(console: Console, truth: Mapping[str, Any]) -> None:
+    """What the simulated cube is."""
+    console.print(
+        f"  truth (simulated): b {truth['b']:g} N s/m, k {number(truth['k_surface'], 0)} N/m at "
+        f"the surface\n  to {number(truth['k_deepest'], 0)} N/m at the deepest; the force channel "
+        f"lags by {truth['force_lag_s'] * 1e3:g} ms,\n  which alone reads as b - k * lag"
+    )
 
 
 def print_loop(console: Console, summary: Mapping[str, Any]) -> None:

@@ -224,7 +224,7 @@ def recorded_settings(recording: Recording) -> EstimateSettings:
             bandwidth=settings["bandwidth_hz"],
             force_lag=settings["force_lag_s"],
             whole=True,
-            resolution=settings["sensors"]["encoder_resolution"],
+            resolution=settings["encoder_resolution_m"],
         )
     except (KeyError, TypeError, ValidationError) as error:
         raise InputError(

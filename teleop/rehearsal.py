@@ -26,7 +26,7 @@ def tick_cost(settings: TrialSettings) -> float:
     The rehearsal runs at 1 kHz at the most, so that it gets to the motion.
     """
     rate = min(settings.rate, 1000.0)
-    rehearsal = replace(settings, clock="virtual", rate=rate, duration=2.0 * TICKS / rate)
+    rehearsal = replace(settings, rig=None, clock="virtual", rate=rate, duration=2.0 * TICKS / rate)
     clock, bank = rehearsal.make_clock(), rehearsal.make_bank()
     layout = Layout(bank)
     costs = []

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 from drivers import Rig
+from drivers.rig_file import RigFile
+from drivers.wired_rig import WiredRig
 from estimation import Bank, Conditioner, Excitation, Preset, paper_preset
 from sim_backend import (
     CUBES,
@@ -28,10 +30,13 @@ from teleop.injector import Injector, Signal, Sine
 from teleop.names import ClockName, ConditioningName
 from teleop.safety import Limits
 from teleop.safety.palpation import palpation_limits
+from teleop.safety.rig_limits import rig_limits
 from teleop.tare import NO_TARE, Tare
 
 RATES = (50.0, 100_000.0)
 """Lowest and highest rate of the loop [Hz]: below, hand and admittance do not hold together."""
+DEEPEST = 0.1
+"""Greatest depth of palpation [m]."""
 LONGEST = 3600.0
 """Longest trial [s]; its summary takes all ticks into memory, 0.4 MB a second at 1 kHz."""
 
@@ -74,6 +79,10 @@ class TrialSettings:
     """Imperfections of the simulated sensors."""
     tare: Tare = NO_TARE
     """Where force and position are zero."""
+    rig: RigFile | None = None
+    """The rig to run on; None for the simulated one."""
+    depth: float | None = None
+    """Depth of palpation that is aimed for [m]; None for that of the paper on this cube."""
 
     def __post_init__(self) -> None:
         if self.condition not in CONDITIONS:
@@ -86,6 +95,13 @@ class TrialSettings:
             raise InputError(f"clock {self.clock!r}: expected one of real, virtual")
         if not RATES[0] <= self.rate <= RATES[1]:
             raise InputError(f"rate {self.rate:g} Hz: expected {RATES[0]:g} to {RATES[1]:g} Hz")
+        if self.rig and self.clock != "real":
+            raise InputError("clock virtual: a rig of devices runs in real time: expected real")
+        if self.depth is not None and not 0.0 < self.depth <= DEEPEST:
+            raise InputError(
+                f"depth {self.depth * 1e3:g} mm: expected more than 0 and at most "
+                f"{DEEPEST * 1e3:g} mm"
+            )
         self.make_conditioner()
         if not 1.0 / self.rate <= self.duration <= LONGEST:
             raise InputError(
@@ -101,13 +117,18 @@ class TrialSettings:
     @property
     def setup(self) -> Setup:
         """What is palpated, and how deep."""
-        return self.custom_setup or paper_setup(self.condition, self.cube)
+        setup = self.custom_setup or paper_setup(self.condition, self.cube)
+        return replace(setup, depth=self.depth) if self.depth else setup
 
     @property
     def limits(self) -> Limits:
         """What the safety supervisor holds the trial to."""
+        if self.custom_limits:
+            return self.custom_limits
+        if self.rig:
+            return rig_limits(self.rig.sections)
         setup = self.setup
-        return self.custom_limits or palpation_limits(
+        return palpation_limits(
             setup.cube,
             setup.depth,
             self.coupling.scale,
@@ -124,7 +145,11 @@ class TrialSettings:
         """A fresh clock."""
         return RealClock(self.rate) if self.clock == "real" else VirtualClock(self.rate)
 
-    def make_rig(self, now: Callable[[], float]) -> SimulatedRig:
+    def make_rig(self, now: Callable[[], float]) -> Rig:
+        """A fresh rig on this clock."""
+        return WiredRig(self.rig, now) if self.rig else self.make_simulated_rig(now)
+
+    def make_simulated_rig(self, now: Callable[[], float], watchdog: float = 0.1) -> SimulatedRig:
         """A fresh simulated rig, with an operator where the condition has one."""
         setup = self.setup
         depth = setup.depth / self.coupling.scale
@@ -136,6 +161,7 @@ class TrialSettings:
             operator=operator(depth, self.seed) if operator else None,
             parameters=self.plant_parameters,
             sensors=self.sensors,
+            watchdog=watchdog,
             seed=self.seed,
         )
 
@@ -172,12 +198,25 @@ class TrialSettings:
     def make_conditioner(self) -> Conditioner:
         """Fresh signal conditioning."""
         return make_conditioner(
-            self.conditioning, self.bandwidth, self.sensors.encoder_resolution, self.force_lag
+            self.conditioning, self.bandwidth, self.encoder_resolution, self.force_lag
         )
+
+    @property
+    def encoder_resolution(self) -> float:
+        """Position of one count of the slave's encoder [m]."""
+        if self.rig:
+            return self.rig.sections.channels.slave_position.resolution_um * 1e-6
+        return self.sensors.encoder_resolution
 
     def make_bank(self) -> Bank:
         """A fresh bank of estimators."""
         return (self.preset or paper_preset(self.cube)).bank()
+
+    def what_is_palpated(self) -> dict[str, Any]:
+        """The simulated rig and its truth, or the rig file."""
+        if self.rig:
+            return {"rig": {"name": self.rig.sections.name, "toml": self.rig.text}}
+        return {"setup": asdict(self.setup), "sensors": asdict(self.sensors)}
 
     def description(self) -> dict[str, Any]:
         """All settings as JSON has them, for the recording."""
@@ -195,8 +234,8 @@ class TrialSettings:
             "bandwidth_hz": self.bandwidth,
             "force_lag_s": self.force_lag,
             "preset": asdict(self.preset or paper_preset(self.cube)),
-            "setup": asdict(self.setup),
-            "sensors": asdict(self.sensors),
+            "encoder_resolution_m": self.encoder_resolution,
+            **self.what_is_palpated(),
             "limits": asdict(self.limits),
             "tare": self.tare._asdict(),
         }

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import platform
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import datetime
 from importlib.metadata import version
@@ -14,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from drivers import RigError
+from drivers.registry import device_class
 from estimation import Bank, Estimates
 from estimation.compiled import Floats
 from teleop.black_box import BlackBox
@@ -65,7 +67,6 @@ class Trial:
         """What the trial comes to, as `teleop run --json` prints it."""
         settings, active = self.settings, self.recording.estimated()
         t, x, v, f = (active[name] for name in ("time", "x", "v", "f"))
-        cube = settings.setup.cube
         if len(t):
             depth = float(np.max(np.abs(active["slave_position"])))
             excitation = float(np.mean(active["excitation"])), float(active["excitation"][-1])
@@ -75,6 +76,8 @@ class Trial:
         return {
             "condition": settings.condition,
             "cube": settings.cube,
+            "rig": settings.rig.sections.name if settings.rig else "simulated",
+            "estimated_channels": list(estimated_channels(settings)),
             "duration_s": settings.duration,
             "clock": settings.clock,
             "seed": settings.seed,
@@ -85,12 +88,7 @@ class Trial:
                 for name, estimates in active.estimates().items()
                 if len(t)
             },
-            "truth": {
-                "b": cube.b,
-                "k_surface": cube.k1,
-                "k_deepest": cube.k1 + cube.k3 * depth**2,
-                "force_lag_s": settings.setup.force_lag,
-            },
+            "truth": None if settings.rig else truth(settings, depth),
             "excitation": {"mean": excitation[0], "last": excitation[1]},
             "loop": loop_timing(settings.rate, whole["time"], whole["lateness"], whole["overrun"])
             | tick_times(whole),
@@ -153,11 +151,14 @@ def run_trial(
         start = time.time_ns() + round((settings.limits.preflight + clock.period) * 1e9)
         if recorder:
             recorder.begin(start)
-        with StopSwitch(key) as switch, settings.make_rig(clock.now) as rig:
+        with (
+            StopSwitch(key) as switch,
+            realtime(real) as report,
+            settings.make_rig(clock.now) as rig,
+        ):
             session = Session(settings, clock, rig, bank, layout, sinks, box, switch)
-            with realtime(real) as report:
-                while session.step():
-                    pass
+            while session.step():
+                pass
     finally:
         outcomes = [sink.close() for sink in sinks]
     outcome = outcomes[0] if record else Outcome(None, session.ticks, 0, "")
@@ -181,6 +182,26 @@ def run_trial(
     return Trial(settings, recording, bank, interrupted, outcome, report, fault, folder)
 
 
+def truth(settings: TrialSettings, depth: float) -> dict[str, float]:
+    """What the simulated cube is, from its surface to the deepest that the slave went [m]."""
+    cube = settings.setup.cube
+    return {
+        "b": cube.b,
+        "k_surface": cube.k1,
+        "k_deepest": cube.k1 + cube.k3 * depth**2,
+        "force_lag_s": settings.setup.force_lag,
+    }
+
+
+def estimated_channels(settings: TrialSettings) -> Iterator[str]:
+    """The channels that no sensor measures: an observer estimates them."""
+    if settings.rig:
+        devices = settings.rig.devices
+        for name, channel in settings.rig.sections.channels.items():
+            if getattr(device_class(devices[channel.device].kind), "estimated", False):
+                yield name
+
+
 def session_metadata(settings: TrialSettings) -> dict[str, dict[str, str]]:
     """What a recording says of its session."""
     return {
@@ -190,7 +211,8 @@ def session_metadata(settings: TrialSettings) -> dict[str, dict[str, str]]:
             "machine": f"{platform.node()}, {platform.platform()}",
             "created": datetime.now().astimezone().isoformat(timespec="seconds"),
             "seed": str(settings.seed),
-            "rig": "simulated",
+            "rig": settings.rig.sections.name if settings.rig else "simulated",
+            "estimated_channels": ", ".join(estimated_channels(settings)) or "none",
         },
         "settings": {"json": dumps(settings.description())},
     }

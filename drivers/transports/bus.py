@@ -24,6 +24,8 @@ class Bus(ABC):
     def __init__(self, name: str, now: Callable[[], float]) -> None:
         self.name = name
         self.now = now
+        self.nap: Callable[[float], object] = time.sleep
+        """Lets time pass [s] between two looks."""
 
     @abstractmethod
     def open(self) -> None:
@@ -52,6 +54,6 @@ class Bus(ABC):
         while not condition():
             if self.now() > end:
                 return False
-            time.sleep(NAP)
+            self.nap(NAP)
             self.poll()
         return True

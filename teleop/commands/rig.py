@@ -2,70 +2,18 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Annotated
+from cyclopts import App
 
-from cyclopts import App, Parameter
+from teleop.commands.rig_check import check
+from teleop.commands.rig_emulate import emulate
+from teleop.commands.rig_list import list_
+from teleop.commands.rig_tare import tare
 
-from teleop.names import CubeName
-
-rig = App(name="rig", help="Set up a rig: its zeros.", help_format="markdown")
-
-
-@rig.command
-def tare(
-    *,
-    out: Path = Path("tare.json"),
-    contact: str = "keep",
-    cube: CubeName = "soft",
-    seed: int = 0,
-    json: Annotated[bool, Parameter(negative="")] = False,
-) -> int:
-    """Find where force and position are zero, and store it with its date.
-
-    The force zero is taken with idle drives and nothing loaded; a rig that moves or bears a
-    load is refused. Apply it with `teleop run --tare`.
-
-    Example: `teleop rig tare --contact touch --out tare.json`
-
-    Parameters
-    ----------
-    out
-        File for the zeros.
-    contact
-        The contact datum: the encoder's own zero (keep), found by going forward slowly until
-        the slave touches (touch), or a position such as 1.5mm.
-    cube
-        The cube on the simulated rig.
-    seed
-        Seed of the simulated sensors' noise.
-    json
-        Print one JSON document instead of a text.
-    """
-    from sim_backend import Sensors
-    from teleop import console
-    from teleop.clock import VirtualClock
-    from teleop.errors import InputError
-    from teleop.files import check_outputs
-    from teleop.table import quantity
-    from teleop.tare import write_tare
-    from teleop.touching import off_the_cube, touch, touch_settings
-    from teleop.zeroing import dated, force_zero
-
-    given = 0.0 if contact in ("keep", "touch") else quantity(contact, "position")
-    if given is None:
-        raise InputError(f"contact {contact!r}: expected keep, touch, or a position such as 1.5mm")
-    check_outputs(out)
-    sensors = Sensors()
-    clock = VirtualClock(1000.0)
-    with off_the_cube(cube, clock.now, sensors, seed) as simulated:
-        zero = force_zero(simulated, clock)
-    if contact == "touch":
-        given = touch(touch_settings(cube, zero, sensors, seed), record=None)
-    found = dated(zero, given)
-    write_tare(found, out)
-    if json:
-        console.print_json({**found._asdict(), "noise_n": zero.noise, "file": str(out)})
-    else:
-        console.print_tare(found, zero.noise, out)
-    return 0
+rig = App(
+    name="rig",
+    help="Set up a rig: find it, check it, emulate it, set its zeros.",
+    help_format="markdown",
+)
+rig.command(list_, name="list")
+for command in (check, emulate, tare):
+    rig.command(command)

@@ -22,10 +22,12 @@ from teleop.names import (
 def run(
     *,
     condition: ConditionName = "free",
+    rig: Path | None = None,
     cube: CubeName = "soft",
     duration: float = 10.0,
     clock: ClockName = "real",
-    rate: float = 1000.0,
+    rate: float | None = None,
+    depth: str | None = None,
     seed: int = 0,
     signal: SignalName = "sine",
     frequency: float = 2.0,
@@ -40,7 +42,7 @@ def run(
     plot: Path | None = None,
     json: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
-    """Palpate a cube on the simulated rig, and estimate its stiffness and damping meanwhile.
+    """Palpate, and estimate stiffness and damping of what is touched meanwhile.
 
     Ctrl-C brings the rig to a stop in good order, twice at once. In a terminal the Enter key is
     an emergency stop.
@@ -52,15 +54,21 @@ def run(
     condition
         An operator palpates as they like (free), tries to track a sine (mimic), or the PE
         injector moves the slave and nobody holds the handle (autonomous).
+    rig
+        Rig file, TOML, that says which devices the rig is made of; by default the rig is
+        simulated.
     cube
-        The cube on the simulated rig.
+        The cube on the simulated rig. On another rig: the paper's cube that comes closest, from
+        which depth of palpation and adaptation gain are taken.
     duration
         Length of the trial [s].
     clock
         The machine's clock, or virtual time: as fast as it goes, and the same to the bit for
         the same seed.
     rate
-        Rate of the loop [Hz].
+        Rate of the loop [Hz]; by default that of the rig file, or 1000.
+    depth
+        How deep the palpation goes, such as 5mm; by default as deep as the paper's.
     seed
         Seed of the simulated operator and of the sensor noise.
     signal
@@ -101,16 +109,20 @@ def run(
     from teleop.choices import make_coupling, make_signal
     from teleop.errors import InputError, SafetyStop
     from teleop.files import check_outputs
+    from teleop.rig_file import load_rig_file
     from teleop.settings import TrialSettings
     from teleop.tare import NO_TARE, read_tare
     from teleop.trial import run_trial
 
+    rig_file = load_rig_file(rig) if rig else None
     settings = TrialSettings(
         condition=condition,
+        rig=rig_file,
+        depth=read_depth(depth),
         cube=cube,
         duration=duration,
         clock=clock,
-        rate=rate,
+        rate=rate or (rig_file.sections.rate_hz if rig_file else 1000.0),
         seed=seed,
         signal=make_signal(signal, frequency),
         coupling=make_coupling(coupling),
@@ -124,7 +136,7 @@ def run(
     if record and record.suffix.lower() != ".mcap":
         raise InputError(f"{record}: expected a file ending in .mcap")
     if not no_record:
-        record = record or dated_path(f"{condition}-{cube}")
+        record = record or dated_path(f"{condition}-{rig.stem if rig else cube}")
     check_outputs(record, picture=plot)
     trial = run_trial(
         settings,
@@ -154,6 +166,17 @@ def run(
     if trial.fault:
         raise SafetyStop(f"stopped {moment(trial.fault)}: {trial.fault['text']}")
     return 130 if trial.interrupted else 0
+
+
+def read_depth(text: str | None) -> float | None:
+    """A depth with its unit [m]; InputError if it has none."""
+    from teleop.errors import InputError
+    from teleop.table import quantity
+
+    depth = quantity(text, "position") if text else None
+    if text and depth is None:
+        raise InputError(f"depth {text!r}: expected a length with its unit, such as 5mm")
+    return depth
 
 
 def dated_path(name: str) -> Path:

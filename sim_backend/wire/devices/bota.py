@@ -1,0 +1,81 @@
+"""A serial force-torque sensor of Bota Systems, as it is on the wire.
+
+Written down from Bota Systems' Python example and their driver `rokubimini_serial`: it greets at
+power-up, streams by itself, `C` takes it to configuration mode and `R` back.
+"""
+
+from __future__ import annotations
+
+import math
+from struct import pack
+from typing import TYPE_CHECKING
+
+from sim_backend.wire.emulated import EmulatedSerialDevice, Mount
+
+if TYPE_CHECKING:
+    from drivers.devices.bota import BotaSettings
+
+PERIOD = 64 / 51200
+"""Of frames, with its filter at 64 conversions [s]."""
+BACKLOG = 5
+"""Most frames that are sent late."""
+RANGES = {"fx": 500.0, "fy": 500.0, "fz": 1200.0, "mx": 15.0, "my": 15.0, "mz": 12.0}
+"""Of a Rokubi [N, N m]: beyond them it saturates, and says so."""
+OVERRANGE = 2
+
+
+class EmulatedBota(EmulatedSerialDevice):
+    """A sensor that senses `fx`, `fy`, `fz`, `mx`, `my`, `mz` and `temperature`.
+
+    Of the configuration mode it knows the way in and out alone.
+    """
+
+    def __init__(self, name: str, settings: BotaSettings, mount: Mount) -> None:
+        super().__init__(name, settings, mount)
+        self._power_up = math.nan
+        self._due = math.nan
+        self._configuring = False
+        self._answers: list[bytes] = []
+
+    def receive(self, data: bytes, now: float) -> None:
+        """Change the mode."""
+        for letter in data:
+            if letter in b"CR":
+                self._configuring = letter == ord("C")
+                self._answers.append(b"r,0,%c,0\r\n" % letter)
+                self._due = now + PERIOD
+
+    def emit(self, now: float) -> list[bytes]:
+        """The greeting, answers, and the frames that are due."""
+        if math.isnan(self._power_up):
+            self._power_up, self._due = now, now
+            self._answers.append(b"App Init\r\n")
+        out, self._answers = self._answers, []
+        if not self._configuring:
+            self._due = max(self._due, now - BACKLOG * PERIOD)
+            while self._due < now:
+                out.append(self._frame(self._due - self._power_up))
+                self._due += PERIOD
+        return out
+
+    def _frame(self, uptime: float) -> bytes:
+        status, values = 0, []
+        for signal, most in RANGES.items():
+            value = self.mount.sense(signal)
+            if abs(value) > most:
+                status = OVERRANGE
+            values.append(min(max(value, -most), most))
+        microseconds = round(uptime * 1e6) % 2**32
+        temperature = self.mount.sense("temperature")
+        data = pack("<H6fIf", status, *values, microseconds, temperature)
+        return b"\xaa" + data + pack("<H", crc(data))
+
+
+def crc(data: bytes) -> int:
+    """CRC-16/X.25, bit by bit."""
+    register = 0xFFFF
+    for byte in data:
+        register ^= byte
+        for _ in range(8):
+            register = register >> 1 ^ 0x8408 * (register & 1)
+    return register ^ 0xFFFF

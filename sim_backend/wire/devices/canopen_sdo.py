@@ -1,0 +1,139 @@
+"""The SDO server of an emulated CANopen node, CiA 301 7.2.4: what it holds and how it is asked.
+
+Downloads are expedited, uploads expedited or segmented; block transfer and segmented download are
+refused, as small drives do.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable
+from dataclasses import dataclass
+
+HEADER = struct.Struct("<BHB")
+UNKNOWN_COMMAND = 0x05040001
+TOGGLE_NOT_ALTERNATED = 0x05030000
+UNSUPPORTED_ACCESS = 0x06010000
+READ_ONLY = 0x06010002
+NO_OBJECT = 0x06020000
+NOT_MAPPABLE = 0x06040041
+PDO_TOO_LONG = 0x06040042
+LENGTH_MISMATCH = 0x06070010
+NO_SUB_INDEX = 0x06090011
+VALUE_RANGE = 0x06090030
+PRESENT_STATE = 0x08000022
+
+
+class Abort(Exception):
+    """The server refuses a request.
+
+    Parameters
+    ----------
+    code
+        Abort code, CiA 301 table 22.
+    """
+
+    def __init__(self, code: int) -> None:
+        super().__init__(f"SDO abort {code:08X}h")
+        self.code = code
+
+
+@dataclass
+class Entry:
+    """An entry of the object dictionary."""
+
+    kind: str
+    """Letter of `struct`; `s` for a string."""
+    value: int | bytes = 0
+    writable: bool = False
+    mappable: bool = False
+
+    def pack(self) -> bytes:
+        """As it goes over the wire."""
+        if isinstance(self.value, bytes):
+            return self.value
+        return struct.pack(f"<{self.kind}", self.value)
+
+    def unpack(self, data: bytes) -> int:
+        """The number that came over the wire."""
+        number: int = struct.unpack(f"<{self.kind}", data)[0]
+        return number
+
+    @property
+    def size(self) -> int:
+        """In bytes."""
+        return len(self.pack())
+
+
+ObjectDictionary = dict[tuple[int, int], Entry]
+"""Entries by index and sub-index."""
+
+
+class SdoServer:
+    """Answers requests about an object dictionary.
+
+    Parameters
+    ----------
+    objects
+        The object dictionary.
+    write
+        Writes a number to an entry, or raises `Abort`.
+    """
+
+    def __init__(self, objects: ObjectDictionary, write: Callable[[int, int, int], None]) -> None:
+        self._objects = objects
+        self._write = write
+        self._rest = b""
+        self._toggle = 0
+
+    def answer(self, request: bytes) -> bytes | None:
+        """The answer to a request of 8 bytes; None to one that needs none."""
+        command, index, sub = HEADER.unpack_from(request)
+        try:
+            match command >> 5:
+                case 1:
+                    return self._download(command, index, sub, request[4:])
+                case 2:
+                    return self._upload(index, sub)
+                case 3:
+                    return self._segment(command & 0x10)
+                case 4:
+                    self._rest = b""
+                    return None
+                case _:
+                    raise Abort(UNKNOWN_COMMAND)
+        except Abort as abort:
+            return HEADER.pack(0x80, index, sub) + abort.code.to_bytes(4, "little")
+
+    def _entry(self, index: int, sub: int) -> Entry:
+        if entry := self._objects.get((index, sub)):
+            return entry
+        known = any(index == other for other, _ in self._objects)
+        raise Abort(NO_SUB_INDEX if known else NO_OBJECT)
+
+    def _download(self, command: int, index: int, sub: int, data: bytes) -> bytes:
+        entry = self._entry(index, sub)
+        if not entry.writable:
+            raise Abort(READ_ONLY)
+        if not command & 2:
+            raise Abort(UNKNOWN_COMMAND)
+        size = 4 - (command >> 2 & 3) if command & 1 else entry.size
+        if size != entry.size:
+            raise Abort(LENGTH_MISMATCH)
+        self._write(index, sub, entry.unpack(data[:size]))
+        return HEADER.pack(0x60, index, sub) + bytes(4)
+
+    def _upload(self, index: int, sub: int) -> bytes:
+        data = self._entry(index, sub).pack()
+        if 0 < len(data) <= 4:
+            return HEADER.pack(0x43 | (4 - len(data)) << 2, index, sub) + data.ljust(4, b"\0")
+        self._rest, self._toggle = data, 0
+        return HEADER.pack(0x41, index, sub) + len(data).to_bytes(4, "little")
+
+    def _segment(self, toggle: int) -> bytes:
+        if toggle != self._toggle:
+            raise Abort(TOGGLE_NOT_ALTERNATED)
+        part, self._rest = self._rest[:7], self._rest[7:]
+        self._toggle ^= 0x10
+        head = toggle | (7 - len(part)) << 1 | (not self._rest)
+        return bytes((head,)) + part.ljust(7, b"\0")

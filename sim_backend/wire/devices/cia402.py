@@ -1,0 +1,234 @@
+"""A CiA 402 drive in software, true to the wire: state machine, csv mode, quick stop, faults."""
+
+from __future__ import annotations
+
+import math
+from enum import Enum
+
+from drivers.devices.cia402 import Cia402Settings
+from sim_backend.wire.devices.canopen_node import CanopenNode
+from sim_backend.wire.devices.canopen_sdo import (
+    UNSUPPORTED_ACCESS,
+    VALUE_RANGE,
+    Abort,
+    Entry,
+    ObjectDictionary,
+)
+from sim_backend.wire.emulated import Mount
+
+AXIS = "axis"
+RATED_TORQUE = 0.2
+"""[N m]"""
+DECELERATION = 2.0
+"""On the quick stop ramp [m/s²]."""
+CSV = 9
+PROFILE_VELOCITY = 3
+COUNTS_PER_SECOND, RPM = 0x00B50300, 0x00B44700
+
+
+class State(Enum):
+    """States with the bits of the statusword that tell them."""
+
+    SWITCH_ON_DISABLED = 0b100_0000
+    READY_TO_SWITCH_ON = 0b010_0001
+    SWITCHED_ON = 0b010_0011
+    OPERATION_ENABLED = 0b010_0111
+    QUICK_STOP_ACTIVE = 0b000_0111
+    FAULT_REACTION_ACTIVE = 0b000_1111
+    FAULT = 0b000_1000
+
+
+READY = (State.READY_TO_SWITCH_ON, State.SWITCHED_ON)
+RAMPING = (State.QUICK_STOP_ACTIVE, State.FAULT_REACTION_ACTIVE)
+VOLTAGE_ENABLED, REMOTE, FOLLOWS_COMMAND = 1 << 4, 1 << 9, 1 << 12
+
+
+class EmulatedCia402(CanopenNode):
+    """A drive whose motor follows the commanded velocity at once.
+
+    Attributes
+    ----------
+    state
+        The state of its power drive system.
+    """
+
+    settings: Cia402Settings
+
+    def __init__(self, name: str, settings: Cia402Settings, mount: Mount) -> None:
+        self._counts_per_metre = settings.counts_per_turn / (settings.travel_mm_per_turn * 1e-3)
+        self._turns_per_metre = 1e3 / settings.travel_mm_per_turn
+        super().__init__(name, settings, mount, drive_objects(settings, self._counts_per_metre))
+        self.state = State.SWITCH_ON_DISABLED
+        self._velocity = 0.0
+        self._controlword = 0
+        self._ran = math.inf
+
+    def fault(self, code: int) -> None:
+        """Fail with an error code, as the drive's own monitoring would have it."""
+        if self.state not in (State.FAULT, State.FAULT_REACTION_ACTIVE):
+            powered = self.state in (State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE)
+            self.state = State.FAULT_REACTION_ACTIVE if powered else State.FAULT
+            self.emergency(code, 0x01)
+
+    def reset(self) -> None:
+        """Begin as after power-up, with the power stage off."""
+        self.state, self._controlword = State.SWITCH_ON_DISABLED, 0
+        self._hold()
+
+    def connection_lost(self) -> None:
+        """Do what 6007h, abort connection option code, says."""
+        match self[0x6007, 0]:
+            case 1:
+                self.fault(0x8100)
+            case 2:
+                self._obey(0x00)
+            case 3:
+                self._obey(0x02)
+
+    def check(self, index: int, sub: int, value: int) -> None:
+        """Refuse what the drive cannot do."""
+        super().check(index, sub, value)
+        allowed = {
+            0x6007: (0, 1, 2, 3),
+            0x605A: (0, 2, 6),
+            0x6060: (0, PROFILE_VELOCITY, CSV),
+            0x60A9: (COUNTS_PER_SECOND, RPM),
+        }
+        if index in allowed and value not in allowed[index]:
+            raise Abort(VALUE_RANGE)
+        if index == 0x60A9 and self.state is State.OPERATION_ENABLED:
+            raise Abort(UNSUPPORTED_ACCESS)
+
+    def written(self, index: int) -> None:
+        """Obey the controlword."""
+        if index == 0x6040:
+            self._obey(self[0x6040, 0])
+
+    def _obey(self, controlword: int) -> None:
+        """Commands and transitions of CiA 402-2 table 26 and figure 3."""
+        rising = controlword & ~self._controlword
+        self._controlword = controlword
+        state = self.state
+        if state is State.FAULT and rising & 0x80:
+            self.state = State.SWITCH_ON_DISABLED
+            self.emergency(0, 0)
+        if state in (State.FAULT, State.FAULT_REACTION_ACTIVE):
+            return
+        switch_on, voltage, quick_stop_not, operate = (
+            bool(controlword >> bit & 1) for bit in range(4)
+        )
+        if not voltage:
+            self.state = State.SWITCH_ON_DISABLED
+        elif not quick_stop_not:
+            if state is State.OPERATION_ENABLED and self[0x605A, 0]:
+                self.state = State.QUICK_STOP_ACTIVE
+            elif state in READY or state is State.OPERATION_ENABLED:
+                self.state = State.SWITCH_ON_DISABLED
+        elif not switch_on:
+            if state is not State.QUICK_STOP_ACTIVE:
+                self.state = State.READY_TO_SWITCH_ON
+        elif state is State.READY_TO_SWITCH_ON:
+            self.state = State.SWITCHED_ON
+        elif state in (State.SWITCHED_ON, State.QUICK_STOP_ACTIVE) and operate:
+            self.state = State.OPERATION_ENABLED
+        elif state is State.OPERATION_ENABLED and not operate:
+            self.state = State.SWITCHED_ON
+
+    def run(self, now: float) -> None:
+        """Move as the state says, and measure."""
+        elapsed = max(0.0, now - self._ran)
+        self._ran = now
+        if self.state is State.OPERATION_ENABLED:
+            target = self[0x60FF, 0] / self._velocity_units if self[0x6060, 0] == CSV else 0.0
+            self._go(target)
+        elif self.state in RAMPING:
+            slower = abs(self._velocity) - self[0x6085, 0] / self._counts_per_metre * elapsed
+            self._go(math.copysign(max(slower, 0.0), self._velocity))
+            if self._velocity == 0.0:
+                self._stopped()
+        else:
+            self._hold()
+        self._measure()
+
+    def _stopped(self) -> None:
+        if self.state is State.FAULT_REACTION_ACTIVE:
+            self.state = State.FAULT
+            self._hold()
+        elif self[0x605A, 0] == 2:
+            self.state = State.SWITCH_ON_DISABLED
+            self._hold()
+
+    def _go(self, velocity: float) -> None:
+        self._velocity = velocity
+        self.mount.drive(AXIS, velocity)
+
+    def _hold(self) -> None:
+        self._velocity = 0.0
+        self.mount.brake(AXIS)
+
+    @property
+    def _velocity_units(self) -> float:
+        """Units of 60FFh for 1 m/s."""
+        if self[0x60A9, 0] == RPM:
+            return 60.0 * self._turns_per_metre
+        return self._counts_per_metre
+
+    def _measure(self) -> None:
+        status = self.state.value | VOLTAGE_ENABLED | REMOTE
+        if self.state is State.OPERATION_ENABLED and self[0x6060, 0] == CSV:
+            status |= FOLLOWS_COMMAND
+        force = self.mount.sense("force")
+        torque = force / (2.0 * math.pi * self._turns_per_metre)
+        measured = {
+            0x6041: status,
+            0x6061: self[0x6060, 0],
+            0x6064: wrapped(self.mount.sense("position") * self._counts_per_metre, 32),
+            0x606C: wrapped(self.mount.sense("velocity") * self._velocity_units, 32),
+            0x6077: max(-32768, min(32767, round(1e3 * torque / RATED_TORQUE))),
+        }
+        for index, value in measured.items():
+            self.objects[index, 0].value = value
+
+
+def wrapped(value: float, bits: int) -> int:
+    """The nearest integer in two's complement."""
+    half = 1 << bits - 1
+    return (round(value) + half) % (2 * half) - half
+
+
+def drive_objects(settings: Cia402Settings, counts_per_metre: float) -> ObjectDictionary:
+    """The objects of CiA 402 with their values at power-up, and those that name the drive."""
+    unit = {"counts_per_s": COUNTS_PER_SECOND, "rpm": RPM}[settings.velocity_unit]
+    return {
+        (0x1000, 0): Entry("I", 0x0002_0192),
+        (0x1008, 0): Entry("s", b"emulated CiA 402 servo drive"),
+        (0x1018, 0): Entry("B", 4),
+        (0x1018, 1): Entry("I", settings.vendor_id or 0),
+        (0x1018, 2): Entry("I", settings.product_code or 0),
+        (0x1018, 3): Entry("I", 1),
+        (0x1018, 4): Entry("I", 1),
+        (0x1400, 1): Entry("I", 0x200 + settings.node_id, writable=True),
+        (0x1600, 0): Entry("B", 1, writable=True),
+        (0x1600, 1): Entry("I", 0x6040_0010, writable=True),
+        (0x1800, 1): Entry("I", 0x180 + settings.node_id, writable=True),
+        (0x1A00, 0): Entry("B", 1, writable=True),
+        (0x1A00, 1): Entry("I", 0x6041_0010, writable=True),
+        (0x1802, 1): Entry("I", 0x380 + settings.node_id, writable=True),
+        (0x1A02, 0): Entry("B", 2, writable=True),
+        (0x1A02, 1): Entry("I", 0x6041_0010, writable=True),
+        (0x1A02, 2): Entry("I", 0x6064_0020, writable=True),
+        (0x6007, 0): Entry("h", 1, writable=True),
+        (0x6040, 0): Entry("H", 0, writable=True, mappable=True),
+        (0x6041, 0): Entry("H", 0, mappable=True),
+        (0x605A, 0): Entry("h", 2, writable=True),
+        (0x6060, 0): Entry("b", 0, writable=True, mappable=True),
+        (0x6061, 0): Entry("b", 0, mappable=True),
+        (0x6064, 0): Entry("i", 0, mappable=True),
+        (0x606C, 0): Entry("i", 0, mappable=True),
+        (0x6076, 0): Entry("I", round(RATED_TORQUE * 1e3)),
+        (0x6077, 0): Entry("h", 0, mappable=True),
+        (0x6085, 0): Entry("I", round(DECELERATION * counts_per_metre), writable=True),
+        (0x60A9, 0): Entry("I", unit, writable=True),
+        (0x60FF, 0): Entry("i", 0, writable=True, mappable=True),
+        (0x6502, 0): Entry("I", 1 << PROFILE_VELOCITY - 1 | 1 << CSV - 1),
+    }

@@ -1,0 +1,125 @@
+"""Any device on a CAN bus that a DBC file describes, as it is on the wire."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import cycle, product
+from typing import TYPE_CHECKING, Any
+
+import can
+import cantools
+from cantools.database.can import Database, Message, Signal
+
+from sim_backend.wire.emulated import EmulatedCanDevice, Mount
+
+if TYPE_CHECKING:
+    from drivers.devices.dbc import DbcSettings
+
+CYCLE = 1e-3
+"""Period of a message to which the DBC file gives no `GenMsgCycleTime` [s]."""
+BACKLOG = 5
+"""Most frames of a message that are sent late."""
+
+Selection = dict[str, int]
+"""Value of each multiplexer in a frame."""
+
+
+class EmulatedDbcDevice(EmulatedCanDevice):
+    """A device that sends its messages periodically, with what it senses by their signals' names.
+
+    Every frame of a multiplexed message carries the next of its choices.
+    """
+
+    def __init__(self, name: str, settings: DbcSettings, mount: Mount) -> None:
+        super().__init__(name, settings, mount)
+        database = cantools.database.load_file(settings.file, "dbc")
+        assert isinstance(database, Database)
+        wanted = settings.messages
+        messages = [m for m in database.messages if not wanted or m.name in wanted]
+        every = [signal.name for message in messages for signal in message.signals]
+        self._senders = [Sender(message, every) for message in messages]
+
+    def receive(self, frame: can.Message, now: float) -> None:
+        """It listens to nobody."""
+
+    def emit(self, now: float) -> list[can.Message]:
+        """The frames that are due."""
+        return [frame for sender in self._senders for frame in sender.due(now, self.mount)]
+
+
+class Sender:
+    """Sends one message.
+
+    Parameters
+    ----------
+    message
+        The message.
+    every
+        The names of all signals of the device; those that stand there twice need the message's.
+    """
+
+    def __init__(self, message: Message, every: Sequence[str]) -> None:
+        self._message = message
+        self._prefixed = {s.name for s in message.signals if every.count(s.name) > 1}
+        self._signals = {signal.name: signal for signal in message.signals}
+        self._period = (message.cycle_time or 0) * 1e-3 or CYCLE
+        self._selections = cycle(list(selections(message.signal_tree)))
+        self._next = math.nan
+
+    def due(self, now: float, mount: Mount) -> Iterator[can.Message]:
+        """The frames that are due by now, a few of those that should have gone before."""
+        if math.isnan(self._next):
+            self._next = now
+        self._next = max(self._next, now - BACKLOG * self._period)
+        while self._next < now:
+            self._next += self._period
+            yield can.Message(
+                arbitration_id=self._message.frame_id,
+                is_extended_id=self._message.is_extended_frame,
+                is_fd=self._message.length > 8,
+                data=self._message.encode(dict(self._values(mount)), strict=False),
+            )
+
+    def _values(self, mount: Mount) -> Iterator[tuple[str, float]]:
+        selection = next(self._selections)
+        for name, signal in self._signals.items():
+            chosen = selection.get(name)
+            if chosen is None:
+                sensed = f"{self._message.name}.{name}" if name in self._prefixed else name
+                yield name, within(signal, mount.sense(sensed))
+            else:
+                yield name, signal.scale * chosen + signal.offset
+
+
+def selections(tree: Sequence[Any]) -> Iterator[Selection]:
+    """Every choice of multiplexers that a frame can make; a single empty one if it has none.
+
+    Parameters
+    ----------
+    tree
+        cantools' `signal_tree`: names of signals, and for each multiplexer a mapping from its
+        values to trees.
+    """
+    ways = [
+        [
+            {name: value} | deeper
+            for value, branch in branches.items()
+            for deeper in selections(branch)
+        ]
+        for node in tree
+        if isinstance(node, Mapping)
+        for name, branches in node.items()
+    ]
+    for choice in product(*ways):
+        yield {name: value for part in choice for name, value in part.items()}
+
+
+def within(signal: Signal, value: float) -> float:
+    """The value, or the nearest that the signal's bits can hold."""
+    if signal.is_float:
+        return value
+    half = 1 << signal.length - 1
+    least, most = (-half, half - 1) if signal.is_signed else (0, 2 * half - 1)
+    low, high = sorted(signal.scale * raw + signal.offset for raw in (least, most))
+    return min(max(value, low), high)

@@ -1,0 +1,82 @@
+"""Robotiq's FT 300 force-torque sensor, as it is on the wire.
+
+Written down from its instruction manual, section 4.4: a Modbus RTU slave that streams once 0x0200
+is written to its register 410, until it is interrupted by bytes of 0xFF.
+"""
+
+from __future__ import annotations
+
+from struct import pack
+from typing import TYPE_CHECKING
+
+from sim_backend.wire.emulated import EmulatedSerialDevice, Mount
+
+if TYPE_CHECKING:
+    from drivers.devices.ft300 import Ft300Settings
+
+PERIOD = 10e-3
+"""Of frames [s]."""
+BACKLOG = 5
+"""Most frames that are sent late."""
+RANGES = {"fx": 300.0, "fy": 300.0, "fz": 300.0, "mx": 30.0, "my": 30.0, "mz": 30.0}
+"""Where it saturates [N, N m]."""
+COUNTS = {"f": 100, "m": 1000}
+"""Of a newton and of a newton metre."""
+SLAVE, WRITE_REGISTERS = 9, 0x10
+REQUEST = bytes((SLAVE, WRITE_REGISTERS, 0x01, 0x9A, 0, 1, 2, 0x02, 0x00))
+INTERRUPTION = 10
+"""So many bytes of 0xFF in a row end the stream; the manual has the host send 50."""
+
+
+class EmulatedFt300(EmulatedSerialDevice):
+    """A sensor that senses `fx`, `fy`, `fz`, `mx`, `my` and `mz`.
+
+    Of Modbus it knows the request to stream alone; it answers none while it streams.
+    """
+
+    def __init__(self, name: str, settings: Ft300Settings, mount: Mount) -> None:
+        super().__init__(name, settings, mount)
+        self._received = b""
+        self._streaming = False
+        self._due = 0.0
+        self._answers: list[bytes] = []
+
+    def receive(self, data: bytes, now: float) -> None:
+        """Begin the stream, or end it."""
+        request = REQUEST + pack("<H", crc(REQUEST))
+        for byte in data:
+            self._received = (self._received + bytes((byte,)))[-len(request) :]
+            if self._streaming:
+                self._streaming = not self._received.endswith(INTERRUPTION * b"\xff")
+            elif self._received == request:
+                self._streaming, self._due = True, now + PERIOD
+                answer = REQUEST[:6]
+                self._answers.append(answer + pack("<H", crc(answer)))
+
+    def emit(self, now: float) -> list[bytes]:
+        """The answer, and the frames that are due."""
+        out, self._answers = self._answers, []
+        if self._streaming:
+            self._due = max(self._due, now - BACKLOG * PERIOD)
+            while self._due < now:
+                out.append(self._frame())
+                self._due += PERIOD
+        return out
+
+    def _frame(self) -> bytes:
+        counts = [
+            round(min(max(self.mount.sense(signal), -most), most) * COUNTS[signal[0]])
+            for signal, most in RANGES.items()
+        ]
+        frame = pack("<BB6h", 0x20, 0x4E, *counts)
+        return frame + pack("<H", crc(frame))
+
+
+def crc(data: bytes) -> int:
+    """CRC-16/MODBUS, bit by bit."""
+    register = 0xFFFF
+    for byte in data:
+        register ^= byte
+        for _ in range(8):
+            register = register >> 1 ^ 0xA001 * (register & 1)
+    return register

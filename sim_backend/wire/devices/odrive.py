@@ -1,0 +1,185 @@
+"""An axis of an ODrive, firmware 0.5 or 0.6, as it is on the CAN bus.
+
+Written down from ODrive's documentation ("CAN Protocol") and, for 0.5, from its firmware's
+`can_simple.cpp` and `axis.cpp`: the watchdog of 0.5 is fed by every frame to the axis and runs in
+every state, that of 0.6 is fed by set-points.
+"""
+
+from __future__ import annotations
+
+import math
+from struct import pack, unpack
+from typing import TYPE_CHECKING
+
+import can
+
+from sim_backend.wire.emulated import EmulatedCanDevice, Mount
+
+if TYPE_CHECKING:
+    from drivers.devices.odrive import ODriveSettings
+
+HEARTBEAT_PERIOD = 10e-3
+FEEDBACK_PERIOD = 1e-3
+"""Of encoder estimates, and of torques on 0.6, as the example rig sets it up [s]."""
+BACKLOG = 5
+"""Most frames of a kind that are sent late."""
+BOOT = 0.3
+"""Silence after a reset [s]."""
+
+IDLE, CLOSED_LOOP = 1, 8
+VELOCITY_CONTROL, PASSTHROUGH = 2, 1
+WATCHDOG_EXPIRED = {"0.5": 0x800, "0.6": 0x1000000}
+ESTOP_REQUESTED = {"0.5": 0x4000, "0.6": 0x2000000}
+INVALID_STATE_05 = 0x1
+SUCCESS, BUSY, CANCELLED, DISARMED = 0, 1, 2, 3
+INVALID_STATE_06 = 13
+SET_POINTS = (0x0C, 0x0D, 0x0E)
+
+
+class EmulatedODrive(EmulatedCanDevice):
+    """An axis of an ODrive that moves the drive `axis` of its mount.
+
+    It knows closed loop control of velocity in passthrough; in other modes it stands still.
+
+    Parameters
+    ----------
+    name
+        What the rig file calls it.
+    settings
+        The driver's settings.
+    mount
+        Gives `position`, `velocity` and `force`, and takes the velocity.
+    """
+
+    settings: ODriveSettings
+
+    def __init__(self, name: str, settings: ODriveSettings, mount: Mount) -> None:
+        super().__init__(name, settings, mount)
+        self._travel = settings.travel_mm_per_turn * 1e-3
+        self._old = settings.firmware == "0.5"
+        self._awake = -math.inf
+        self._reset()
+
+    def _reset(self) -> None:
+        """As at power-up."""
+        self._state, self._result = IDLE, SUCCESS
+        self._errors = 0
+        """Of 0.5 all, of 0.6 those that it disarmed for."""
+        self._mode = (3, PASSTHROUGH)
+        self._input_vel, self._vel_limit = 0.0, 2.0
+        self._fed = math.nan
+        self._due: dict[int, float] = {}
+        self._answers: list[can.Message] = []
+
+    def receive(self, frame: can.Message, now: float) -> None:
+        """Obey a frame to this node; others are none of its business."""
+        node, command = frame.arbitration_id >> 5, frame.arbitration_id & 0x1F
+        if frame.is_extended_id or node != self.settings.node or now < self._awake:
+            return
+        if self._old or command in SET_POINTS:
+            self._fed = now
+        data = bytes(frame.data)
+        if frame.is_remote_frame:
+            answer = self._told(command, now)
+            if answer:
+                self._answers.append(self._frame(command, answer))
+        elif command == 0x02:
+            self._disarm(ESTOP_REQUESTED[self.settings.firmware])
+        elif command == 0x16:
+            self._reset()
+            self._awake = now + BOOT
+        elif command == 0x18:
+            self._errors = 0
+        elif len(data) == 8:
+            self._set(command, data, now)
+
+    def _set(self, command: int, data: bytes, now: float) -> None:
+        if command == 0x07:
+            self._enter(unpack("<I4x", data)[0], now)
+        elif command == 0x0B:
+            self._mode = unpack("<II", data)
+        elif command == 0x0D:
+            self._input_vel = unpack("<f4x", data)[0]
+        elif command == 0x0F:
+            self._vel_limit = unpack("<f4x", data)[0]
+
+    def _enter(self, state: int, now: float) -> None:
+        """Obey the request of a state: idle, or closed loop control if there is no error."""
+        if state == IDLE:
+            self._state, self._result = IDLE, CANCELLED
+        elif state != CLOSED_LOOP:
+            self._errors |= INVALID_STATE_05 if self._old else 0
+            self._state, self._result = IDLE, INVALID_STATE_06
+        elif self._shown_errors(now):
+            self._result = DISARMED
+        else:
+            self._state, self._result = CLOSED_LOOP, BUSY
+
+    def _disarm(self, error: int) -> None:
+        self._errors |= error
+        self._state, self._result = IDLE, DISARMED
+
+    def _expired(self, now: float) -> bool:
+        return now - self._fed > self.settings.watchdog_ms * 1e-3
+
+    def _shown_errors(self, now: float) -> int:
+        """What the heartbeat tells: on 0.6 an expired watchdog is an error for that long only."""
+        active = WATCHDOG_EXPIRED["0.6"] if not self._old and self._expired(now) else 0
+        return self._errors | active
+
+    def emit(self, now: float) -> list[can.Message]:
+        """Answers, and what is sent in cycles; the watchdog and the motor's velocity besides."""
+        if now < self._awake:
+            self.mount.brake("axis")
+            return []
+        if math.isnan(self._fed):
+            self._fed = now
+        if self._expired(now) and (self._old or self._state == CLOSED_LOOP):
+            self._disarm(WATCHDOG_EXPIRED[self.settings.firmware])
+        self._actuate()
+        frames, self._answers = self._answers, []
+        for command, period in self._cycles():
+            due = self._due.get(command, now)
+            due = max(due, now - (BACKLOG - 1) * period)
+            while due <= now:
+                frames.append(self._frame(command, self._told(command, now)))
+                due += period
+            self._due[command] = due
+        return frames
+
+    def _cycles(self) -> tuple[tuple[int, float], ...]:
+        cycles = ((0x01, HEARTBEAT_PERIOD), (0x09, FEEDBACK_PERIOD))
+        return cycles if self._old else (*cycles, (0x1C, FEEDBACK_PERIOD))
+
+    def _actuate(self) -> None:
+        if self._state != CLOSED_LOOP:
+            self.mount.brake("axis")
+            return
+        limit = self._vel_limit
+        follows = self._mode == (VELOCITY_CONTROL, PASSTHROUGH)
+        turns = min(max(self._input_vel, -limit), limit) if follows else 0.0
+        self.mount.drive("axis", turns * self._travel)
+
+    def _told(self, command: int, now: float) -> bytes:
+        """The data under a command; empty if the firmware does not tell any."""
+        if command == 0x01:
+            errors = self._shown_errors(now)
+            if self._old:
+                return pack("<IBBBB", errors, self._state, 0, 0, 0x80)
+            return pack("<IBBBx", errors, self._state, self._result, 1)
+        if command == 0x09:
+            position, velocity = self.mount.sense("position"), self.mount.sense("velocity")
+            return pack("<ff", position / self._travel, velocity / self._travel)
+        torque = self.mount.sense("force") * self._travel / math.tau
+        if command == 0x14:
+            current = torque / (self.settings.torque_constant_nm_per_a or math.inf)
+            return pack("<ff", current, current)
+        if command == 0x1C and not self._old:
+            return pack("<ff", torque, torque)
+        if command == 0x00 and not self._old:
+            return pack("<8B", 2, 4, 4, 58, 0, 6, 10, 0)
+        return b""
+
+    def _frame(self, command: int, data: bytes) -> can.Message:
+        identifier = self.settings.node << 5 | command
+        return can.Message(arbitration_id=identifier, data=data, is_extended_id=False)

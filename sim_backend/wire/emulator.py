@@ -1,0 +1,185 @@
+"""The emulator: a rig file's devices in software, on wires that a host can connect to."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import NamedTuple, Self
+
+from drivers.rig_file import CanSettings, RigFile
+from sim_backend.rig import SimulatedRig
+from sim_backend.wire.bench import Bench
+from sim_backend.wire.emulated import EmulatedCanDevice, EmulatedDevice, EmulatedSerialDevice
+from sim_backend.wire.registry import emulated_class
+from sim_backend.wire.wire_faults import FAULTS
+from sim_backend.wire.wires import InterfaceWire, SerialWire, SlcanWire, Wire
+
+
+class PlannedFault(NamedTuple):
+    """A fault that is to set in."""
+
+    kind: str
+    """One of `FAULTS`, or of `ACTIONS`."""
+    where: str
+    """A bus, or for a reset a device."""
+    at: float
+    """After a drive was first enabled [s]."""
+
+
+ACTIONS = ("unplug", "replug", "reset")
+"""Faults that are no change of what is sent."""
+
+
+class Emulator:
+    """Emulated devices on a bench, each bus of the rig file a wire; a context manager.
+
+    Serial ports and slcan adapters are pseudo-terminals, other CAN interfaces are joined.
+
+    Parameters
+    ----------
+    file
+        The rig.
+    make_rig
+        Makes the simulated telemanipulator on a clock [s].
+    folder
+        Where the pseudo-terminals stand, each under the name of its bus.
+    faults
+        Faults to come.
+    now
+        The clock [s].
+
+    Raises
+    ------
+    ValueError
+        A kind of device cannot be emulated.
+    """
+
+    def __init__(
+        self,
+        file: RigFile,
+        make_rig: Callable[[Callable[[], float]], SimulatedRig],
+        folder: Path,
+        faults: Sequence[PlannedFault] = (),
+        now: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self.file = file
+        self._faults = sorted(faults, key=lambda fault: fault.at)
+        self._started = math.inf
+        self._now = now
+        self.bench = Bench(file, make_rig, now)
+        self.devices = dict(self._emulated())
+        self.wires = {name: self._wire(name, folder) for name in file.sections.buses}
+
+    def _emulated(self) -> list[tuple[str, EmulatedDevice]]:
+        """The devices that are on a bus, emulated."""
+        found = []
+        for name, settings in self.file.devices.items():
+            if not hasattr(settings, "bus"):
+                continue
+            try:
+                kind = emulated_class(settings.kind)
+            except KeyError:
+                raise ValueError(
+                    f"devices.{name}: there is no emulated {settings.kind}: expected a package "
+                    "that offers one"
+                ) from None
+            found.append((name, kind(name, settings, self.bench.mounts[name])))
+        return found
+
+    def _on(self, bus: str) -> list[EmulatedDevice]:
+        return [d for d in self.devices.values() if d.settings.bus == bus]
+
+    def _wire(self, bus: str, folder: Path) -> Wire:
+        settings = self.file.sections.buses[bus]
+        path = folder / bus
+        if not isinstance(settings, CanSettings):
+            (device,) = self._on(bus)
+            assert isinstance(device, EmulatedSerialDevice)
+            return SerialWire(path, device)
+        devices = [d for d in self._on(bus) if isinstance(d, EmulatedCanDevice)]
+        if settings.interface == "slcan":
+            return SlcanWire(path, devices)
+        return InterfaceWire(settings.interface, settings.channel, devices)
+
+    def reset(self, name: str) -> None:
+        """Let a device start anew, as after a loss of power."""
+        old = self.devices[name]
+        new = type(old)(name, old.settings, old.mount)
+        self.devices[name] = new
+        for wire in self.wires.values():
+            if isinstance(wire, SerialWire) and wire.device is old:
+                assert isinstance(new, EmulatedSerialDevice)
+                wire.device = new
+            elif isinstance(wire, SlcanWire | InterfaceWire) and old in wire.devices:
+                assert isinstance(new, EmulatedCanDevice)
+                wire.devices[wire.devices.index(old)] = new
+
+    def inject(self, fault: PlannedFault) -> None:
+        """Let a fault set in now."""
+        if fault.kind == "reset":
+            self.reset(fault.where)
+        elif fault.kind == "unplug":
+            self.wires[fault.where].close()
+        elif fault.kind == "replug":
+            self.wires[fault.where].open()
+        else:
+            self.wires[fault.where].fault = FAULTS[fault.kind]()
+
+    def step(self) -> None:
+        """Let the telemanipulator and the devices catch up with the clock."""
+        self.bench.advance()
+        now = self._now()
+        if self.bench.driven:
+            self._started = min(self._started, now)
+        while self._faults and now - self._started >= self._faults[0].at:
+            self.inject(self._faults.pop(0))
+        for wire in self.wires.values():
+            wire.serve(now)
+
+    def serve(self, stopped: Callable[[], bool]) -> None:
+        """Step at the rig's rate until told to stop."""
+        period = 1.0 / self.file.sections.rate_hz
+        due = time.monotonic()
+        while not stopped():
+            self.step()
+            due = max(due + period, time.monotonic() - 0.1)
+            time.sleep(max(due - time.monotonic(), 0.0))
+
+    def __enter__(self) -> Self:
+        try:
+            for wire in self.wires.values():
+                wire.open()
+        except BaseException:
+            self.__exit__(None, None, None)
+            raise
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        for wire in self.wires.values():
+            wire.close()
+
+
+def host_file(file: RigFile, folder: Path) -> str:
+    """The rig file to run against the emulator: pseudo-terminals for ports, paths made whole."""
+    import tomlkit
+
+    document = tomlkit.parse(file.text)
+    for name, settings in file.sections.buses.items():
+        bus = document["buses"][name]
+        if not isinstance(settings, CanSettings):
+            bus["port"] = str(folder / name)
+        elif settings.interface == "slcan":
+            bus["channel"] = str(folder / name)
+    for name, device in file.devices.items():
+        for key, value in device:
+            if isinstance(value, Path):
+                document["devices"][name][key] = str(value.resolve())
+    return tomlkit.dumps(document)

@@ -1,0 +1,86 @@
+"""`teleop rig emulate`: a rig's devices in software, on wires that are real."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from teleop.names import ConditionName, CubeName
+
+
+def emulate(
+    file: Path,
+    /,
+    *,
+    out: Path = Path("run.toml"),
+    cube: CubeName = "soft",
+    condition: ConditionName = "free",
+    depth: str | None = None,
+    seed: int = 0,
+    fault: tuple[str, ...] = (),
+    json: Annotated[bool, Parameter(negative="")] = False,
+) -> int:
+    """Serve a rig's devices in software, with the simulated plant behind them, until stopped.
+
+    Serial ports and slcan adapters become pseudo-terminals; a SocketCAN bus must be there. In
+    another terminal: `teleop run --rig run.toml --condition CONDITION`. Two seconds after the
+    drives were idled the plant is put back to its start.
+
+    Example: `teleop rig emulate rigs/serial-board.toml --condition mimic --cube hard`
+
+    Parameters
+    ----------
+    file
+        Rig file, TOML.
+    out
+        Where to write the rig file to run against the emulator.
+    cube
+        The cube that is palpated.
+    condition
+        Who holds the handle: an operator who palpates as they like (free), one who tries to
+        track a sine (mimic), or nobody (autonomous).
+    depth
+        How deep the operator palpates, such as 5mm; by default as deep as in the paper.
+    seed
+        Seed of operator and sensor noise.
+    fault
+        A fault of a wire, KIND:BUS@SECONDS after the drives are enabled, such as
+        corrupt:force@3; may be repeated. Kinds: drop, double, reorder, delay, truncate, corrupt,
+        length, burst, noise, baud, silence, error-frames, bus-off, unplug, replug; reset takes a
+        device for the bus.
+    json
+        Print one JSON document, once it serves, instead of a text.
+    """
+    import shutil
+    import tempfile
+
+    from sim_backend.wire.emulator import host_file
+    from teleop import console, rig_console
+    from teleop.commands.run import read_depth
+    from teleop.emulation import make_emulator, opened, read_fault, stop_signals
+    from teleop.files import write_text
+    from teleop.rig_file import load_rig_file
+    from teleop.settings import TrialSettings
+
+    rig = load_rig_file(file)
+    faults = [read_fault(text, rig) for text in fault]
+    settings = TrialSettings(condition=condition, cube=cube, seed=seed, depth=read_depth(depth))
+    folder = Path(tempfile.mkdtemp(prefix="teleop-"))
+    try:
+        emulator = make_emulator(rig, settings, folder, faults)
+        with stop_signals() as stopped, opened(emulator):
+            write_text(out, host_file(rig, folder))
+            ports = {
+                name: bus.port if bus.kind == "serial" else bus.channel
+                for name, bus in load_rig_file(out).sections.buses.items()
+            }
+            if json:
+                console.print_json({"rig": rig.sections.name, "file": str(out), "ports": ports})
+            else:
+                rig_console.print_emulation(rig.sections.name, ports, out, condition, cube)
+            emulator.serve(stopped)
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+    return 0

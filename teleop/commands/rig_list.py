@@ -1,0 +1,28 @@
+"""`teleop rig list`: the ports and buses that this machine has."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from cyclopts import Parameter
+
+
+def list_(*, json: Annotated[bool, Parameter(negative="")] = False) -> int:
+    """Show the serial ports and CAN buses that this machine has.
+
+    Example: `teleop rig list`
+
+    Parameters
+    ----------
+    json
+        Print one JSON document instead of a table.
+    """
+    from teleop import console, rig_console
+    from teleop.rig_list import found
+
+    ports = found()
+    if json:
+        console.print_json({"ports": [port._asdict() for port in ports]})
+    else:
+        rig_console.print_ports(ports)
+    return 0

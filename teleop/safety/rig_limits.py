@@ -1,0 +1,77 @@
+"""Limits of a rig of devices, as its rig file gives them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from drivers.rig_file import ForceSettings, PositionSettings, RigSections, VelocitySettings
+from teleop.safety.limits import ChannelLimits, Limits, usual_channels
+
+
+def rig_limits(rig: RigSections) -> Limits:
+    """What the safety supervisor holds the rig to, in SI units.
+
+    Raises
+    ------
+    ValueError
+        A hard limit lies inside its soft limit, or a range is empty.
+    """
+    given = rig.limits
+    channels = {name: absent(limits) for name, limits in usual_channels().items()}
+    for name, channel in rig.channels.items():
+        try:
+            channels[name] = channel_limits(channel)
+        except ValueError as error:
+            raise ValueError(f"channels.{name}: {error}") from error
+    try:
+        return Limits(
+            max_velocity=given.max_velocity_mm_per_s * 1e-3,
+            max_acceleration=given.max_acceleration_m_per_s2,
+            max_master_velocity=given.max_master_velocity_mm_per_s * 1e-3,
+            max_master_acceleration=given.max_master_acceleration_m_per_s2,
+            soft_position=metres(given.soft_position_mm),
+            hard_position=metres(given.hard_position_mm),
+            soft_force=given.soft_force_n,
+            hard_force=given.hard_force_n,
+            following_error=given.following_error_mm * 1e-3,
+            drive_compliance=given.drive_compliance_um_per_n * 1e-6,
+            rest_velocity=given.rest_velocity_mm_per_s * 1e-3,
+            rest_master_force=given.rest_master_force_n,
+            channels=channels,
+        )
+    except ValueError as error:
+        raise ValueError(f"limits: {error}") from error
+
+
+def absent(limits: ChannelLimits) -> ChannelLimits:
+    """The limits of a channel that the rig does not have: it reads NaN."""
+    return ChannelLimits(limits.low, limits.high, required=False)
+
+
+def channel_limits(channel: ForceSettings | PositionSettings | VelocitySettings) -> ChannelLimits:
+    """What is healthy on a channel."""
+    common: dict[str, Any] = {"max_age": channel.max_age_ms * 1e-3}
+    match channel:
+        case ForceSettings():
+            low, high = channel.range_n
+            common["max_rate"] = channel.max_rate_n_per_s
+            common["frozen_time"] = channel.frozen_ms and channel.frozen_ms * 1e-3
+        case PositionSettings():
+            low, high = metres(channel.range_mm)
+            common["max_rate"] = scaled(channel.max_rate_mm_per_s)
+            common["frozen_travel"] = scaled(channel.frozen_travel_mm)
+        case VelocitySettings():
+            low, high = metres(channel.range_mm_per_s)
+            common["max_rate"] = scaled(channel.max_rate_mm_per_s2)
+            common["frozen_travel"] = scaled(channel.frozen_travel_mm_per_s)
+    return ChannelLimits(low, high, **{name: v for name, v in common.items() if v is not None})
+
+
+def scaled(value: float | None) -> float | None:
+    """From mm to m."""
+    return None if value is None else value * 1e-3
+
+
+def metres(ends: tuple[float, float]) -> tuple[float, float]:
+    """From mm to m."""
+    return ends[0] * 1e-3, ends[1] * 1e-3

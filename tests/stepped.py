@@ -1,0 +1,98 @@
+"""Trials on emulated devices over real pseudo-terminals, in virtual time and one process.
+
+The emulator takes a step at each tick, so a trial of a second takes a fraction of it, and a
+fault sets in at a chosen tick. The wire is real: pyserial and python-can talk to pseudo-terminals.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from drivers import Measurement
+from drivers.rig_file import RigFile, read_rig_file
+from drivers.wired_rig import WiredRig
+from sim_backend.wire.bench import NEVER
+from sim_backend.wire.emulator import Emulator, PlannedFault, host_file
+from teleop.safety.rig_limits import rig_limits
+from teleop.settings import TrialSettings
+
+RIGS = Path(__file__).parents[1] / "rigs"
+
+
+class SteppedRig(WiredRig):
+    """A rig of devices, emulated in step with its clock."""
+
+    def __init__(
+        self,
+        file: RigFile,
+        settings: TrialSettings,
+        now: Callable[[], float],
+        faults: Sequence[PlannedFault],
+        prepare: Callable[[Emulator], None],
+    ) -> None:
+        self._ahead = 0.0
+        self._clock = now
+        self._folder = Path(tempfile.mkdtemp(prefix="stepped-"))
+        self.emulator = Emulator(
+            file,
+            lambda now: settings.make_simulated_rig(now, NEVER),
+            self._folder,
+            faults,
+            self.time,
+        )
+        prepare(self.emulator)
+        host = self._folder / "host.toml"
+        host.write_text(host_file(file, self._folder))
+        super().__init__(read_rig_file(host), self.time)
+        for bus in self.buses.values():
+            bus.nap = self.nap
+
+    def time(self) -> float:
+        """The clock's time, and what the opening took."""
+        return self._clock() + self._ahead
+
+    def nap(self, seconds: float) -> None:
+        """Let time pass."""
+        self._ahead += seconds
+        self.emulator.step()
+
+    def open(self) -> None:
+        self.emulator.__enter__()
+        super().open()
+
+    def read(self) -> Measurement:
+        self.emulator.step()
+        return super().read()
+
+    def close(self) -> None:
+        super().close()
+        self.emulator.__exit__(None, None, None)
+
+
+@dataclass(frozen=True)
+class SteppedSettings(TrialSettings):
+    """A trial on an emulated rig in virtual time."""
+
+    file: RigFile = field(kw_only=True)
+    faults: Sequence[PlannedFault] = ()
+    prepare: Callable[[Emulator], None] = lambda emulator: None
+
+    def make_rig(self, now: Callable[[], float]) -> SteppedRig:
+        return SteppedRig(self.file, self, now, self.faults, self.prepare)
+
+
+def stepped(name: str, condition: str = "autonomous", **settings: object) -> SteppedSettings:
+    """A trial on one of the example rigs."""
+    file = read_rig_file(RIGS / f"{name}.toml")
+    limits = rig_limits(file.sections)
+    return SteppedSettings(
+        condition=condition,
+        clock="virtual",
+        rate=file.sections.rate_hz,
+        custom_limits=limits,
+        file=file,
+        **settings,  # type: ignore[arg-type]
+    )
