@@ -10,7 +10,8 @@ from typing import NamedTuple
 
 from drivers.device import CanDevice, DerivedDevice, Device, SerialDevice, VelocityDrive, sole_drive
 from drivers.rig import CHANNELS, STANDSTILL, Ages, Command, Measurement, Rig, RigError
-from drivers.rig_file import CanSettings, RigFile
+from drivers.rig_file import RigFile
+from drivers.rig_sections import CanSettings
 from drivers.transports.bus import Bus
 from drivers.transports.can_bus import CanBus
 from drivers.transports.serial_port import SerialPort

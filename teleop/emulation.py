@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING
 import can
 
 from drivers.rig_file import RigFile
+from drivers.rig_sections import CanSettings, SerialSettings
 from sim_backend.wire.bench import NEVER
 from sim_backend.wire.emulator import ACTIONS, Emulator, PlannedFault
-from sim_backend.wire.wire_faults import FAULTS
+from sim_backend.wire.wire_faults import FAULTS, ON_CAN, ON_SERIAL_LINES
 from teleop.errors import InputError
 from teleop.settings import TrialSettings
 
@@ -42,10 +43,23 @@ def read_fault(text: str, rig: RigFile) -> PlannedFault:
             f"fault {text!r}: expected KIND:BUS@SECONDS such as corrupt:force@3, the kind one of "
             f"{', '.join(kinds)}"
         )
-    places = rig.devices if kind == "reset" else rig.sections.buses
+    places = list(rig.devices)
+    if kind != "reset":
+        places = [name for name, bus in rig.sections.buses.items() if suits(kind, bus)]
     if where not in places:
-        raise InputError(f"fault {text!r}: {where!r}: expected one of {', '.join(places)}")
+        raise InputError(
+            f"fault {text!r}: {where!r}: expected one of {', '.join(places) or 'none'}"
+        )
     return PlannedFault(kind, where, seconds)
+
+
+def suits(kind: str, bus: SerialSettings | CanSettings) -> bool:
+    """Whether a fault can befall a bus: bits flip on serial lines, error frames are CAN's."""
+    if kind in ON_CAN:
+        return isinstance(bus, CanSettings)
+    return (
+        kind not in ON_SERIAL_LINES or not isinstance(bus, CanSettings) or bus.interface == "slcan"
+    )
 
 
 def make_emulator(

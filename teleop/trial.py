@@ -137,7 +137,7 @@ def run_trial(
     bank = settings.make_bank()
     layout = Layout(bank)
     metadata = session_metadata(settings)
-    recorder = None
+    recorder = session = None
     if record or show:
         virtual = settings.clock == "virtual"
         recorder = RecorderProcess(record, layout, metadata, settings.duration, show, wait=virtual)
@@ -151,16 +151,21 @@ def run_trial(
         start = time.time_ns() + round((settings.limits.preflight + clock.period) * 1e9)
         if recorder:
             recorder.begin(start)
-        with (
-            StopSwitch(key) as switch,
-            realtime(real) as report,
-            settings.make_rig(clock.now) as rig,
-        ):
-            session = Session(settings, clock, rig, bank, layout, sinks, box, switch)
-            while session.step():
-                pass
+        try:
+            with (
+                StopSwitch(key) as switch,
+                realtime(real) as report,
+                settings.make_rig(clock.now) as rig,
+            ):
+                session = Session(settings, clock, rig, bank, layout, sinks, box, switch)
+                while session.step():
+                    pass
+        except RigError:
+            if not session or not session.error:
+                raise
     finally:
         outcomes = [sink.close() for sink in sinks]
+    assert session
     outcome = outcomes[0] if record else Outcome(None, session.ticks, 0, "")
     if memory:
         recording = from_messages(layout.definition, memory.messages, memory.events, metadata)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import time
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -13,9 +14,12 @@ from drivers.device import CanDevice
 from drivers.rig import RigError
 from drivers.transports.bus import Bus
 from drivers.transports.serial_port import reason
+from drivers.transports.slcan import SlcanBus, StatusFlags
 
 LATEST = 1.0
 """A time stamp that is older is another clock's, not the kernel's [s]."""
+STATUS_EVERY = 0.1
+"""Between two questions to an slcan adapter how it is [s]."""
 MOST = 4096
 """Most frames that are taken at once."""
 BUS_OFF = 0x40
@@ -61,6 +65,7 @@ class CanBus(Bus):
         self._drain: Callable[[], list[can.Message]] = list
         self._routes: dict[int, CanDevice] = {}
         self._polled = now()
+        self._asked = -math.inf
         self.received = 0
         """Frames so far."""
         self.errors = 0
@@ -75,8 +80,6 @@ class CanBus(Bus):
         """Open the adapter."""
         try:
             if self.interface == "slcan":
-                from drivers.transports.slcan import SlcanBus
-
                 bus = SlcanBus(self.channel, bitrate=self._bitrate, **self._options)
                 self._bus, self._drain = bus, bus.drain
             else:
@@ -99,6 +102,9 @@ class CanBus(Bus):
         except (can.CanError, OSError) as error:
             raise self._gone(error) from error
         now = self.now()
+        if isinstance(self._bus, SlcanBus) and now - self._asked > STATUS_EVERY:
+            self._asked = now
+            self._watch_adapter(self._bus)
         middle, self._polled = 0.5 * (self._polled + now), now
         if not frames:
             return
@@ -115,6 +121,16 @@ class CanBus(Bus):
                 age = wall - frame.timestamp
                 stamped = self.interface != "slcan" and 0.0 <= age < LATEST
                 device.receive(frame, now - age if stamped else middle)
+
+    def _watch_adapter(self, bus: SlcanBus) -> None:
+        """Ask an slcan adapter how it is: it hands on no error frames."""
+        flags = bus.status()
+        if flags and flags & StatusFlags.BUS_ERROR:
+            raise RigError(
+                f"{self.name}: CAN bus {self.channel} is off: the adapter says bus error"
+            )
+        if flags and flags & (StatusFlags.ERROR_WARNING | StatusFlags.ERROR_PASSIVE):
+            self.errors += 1
 
     def send(self, identifier: int, data: bytes, extended: bool = False) -> None:
         """Send a data frame without waiting.

@@ -9,7 +9,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import NamedTuple, Self
 
-from drivers.rig_file import CanSettings, RigFile
+from drivers.rig_file import RigFile
+from drivers.rig_sections import CanSettings
 from sim_backend.rig import SimulatedRig
 from sim_backend.wire.bench import Bench
 from sim_backend.wire.emulated import EmulatedCanDevice, EmulatedDevice, EmulatedSerialDevice

@@ -232,6 +232,10 @@ FAULTS: dict[str, Callable[[], WireFault]] = {
     "bus-off": lambda: ErrorFrames(0x40),
 }
 """Faults of a bus by name."""
+ON_CAN = ("error-frames", "bus-off")
+"""Those of a CAN bus."""
+ON_SERIAL_LINES = ("corrupt", "noise", "baud", "unplug", "replug")
+"""Those of a serial line, that of an slcan adapter too."""
 
 
 def with_data(frame: can.Message, data: bytes | bytearray) -> can.Message:

@@ -18,6 +18,10 @@ CHUNK = 1 << 16
 """Most bytes that are read at once."""
 MOST = 1000
 """Most CAN frames that are read at once."""
+BUS_OFF = 0x40
+"""Linux's flag of an error frame that tells that a controller has left the bus."""
+ERROR_WARNING, BUS_ERROR = 0x04, 0x80
+"""An slcan adapter's flags; it hands on no error frames."""
 
 
 class Wire(ABC):
@@ -175,7 +179,12 @@ class SlcanWire(CanWire):
 
     def to_host(self, frames: list[can.Message]) -> None:
         """The adapter's answers, then what it hears on the bus."""
-        data = self.adapter.pending() + b"".join(map(self.adapter.encode, frames))
+        for error in [frame for frame in frames if frame.is_error_frame]:
+            self.adapter.flags |= BUS_ERROR if error.arbitration_id & BUS_OFF else ERROR_WARNING
+        if self.adapter.flags & BUS_ERROR:
+            frames = []
+        heard = [frame for frame in frames if not frame.is_error_frame]
+        data = self.adapter.pending() + b"".join(map(self.adapter.encode, heard))
         if self.fault:
             data = self.fault.octets(data) + self.fault.noise()
         self.port.write(data)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from drivers.rig_file import ForceSettings, PositionSettings, RigSections, VelocitySettings
+from drivers.rig_sections import ForceSettings, PositionSettings, RigSections, VelocitySettings
 from teleop.safety.limits import ChannelLimits, Limits, usual_channels
 
 

@@ -10,6 +10,9 @@ import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
+
+import pytest
 
 from drivers import Measurement
 from drivers.rig_file import RigFile, read_rig_file
@@ -19,7 +22,7 @@ from sim_backend.wire.emulator import Emulator, PlannedFault, host_file
 from teleop.safety.rig_limits import rig_limits
 from teleop.settings import TrialSettings
 
-RIGS = Path(__file__).parents[1] / "rigs"
+RIGS = Path(__file__).parents[3] / "rigs"
 
 
 class SteppedRig(WiredRig):
@@ -84,15 +87,21 @@ class SteppedSettings(TrialSettings):
         return SteppedRig(self.file, self, now, self.faults, self.prepare)
 
 
-def stepped(name: str, condition: str = "autonomous", **settings: object) -> SteppedSettings:
+def stepped_settings(name: str, condition: str = "autonomous", **settings: Any) -> SteppedSettings:
     """A trial on one of the example rigs."""
     file = read_rig_file(RIGS / f"{name}.toml")
-    limits = rig_limits(file.sections)
     return SteppedSettings(
         condition=condition,
         clock="virtual",
         rate=file.sections.rate_hz,
-        custom_limits=limits,
+        custom_limits=rig_limits(file.sections),
         file=file,
-        **settings,  # type: ignore[arg-type]
+        **settings,
     )
+
+
+@pytest.fixture
+def stepped() -> Callable[..., SteppedSettings]:
+    """Makes the settings of a trial on one of the example rigs, emulated."""
+    pytest.importorskip("pty", reason="there are no pseudo-terminals on this system")
+    return stepped_settings

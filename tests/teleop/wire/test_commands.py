@@ -1,0 +1,183 @@
+"""`teleop rig` and `teleop run --rig` against emulated devices in another process."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+from drivers.rig_file import read_rig_file
+from sim_backend.wire.emulator import Emulator, host_file
+from teleop.emulation import make_emulator
+from teleop.settings import TrialSettings
+
+RIGS = Path(__file__).parents[3] / "rigs"
+EXAMPLES = ["serial-board"]
+
+pytestmark = pytest.mark.skipif(
+    sys.platform == "win32", reason="there are no pseudo-terminals on this system"
+)
+
+
+def teleop(*arguments, **options):
+    return subprocess.run(
+        [sys.executable, "-m", "teleop", *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+        **options,
+    )
+
+
+@contextlib.contextmanager
+def emulated(name, folder, *arguments):
+    """`teleop rig emulate` of an example rig; what it printed."""
+    out = folder / "run.toml"
+    process = subprocess.Popen(
+        [sys.executable, "-m", "teleop", "rig", "emulate", RIGS / f"{name}.toml", "--json",
+         "--out", out, *arguments],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )  # fmt: skip
+    try:
+        lines = iter(process.stdout.readline, "")
+        document = ""
+        for line in lines:
+            document += line
+            if line.rstrip() == "}":
+                break
+        assert document, process.stderr.read()
+        yield out, json.loads(document)
+    finally:
+        process.send_signal(signal.SIGTERM)
+        process.communicate(timeout=10)
+        assert process.returncode == 0
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_a_rig_is_checked_and_run_against_its_emulated_devices(name, tmp_path):
+    with emulated(name, tmp_path, "--condition", "autonomous") as (rig, document):
+        assert set(document["ports"]) == set(read_rig_file(rig).sections.buses)
+        checked = teleop("rig", "check", rig, "--seconds", 0.5, "--json")
+        assert checked.returncode == 0, checked.stderr
+        report = json.loads(checked.stdout)
+        names = {channel["name"] for channel in report["channels"]}
+        assert names >= {"master_force", "slave_position", "contact_force"}
+        assert all(drive["watchdog_s"] > 0.0 for drive in report["drives"])
+
+        path = tmp_path / "run.mcap"
+        ran = teleop(
+            "run", "--rig", rig, "--condition", "autonomous", "--duration", 1.5, "--json",
+            "--record", path,
+        )  # fmt: skip
+        assert ran.returncode == 0, ran.stderr
+        summary = json.loads(ran.stdout)
+        assert summary["rig"] == read_rig_file(rig).sections.name
+        assert summary["truth"] is None
+        again = json.loads(teleop("estimate", path, "--json").stdout)
+        assert again["as_online"]
+
+
+@contextlib.contextmanager
+def served(name, folder):
+    """An emulator of an example rig in a thread of this process, and the rig file for it."""
+    rig = read_rig_file(RIGS / f"{name}.toml")
+    settings = TrialSettings(condition="autonomous")
+    emulator: Emulator = make_emulator(rig, settings, folder)
+    out = folder / "run.toml"
+    out.write_text(host_file(rig, folder))
+    stop = threading.Event()
+    with emulator:
+        thread = threading.Thread(target=emulator.serve, args=(stop.is_set,))
+        thread.start()
+        try:
+            yield out, emulator
+        finally:
+            stop.set()
+            thread.join()
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_when_the_controller_is_killed_the_drives_stop_by_their_own_watchdogs(name, tmp_path):
+    with served(name, tmp_path) as (rig, emulator):
+        run = subprocess.Popen(
+            [sys.executable, "-m", "teleop", "run", "--rig", rig, "--condition", "autonomous",
+             "--no-record", "--realtime", "off"],
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+        )  # fmt: skip
+        deadline = time.monotonic() + 20.0
+        while abs(emulator.bench.measurement.slave_velocity) < 0.01:
+            assert run.poll() is None, run.stderr.read()
+            assert time.monotonic() < deadline
+            time.sleep(0.01)
+        assert emulator.bench.driven
+        run.kill()
+        run.communicate()
+        deadline = time.monotonic() + 5.0
+        while emulator.bench.driven:
+            assert time.monotonic() < deadline
+            time.sleep(0.01)
+
+
+def test_what_is_wrong_in_a_rig_file_is_told_all_at_once(tmp_path):
+    text = (RIGS / "serial-board.toml").read_text()
+    text = text.replace('signal = "force_1"', 'signal = "force_9"')
+    text = text.replace("max_velocity_mm_per_s = 200\nmax_acc", "max_speed = 3\nmax_acc")
+    path = tmp_path / "wrong.toml"
+    path.write_text(text)
+    ran = teleop("run", "--rig", path)
+    assert ran.returncode == 2
+    assert "limits.max_speed" in ran.stderr
+    assert "limits.max_velocity_mm_per_s" in ran.stderr
+    assert "Traceback" not in ran.stderr
+
+
+def test_a_port_that_is_not_there_is_one_line(tmp_path):
+    ran = teleop("rig", "check", RIGS / "serial-board.toml")
+    assert ran.returncode == 2
+    assert len(ran.stderr.splitlines()) == 1
+    assert "/dev/ttyACM0" in ran.stderr
+
+
+def test_a_fault_is_injected_at_its_time(tmp_path):
+    with emulated(
+        "serial-board", tmp_path, "--condition", "autonomous", "--fault", "silence:usb@0.5"
+    ) as (rig, _):
+        ran = teleop("run", "--rig", rig, "--condition", "autonomous", "--no-record")
+        assert ran.returncode == 3
+        assert "stale" in ran.stderr
+
+
+@pytest.mark.parametrize(
+    ("fault", "told"),
+    [
+        ("melt:usb@1", "KIND:BUS@SECONDS"),
+        ("drop:usb", "KIND:BUS@SECONDS"),
+        ("drop:nowhere@1", "expected one of usb"),
+        ("bus-off:usb@1", "expected one of none"),
+        ("reset:usb@1", "expected one of board"),
+    ],
+)
+def test_a_fault_that_cannot_be_is_one_line(fault, told):
+    ran = teleop("rig", "emulate", RIGS / "serial-board.toml", "--fault", fault)
+    assert ran.returncode == 2
+    assert told in ran.stderr
+    assert len(ran.stderr.splitlines()) == 1
+
+
+def test_the_ports_of_this_machine_are_listed():
+    ran = teleop("rig", "list", "--json")
+    assert ran.returncode == 0
+    for port in json.loads(ran.stdout)["ports"]:
+        assert port["kind"] in ("serial", "can")
+        assert port["name"]

@@ -1,0 +1,121 @@
+"""What becomes of a trial when its wire fails: ridden through, or stopped under its name."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+from drivers import RigError
+from sim_backend.wire.emulator import PlannedFault
+from sim_backend.wire.wire_faults import FAULTS, BaudMismatch, Burst
+from teleop.safety import Fault, Mode
+from teleop.trial import run_trial
+
+AT = 0.4
+"""When a fault sets in, after the drives were enabled [s]."""
+
+
+class Wired(NamedTuple):
+    """An example rig, and its bus and device whose wire fails."""
+
+    rig: str
+    bus: str
+    device: str
+
+
+BOARD = Wired("serial-board", "usb", "board")
+WIRES = [BOARD]
+NAMES = [wired.bus for wired in WIRES]
+
+
+def run(stepped, wired, kind, where="", duration=0.8):
+    """A trial whose wire fails at `AT`; the trial and the emulator."""
+    emulators = []
+    fault = PlannedFault(kind, where or wired.bus, AT)
+    settings = stepped(wired.rig, duration=duration, faults=[fault], prepare=emulators.append)
+    return run_trial(settings), emulators[0]
+
+
+def check_stopped(trial, emulator):
+    """The slave is told to stand still from the fault on, and does."""
+    recording = trial.recording
+    fault = recording["time"] >= trial.fault["time"] + 0.1
+    assert fault.any()
+    assert not recording["commanded_slave_velocity"][fault].any()
+    assert not recording["applied_slave_velocity"][fault].any()
+    assert recording["mode"][-1] == Mode.FAULT
+    assert not emulator.bench.driven
+
+
+@pytest.mark.parametrize("kind", ["drop", "double", "reorder", "truncate", "length"])
+@pytest.mark.parametrize("wired", WIRES, ids=NAMES)
+def test_frames_that_are_lost_doubled_or_broken_now_and_then_are_ridden_through(
+    stepped, wired, kind
+):
+    trial, _ = run(stepped, wired, kind)
+    assert trial.fault is None
+    assert trial.recording["time"][-1] == pytest.approx(0.8, abs=0.1)
+    assert np.isfinite(trial.summary()["estimates"]["rls"]["k"])
+
+
+@pytest.mark.parametrize("kind", ["corrupt", "noise"])
+@pytest.mark.parametrize("wired", WIRES, ids=NAMES)
+def test_noise_on_a_serial_line_costs_the_frames_that_it_hits(stepped, wired, kind):
+    trial, _ = run(stepped, wired, kind)
+    assert trial.fault is None
+    late = trial.recording["time"] > AT + 0.1
+    ages = trial.recording["contact_force_age"][late]
+    assert ages.max() < 0.02
+
+
+@pytest.mark.parametrize("kind", ["delay", "silence", "baud"])
+@pytest.mark.parametrize("wired", WIRES, ids=NAMES)
+def test_a_wire_that_brings_nothing_fresh_is_told_as_stale(stepped, wired, kind):
+    trial, emulator = run(stepped, wired, kind)
+    assert trial.fault["fault"] == Fault.STALE
+    assert AT < trial.fault["time"] < AT + 0.1
+    check_stopped(trial, emulator)
+
+
+@pytest.mark.parametrize("wired", WIRES, ids=NAMES)
+def test_bursts_within_the_age_limit_are_ridden_through(stepped, wired):
+    trial, _ = run(stepped, wired, "burst")
+    assert trial.fault is None
+
+
+@pytest.mark.parametrize("wired", WIRES, ids=NAMES)
+def test_bursts_beyond_the_age_limit_are_stale(stepped, wired, monkeypatch):
+    monkeypatch.setitem(FAULTS, "burst", lambda: Burst(0.1))
+    trial, emulator = run(stepped, wired, "burst")
+    assert trial.fault["fault"] == Fault.STALE
+    check_stopped(trial, emulator)
+
+
+@pytest.mark.parametrize("wired", WIRES, ids=NAMES)
+def test_a_port_that_is_unplugged_stops_the_rig_and_plugged_in_again_starts_nothing(stepped, wired):
+    emulators = []
+    faults = [PlannedFault("unplug", wired.bus, AT), PlannedFault("replug", wired.bus, AT + 0.2)]
+    settings = stepped(wired.rig, duration=0.8, faults=faults, prepare=emulators.append)
+    trial = run_trial(settings)
+    assert trial.fault["fault"] == Fault.RIG_FAILURE
+    assert "is gone" in trial.fault["text"] or "unplugged" in trial.fault["text"]
+    check_stopped(trial, emulators[0])
+
+
+@pytest.mark.parametrize("wired", WIRES, ids=NAMES)
+def test_a_device_that_was_reset_is_a_drive_error_that_says_so(stepped, wired):
+    trial, emulator = run(stepped, wired, "reset", wired.device)
+    assert trial.fault["fault"] == Fault.DRIVE_ERROR
+    assert wired.device in trial.fault["text"]
+    check_stopped(trial, emulator)
+
+
+@pytest.mark.parametrize("wired", WIRES, ids=NAMES)
+def test_a_line_at_another_baud_rate_is_told_at_the_start(stepped, wired):
+    def mismatch(emulator):
+        emulator.wires[wired.bus].fault = BaudMismatch()
+
+    with pytest.raises(RigError, match="baud"):
+        run_trial(stepped(wired.rig, prepare=mismatch))
