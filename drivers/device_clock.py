@@ -13,54 +13,53 @@ MICROSECOND = 1e-6
 class DeviceClock:
     """Maps a device's time stamps, microseconds in 32 bits, to the controller's clock.
 
-    A sample cannot arrive before it was taken: arrival minus stamp is the offset between the clocks
-    plus a latency. So the least difference of all, allowed to rise by the drift of two crystals, is
-    the offset plus the least latency (the lower envelope). A delivery that is late does not
-    move it, and so shows in the sample's age; nor does a queue that builds up slowly.
+    What a drain finds was taken before it. So the time of a drain less the newest stamp that it
+    found is the offset between the clocks plus an age, which is positive; and so is the mean of
+    two drains less the mean of their newest stamps. That holds however long the controller or the
+    device was held up in between. The least of all such differences, allowed to rise by
+    the drift of two crystals, is the offset plus the least age (the lower envelope).
 
-    When a frame arrived is known to half of the time between two drains. So a sample's time is
-    true to half of the longer of that and the time between two samples, either way; and too late
-    by the least latency (well below a millisecond on USB). At a kilohertz that is half a
-    millisecond, and mostly to the old side, as the least of many differences is taken.
+    So a time is never too early, and too late by the least age: the least latency, well below a
+    millisecond on USB, and no more than the time between two samples, less where drains and
+    samples pass each other. What is delivered late, or out of a queue that builds up, does
+    not move the envelope and shows in the sample's age.
 
     A device whose clock is slower by more than `DRIFT`, as without a crystal, seems ever later.
     """
 
     def __init__(self) -> None:
-        self._unwrapped = 0
+        self._newest: int | None = None
         self._offset = math.nan
+        self._certain = False
         self._seen = math.nan
 
-    def observe(self, first: int, last: int, now: float) -> None:
-        """Take in that samples were found.
-
-        The middle of their stamps is held against the middle of the time in which they came. So it
-        does not matter how long the controller did not look: after a stall both middles are as far
-        back.
+    def observe(self, newest: int, now: float) -> None:
+        """Take in what a drain found.
 
         Parameters
         ----------
-        first, last
-            Time stamps of the first and last of them [us].
+        newest
+            The newest of the time stamps [us].
         now
-            The middle of the time in which they arrived [s].
+            The middle between this drain and the one before [s].
         """
-        middle = 0.5 * (self._seconds(first) + self._seconds(last))
-        offset = now - middle
-        if not math.isnan(self._offset):
+        stamp = self._continued(newest)
+        before = stamp if self._newest is None else self._newest
+        offset = now - 0.5 * (before + stamp) * MICROSECOND
+        if self._certain:
             offset = min(offset, self._offset + DRIFT * max(now - self._seen, 0.0))
+        self._certain = self._newest is not None
+        self._newest = stamp
         self._offset = offset
         self._seen = now
-        self._unwrapped = self._continued(last)
 
     def time(self, stamp: int) -> float:
         """When a sample was taken [s], on the controller's clock; NaN before any was observed."""
-        return self._seconds(stamp) + self._offset
-
-    def _seconds(self, stamp: int) -> float:
-        return self._continued(stamp) * MICROSECOND
+        return self._continued(stamp) * MICROSECOND + self._offset
 
     def _continued(self, stamp: int) -> int:
-        """The stamp as if the counter were endless, within half a turn of the last."""
-        ahead = (stamp - self._unwrapped) % WRAP
-        return self._unwrapped + (ahead if ahead < WRAP // 2 else ahead - WRAP)
+        """The stamp as if the counter were endless, within half a turn of the newest."""
+        if self._newest is None:
+            return stamp
+        ahead = (stamp - self._newest) % WRAP
+        return self._newest + (ahead if ahead < WRAP // 2 else ahead - WRAP)

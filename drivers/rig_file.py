@@ -71,7 +71,8 @@ def read_rig_file(path: Path) -> RigFile:
         problems = told(error, ()) + problems
         sections = RigSections.model_construct(**sound_sections(tree))
     rig_file = RigFile(path, text, sections, devices)
-    problems += loose_ends(rig_file, frozenset(declared))
+    names = frozenset(declared if isinstance(declared, Mapping) else ())
+    problems += loose_ends(rig_file, names)
     if problems:
         raise RigFileError("\n".join(f"{path}: {problem}" for problem in problems))
     return rig_file

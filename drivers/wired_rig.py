@@ -99,17 +99,17 @@ class WiredRig(Rig):
         """
         for bus in self.buses.values():
             bus.open()
+            bus.pump = self._poll
         for device in self.devices.values():
             if isinstance(device, SerialDevice):
-                port = self.buses[device.settings.bus]
-                assert isinstance(port, SerialPort)
-                port.device = device
-                device.start(port)
+                self._port_of(device).device = device
             elif isinstance(device, CanDevice):
-                can_bus = self.buses[device.settings.bus]
-                assert isinstance(can_bus, CanBus)
-                can_bus.attach(device)
-                device.start(can_bus)
+                self._can_bus_of(device).attach(device)
+        for device in self.devices.values():
+            if isinstance(device, SerialDevice):
+                device.start(self._port_of(device))
+            elif isinstance(device, CanDevice):
+                device.start(self._can_bus_of(device))
             elif isinstance(device, DerivedDevice):
                 device.start(self.devices)
         end = self._now() + FIRST_SAMPLES
@@ -117,7 +117,6 @@ class WiredRig(Rig):
             if self._now() > end:
                 raise RigError(f"no sample of {self._whereabouts(silent)} in {FIRST_SAMPLES:g} s")
             next(iter(self.buses.values())).wait_for(lambda: False, 1e-3)
-            self._poll(self._now())
 
     def _values(self) -> dict[str, float]:
         return {name: c.device.samples[c.signal].value for name, c in self._channels.items()}
@@ -132,15 +131,27 @@ class WiredRig(Rig):
             parts.append(f"{name} ({device.name} on {bus}{': ' if instead else ''}{instead})")
         return ", ".join(parts)
 
-    def _poll(self, now: float) -> None:
+    def _port_of(self, device: SerialDevice) -> SerialPort:
+        port = self.buses[device.settings.bus]
+        assert isinstance(port, SerialPort)
+        return port
+
+    def _can_bus_of(self, device: CanDevice) -> CanBus:
+        bus = self.buses[device.settings.bus]
+        assert isinstance(bus, CanBus)
+        return bus
+
+    def _poll(self) -> None:
+        """Drain every bus, and let every device do what is due."""
         for bus in self.buses.values():
             bus.poll()
+        now = self._now()
         for device in self.devices.values():
             device.update(now)
 
     def read(self) -> Measurement:
         """Drain every bus; the latest sample of every channel."""
-        self._poll(self._now())
+        self._poll()
         now = self._now()
         values, ages = [], []
         for channel in self._sources:

@@ -1,4 +1,4 @@
-"""The trial that feels for contact on the simulated rig, under the supervisor like any other."""
+"""The trial that feels for contact, under the supervisor like any other."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from drivers import Rig
+from drivers.rig_file import RigFile
 from sim_backend import CUBES, Sensors, SimulatedRig
 from teleop.conditions import Condition
 from teleop.errors import InputError
@@ -27,23 +29,27 @@ AWAY = 2e-3
 
 @dataclass(frozen=True)
 class TouchSettings(TrialSettings):
-    """A trial that goes forward until it touches, on a cube that lets go again."""
+    """A trial that goes forward until it touches; a simulated cube lets go again."""
 
     zero: ForceZero = field(kw_only=True)
 
     @property
     def limits(self) -> Limits:
         """Tight on force; the position means nothing before the datum is known."""
+        limits = super().limits
+        seen = limits.channels["slave_position"]
         return replace(
-            super().limits,
-            soft_position=(-0.4, 0.4),
-            hard_position=(-0.5, 0.5),
+            limits,
+            soft_position=(0.8 * seen.low, 0.8 * seen.high),
+            hard_position=(seen.low, seen.high),
             soft_force=SOFT_FORCE,
             hard_force=2.0 * SOFT_FORCE,
         )
 
-    def make_rig(self, now: Callable[[], float]) -> SimulatedRig:
-        """The rig with the slave off the cube."""
+    def make_rig(self, now: Callable[[], float]) -> Rig:
+        """The rig; the simulated one with the slave off the cube."""
+        if self.rig:
+            return super().make_rig(now)
         return off_the_cube(self.cube, now, self.sensors, self.seed)
 
     def make_condition(self) -> Condition:
@@ -80,13 +86,17 @@ def touch(settings: TouchSettings, record: Path | None) -> float:
     return contact_begins(trial.recording.estimated())
 
 
-def touch_settings(cube: str, zero: ForceZero, sensors: Sensors, seed: int) -> TouchSettings:
-    """The trial that feels for this cube."""
+def touch_settings(
+    rig: RigFile | None, cube: str, zero: ForceZero, sensors: Sensors, seed: int
+) -> TouchSettings:
+    """The trial that feels for contact, on a rig of devices or for this cube."""
     return TouchSettings(
         condition="autonomous",
+        rig=rig,
         cube=cube,
         duration=REACH / SPEED,
-        clock="virtual",
+        clock="real" if rig else "virtual",
+        rate=rig.sections.rate_hz if rig else 1000.0,
         seed=seed,
         sensors=sensors,
         tare=Tare(zero.master, zero.contact),

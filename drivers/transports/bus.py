@@ -26,6 +26,8 @@ class Bus(ABC):
         self.now = now
         self.nap: Callable[[float], object] = time.sleep
         """Lets time pass [s] between two looks."""
+        self.pump: Callable[[], object] = self.poll
+        """Drains this bus, and on a rig of several the others too: their devices are waiting."""
 
     @abstractmethod
     def open(self) -> None:
@@ -55,5 +57,5 @@ class Bus(ABC):
             if self.now() > end:
                 return False
             self.nap(NAP)
-            self.poll()
+            self.pump()
         return True

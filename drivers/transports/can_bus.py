@@ -18,7 +18,7 @@ from drivers.transports.slcan import SlcanBus, StatusFlags
 
 LATEST = 1.0
 """A time stamp that is older is another clock's, not the kernel's [s]."""
-STATUS_EVERY = 0.1
+STATUS_EVERY = 0.01
 """Between two questions to an slcan adapter how it is [s]."""
 MOST = 4096
 """Most frames that are taken at once."""
@@ -168,7 +168,8 @@ class CanBus(Bus):
         self._bus = None
 
     def _gone(self, error: Exception) -> RigError:
-        return RigError(f"{self.name}: CAN bus {self.channel} ({self.interface}): {reason(error)}")
+        where = "" if self.interface == "slcan" else f"CAN bus {self.channel} ({self.interface}): "
+        return RigError(f"{self.name}: {where}{reason(error)}")
 
 
 def waiting(bus: can.BusABC) -> list[can.Message]:

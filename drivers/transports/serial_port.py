@@ -106,5 +106,6 @@ class SerialPort(Bus):
 
 def reason(error: Exception) -> str:
     """What the system says, on one line."""
-    text = getattr(error, "strerror", None) or str(error)
-    return " ".join(str(text).split()).rstrip(".").lower() or type(error).__name__
+    told = getattr(error, "strerror", None)
+    text = told.lower() if told else str(error)
+    return " ".join(text.split()).rstrip(".") or type(error).__name__

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import select
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -30,6 +31,8 @@ class PlannedFault(NamedTuple):
     """After a drive was first enabled [s]."""
 
 
+LATEST = 0.1
+"""How far behind its rate the emulator may fall [s] before it leaves steps out."""
 ACTIONS = ("unplug", "replug", "reset")
 """Faults that are no change of what is sent."""
 
@@ -99,7 +102,7 @@ class Emulator:
         if not isinstance(settings, CanSettings):
             (device,) = self._on(bus)
             assert isinstance(device, EmulatedSerialDevice)
-            return SerialWire(path, device)
+            return SerialWire(path, device, settings.baud_bps)
         devices = [d for d in self._on(bus) if isinstance(d, EmulatedCanDevice)]
         if settings.interface == "slcan":
             return SlcanWire(path, devices)
@@ -141,13 +144,17 @@ class Emulator:
             wire.serve(now)
 
     def serve(self, stopped: Callable[[], bool]) -> None:
-        """Step at the rig's rate until told to stop."""
+        """Step at the rig's rate, and whenever a host has sent something, until told to stop."""
         period = 1.0 / self.file.sections.rate_hz
-        due = time.monotonic()
+        due = self._now()
         while not stopped():
             self.step()
-            due = max(due + period, time.monotonic() - 0.1)
-            time.sleep(max(due - time.monotonic(), 0.0))
+            now = self._now()
+            due = due + period if now >= due else due
+            due = max(due, now - LATEST)
+            wake = min(due, *(wire.due() for wire in self.wires.values()))
+            files = [number for wire in self.wires.values() for number in wire.filenos()]
+            select.select(files, (), (), max(wake - now, 0.0))
 
     def __enter__(self) -> Self:
         try:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import os
 from abc import ABC, abstractmethod
+from collections import deque
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -16,6 +18,8 @@ from sim_backend.wire.wire_faults import WireFault
 
 CHUNK = 1 << 16
 """Most bytes that are read at once."""
+BITS = 10
+"""Of a byte on a serial line."""
 MOST = 1000
 """Most CAN frames that are read at once."""
 BUS_OFF = 0x40
@@ -46,6 +50,14 @@ class Wire(ABC):
     @abstractmethod
     def close(self) -> None:
         """Take the wire away; a host that is connected finds its port gone."""
+
+    @abstractmethod
+    def filenos(self) -> list[int]:
+        """What becomes readable when the host sends something."""
+
+    def due(self) -> float:
+        """When something that is under way arrives [s]; infinite for nothing."""
+        return math.inf
 
 
 class PseudoTerminal:
@@ -81,6 +93,10 @@ class PseudoTerminal:
         self.path.unlink(missing_ok=True)
         self.path.symlink_to(os.ttyname(host))
 
+    def filenos(self) -> list[int]:
+        """The device's end, while it is plugged in."""
+        return list(self._ends[:1])
+
     def read(self) -> bytes:
         """What the host has sent."""
         with contextlib.suppress(BlockingIOError, OSError, IndexError):
@@ -102,31 +118,58 @@ class PseudoTerminal:
 
 
 class SerialWire(Wire):
-    """A device behind a pseudo-terminal."""
+    """A device behind a pseudo-terminal; its frames take their time on the line.
 
-    def __init__(self, path: Path, device: EmulatedSerialDevice) -> None:
+    Parameters
+    ----------
+    path
+        Where the port stands.
+    device
+        The device.
+    baud
+        Line rate [bit/s].
+    """
+
+    def __init__(self, path: Path, device: EmulatedSerialDevice, baud: int) -> None:
         self.port = PseudoTerminal(path)
         self.device = device
+        self._byte_time = BITS / baud
+        self._line: deque[tuple[float, bytes]] = deque()
+        self._free = 0.0
+        """When the line has sent what was put on it [s]."""
 
     def open(self) -> None:
         """Plug it in."""
         self.port.open()
 
     def serve(self, now: float) -> None:
-        """Hand the device what the host sent, and the host what is due."""
+        """Hand the device what the host sent, and the host what has come through the line."""
         if data := self.port.read():
             self.device.receive(data, now)
         frames = self.device.emit(now)
         if self.fault:
-            frames = self.fault.frames(frames, now)
-            data = b"".join(self.fault.octets(frame) for frame in frames)
-            self.port.write(data + self.fault.noise())
-        else:
-            self.port.write(b"".join(frames))
+            frames = [self.fault.octets(frame) for frame in self.fault.frames(frames, now)]
+            frames.append(self.fault.noise())
+        for frame in frames:
+            self._free = max(self._free, now) + len(frame) * self._byte_time
+            self._line.append((self._free, frame))
+        data = b""
+        while self._line and self._line[0][0] <= now:
+            data += self._line.popleft()[1]
+        self.port.write(data)
 
     def close(self) -> None:
         """Unplug it."""
         self.port.close()
+        self._line.clear()
+
+    def filenos(self) -> list[int]:
+        """The pseudo-terminal."""
+        return self.port.filenos()
+
+    def due(self) -> float:
+        """When the next frame has come through the line [s]."""
+        return self._line[0][0] if self._line else math.inf
 
 
 class CanWire(Wire):
@@ -194,6 +237,10 @@ class SlcanWire(CanWire):
         self.port.close()
         self.adapter = SlcanAdapter()
 
+    def filenos(self) -> list[int]:
+        """The pseudo-terminal."""
+        return self.port.filenos()
+
 
 class InterfaceWire(CanWire):
     """A CAN bus behind any interface of python-can, such as SocketCAN."""
@@ -226,3 +273,8 @@ class InterfaceWire(CanWire):
         if self._bus:
             self._bus.shutdown()
         self._bus = None
+
+    def filenos(self) -> list[int]:
+        """The bus, where its interface is a file."""
+        number = self._bus.fileno() if self._bus else -1
+        return [number] if number >= 0 else []

@@ -12,6 +12,7 @@ from teleop.names import CubeName
 
 def tare(
     *,
+    rig: Path | None = None,
     out: Path = Path("tare.json"),
     contact: str = "keep",
     cube: CubeName = "soft",
@@ -27,11 +28,13 @@ def tare(
 
     Parameters
     ----------
+    rig
+        Rig file, TOML; by default the rig is simulated.
     out
         File for the zeros.
     contact
-        The contact datum: the encoder's own zero (keep), found by going forward slowly until
-        the slave touches (touch), or a position such as 1.5mm.
+        The contact datum: the encoder's own zero (keep), found by going forward slowly, by
+        4 mm at the most, until the slave touches (touch), or a position such as 1.5mm.
     cube
         The cube on the simulated rig.
     seed
@@ -39,11 +42,14 @@ def tare(
     json
         Print one JSON document instead of a text.
     """
+    from drivers import Rig
+    from drivers.wired_rig import WiredRig
     from sim_backend import Sensors
     from teleop import console
-    from teleop.clock import VirtualClock
+    from teleop.clock import Clock, RealClock, VirtualClock
     from teleop.errors import InputError
     from teleop.files import check_outputs
+    from teleop.rig_file import load_rig_file
     from teleop.table import quantity
     from teleop.tare import write_tare
     from teleop.touching import off_the_cube, touch, touch_settings
@@ -54,11 +60,18 @@ def tare(
         raise InputError(f"contact {contact!r}: expected keep, touch, or a position such as 1.5mm")
     check_outputs(out)
     sensors = Sensors()
-    clock = VirtualClock(1000.0)
-    with off_the_cube(cube, clock.now, sensors, seed) as simulated:
-        zero = force_zero(simulated, clock)
+    rig_file = load_rig_file(rig) if rig else None
+    clock: Clock
+    if rig_file:
+        clock = RealClock(rig_file.sections.rate_hz)
+        opened: Rig = WiredRig(rig_file, clock.now)
+    else:
+        clock = VirtualClock(1000.0)
+        opened = off_the_cube(cube, clock.now, sensors, seed)
+    with opened:
+        zero = force_zero(opened, clock)
     if contact == "touch":
-        given = touch(touch_settings(cube, zero, sensors, seed), record=None)
+        given = touch(touch_settings(rig_file, cube, zero, sensors, seed), record=None)
     found = dated(zero, given)
     write_tare(found, out)
     if json:

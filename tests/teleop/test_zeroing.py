@@ -64,7 +64,7 @@ def test_touch_finds_where_contact_begins_and_goes_back(cube, tmp_path):
     clock = VirtualClock(1000.0)
     zero = force_zero(rig_of(OFFSETS, clock), clock)
     path = tmp_path / "touch.mcap"
-    found = touch(touch_settings(cube, zero, OFFSETS, seed=0), path)
+    found = touch(touch_settings(None, cube, zero, OFFSETS, seed=0), path)
     assert found == pytest.approx(OFFSETS.contact_position, abs=20e-6)
     recording = load(path)
     assert recording["contact_force"].max() < 5.0
@@ -75,7 +75,7 @@ def test_touch_finds_where_contact_begins_and_goes_back(cube, tmp_path):
 def test_touching_nothing_is_told():
     clock = VirtualClock(1000.0)
     zero = force_zero(rig_of(Sensors(), clock), clock)
-    far = touch_settings("soft", zero, Sensors(), 0)
+    far = touch_settings(None, "soft", zero, Sensors(), 0)
     object.__setattr__(far, "duration", 0.5)
     with pytest.raises(InputError, match="nothing was touched"):
         touch(far, None)

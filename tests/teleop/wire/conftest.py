@@ -7,6 +7,8 @@ fault sets in at a chosen tick. The wire is real: pyserial and python-can talk t
 from __future__ import annotations
 
 import tempfile
+import threading
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -44,27 +46,40 @@ class SteppedRig(WiredRig):
             lambda now: settings.make_simulated_rig(now, NEVER),
             self._folder,
             faults,
-            self.time,
+            self.present,
         )
         prepare(self.emulator)
         host = self._folder / "host.toml"
         host.write_text(host_file(file, self._folder))
-        super().__init__(read_rig_file(host), self.time)
+        super().__init__(read_rig_file(host), self.present)
         for bus in self.buses.values():
             bus.nap = self.nap
 
-    def time(self) -> float:
+    def present(self) -> float:
         """The clock's time, and what the opening took."""
         return self._clock() + self._ahead
 
     def nap(self, seconds: float) -> None:
-        """Let time pass."""
+        """Let time pass, here and outside."""
         self._ahead += seconds
-        self.emulator.step()
+        time.sleep(seconds)
 
     def open(self) -> None:
+        """Open, while the emulator goes on in a thread: an adapter's opening waits in real time."""
         self.emulator.__enter__()
-        super().open()
+        opened = threading.Event()
+
+        def serve() -> None:
+            while not opened.wait(0.5e-3):
+                self.emulator.step()
+
+        thread = threading.Thread(target=serve)
+        thread.start()
+        try:
+            super().open()
+        finally:
+            opened.set()
+            thread.join()
 
     def read(self) -> Measurement:
         self.emulator.step()
