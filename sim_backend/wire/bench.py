@@ -57,7 +57,7 @@ class Bench:
         self.rig = self._fresh()
         self.measurement = self.rig.read()
         devices = file.make_devices()
-        self.mounts = {name: DeviceMount(self) for name in devices}
+        self.mounts = {name: DeviceMount(self, file.sections.rate_hz) for name in devices}
         for channel, c in file.sections.channels.items():
             source = Source(channel, c.sign * (c.scale or 1.0), c.offset)
             self.mounts[c.device].sources[c.signal] = source
@@ -108,7 +108,8 @@ class Bench:
 class DeviceMount(Mount):
     """Where one device is mounted on the bench."""
 
-    def __init__(self, bench: Bench) -> None:
+    def __init__(self, bench: Bench, rate: float) -> None:
+        self.rate = rate
         self._bench = bench
         self.sources: dict[str, Source] = {}
         """The channels that it measures, by signal."""

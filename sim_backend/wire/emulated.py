@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING, Any
 
@@ -10,7 +11,15 @@ if TYPE_CHECKING:
 
 
 class Mount(ABC):
-    """Where a device is mounted on the emulated telemanipulator."""
+    """Where a device is mounted on the emulated telemanipulator.
+
+    Attributes
+    ----------
+    rate
+        At which devices that stream by themselves have been set up to do so [Hz].
+    """
+
+    rate: float = 1000.0
 
     @abstractmethod
     def sense(self, signal: str) -> float:
@@ -45,6 +54,11 @@ class EmulatedDevice(ABC):  # noqa: B024
         self.name = name
         self.settings = settings
         self.mount = mount
+
+
+    def due(self) -> float:
+        """When `emit` has something by itself [s]; infinite where it is asked for it."""
+        return math.inf
 
 
 class EmulatedSerialDevice(EmulatedDevice):

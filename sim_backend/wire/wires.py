@@ -55,9 +55,9 @@ class Wire(ABC):
     def filenos(self) -> list[int]:
         """What becomes readable when the host sends something."""
 
+    @abstractmethod
     def due(self) -> float:
-        """When something that is under way arrives [s]; infinite for nothing."""
-        return math.inf
+        """When a device has something to send by itself, or something under way arrives [s]."""
 
 
 class PseudoTerminal:
@@ -168,8 +168,9 @@ class SerialWire(Wire):
         return self.port.filenos()
 
     def due(self) -> float:
-        """When the next frame has come through the line [s]."""
-        return self._line[0][0] if self._line else math.inf
+        """When the device sends next, or the next frame has come through the line [s]."""
+        arrival = self._line[0][0] if self._line else math.inf
+        return min(self.device.due(), arrival)
 
 
 class CanWire(Wire):
@@ -185,6 +186,10 @@ class CanWire(Wire):
     @abstractmethod
     def to_host(self, frames: list[can.Message]) -> None:
         """Send frames to the host."""
+
+    def due(self) -> float:
+        """When the first of the devices sends next [s]."""
+        return min((device.due() for device in self.devices), default=math.inf)
 
     def serve(self, now: float) -> None:
         """Hand the devices the host's frames and each other's, and the host theirs."""

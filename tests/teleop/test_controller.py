@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import ClassVar
 
 import numpy as np
 import pytest
 
-from drivers import Ages, Command, Measurement, Rig
+from drivers import Ages, Command, Measurement, Rig, RigError
 from estimation import Excitation, MatchedFilter, paper_preset
 from teleop.admittance import Admittance, AdmittanceParameters, Coupling
 from teleop.clock import Tick
@@ -285,3 +286,57 @@ def test_the_admittance_follows_what_the_limits_left():
     free = record(SpyRig(), make(SpyRig()))[0]
     beyond = np.abs(recording["desired_master_velocity"]).max()
     assert beyond < 0.5 * np.abs(free["desired_master_velocity"]).max()
+
+
+class SlowRig(SpyRig):
+    """Drives that take a while to get ready."""
+
+    def __init__(self, ready_at: int) -> None:
+        super().__init__()
+        self.ready_at = ready_at
+
+    def enable(self):
+        super().enable()
+        return self.tick >= self.ready_at
+
+
+def test_nothing_moves_and_no_time_passes_for_the_condition_until_the_drives_are_ready():
+    class Watched(Teleoperation):
+        times: ClassVar[list[float]] = []
+
+        def drive_force(self, t, measurement):
+            self.times.append(t)
+            return super().drive_force(t, measurement)
+
+    rig = SlowRig(ready_at=120)
+    recording, _ = record(rig, make(rig, Watched()))
+    armed = int(np.argmax(recording["mode"] == Mode.ACTIVE))
+    assert armed == 120
+    assert not recording["commanded_slave_velocity"][: armed + 1].any()
+    assert Watched.times[0] == pytest.approx(TIMES[121] - TIMES[120])
+    assert rig.calls[-1] == "enable at 120"
+
+
+def test_drives_that_were_asked_to_get_ready_are_idled_when_the_start_is_called_off():
+    rig = SlowRig(ready_at=10**9)
+    controller = make(rig)
+    for _ in range(100):
+        controller.tick(Tick(0.0, False, 0), Request(arm=True))
+    controller.tick(Tick(0.0, False, 0), Request(stop="enough"))
+    assert controller.mode is Mode.IDLE
+    assert rig.calls[-1] == "idle at 100"
+
+
+def test_a_drive_that_refuses_to_get_ready_is_a_rig_failure():
+    class Refusing(SpyRig):
+        def enable(self):
+            raise RigError("drive slave not ready within 2 s")
+
+    rig = Refusing()
+    controller = make(rig)
+    events = []
+    for _ in range(100):
+        events += controller.tick(Tick(0.0, False, 0), Request(arm=True)).events
+    assert events[-1].fault is Fault.RIG_FAILURE
+    assert "not ready" in events[-1].text
+    assert rig.calls[-1].startswith("idle")

@@ -1,0 +1,116 @@
+"""Malformed input to every parser of the wire: a million each must raise nothing and hang nothing.
+
+    python benchmarks/fuzz.py                  # 10^6 inputs to each, about ten minutes
+    python benchmarks/fuzz.py --inputs 1000
+
+An input is a good frame with a few of its bytes changed, left out, doubled or cut, or plain noise;
+what the parsers give back is not judged here but in the tests. The slowest input is told: a parser
+that hangs would show there.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import random
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import can
+
+from drivers.codecs.board import MessageReader
+from drivers.codecs.bota import BotaParser
+from drivers.codecs.ft300 import Ft300Parser
+from drivers.rig_file import read_rig_file
+from drivers.transports.slcan_frames import decode
+from sim_backend.wire.slcan_adapter import SlcanAdapter
+
+ROOT = Path(__file__).parents[1]
+GOOD = {
+    "bota": bytes.fromhex(
+        "aa00000000803f0000004000004040cdcccc3dcdcc4c3e9a99993ee80300000000c841dabb"
+    ),
+    "ft300": bytes.fromhex("204e640038ff2c010a00ecff1e00c826"),
+    "slcan": b"t1818000102030405060708\r",
+}
+
+
+def malformed(good: bytes, chance: random.Random) -> bytes:
+    """A good frame made bad, or noise."""
+    data = bytearray(good)
+    for _ in range(chance.randrange(1, 5)):
+        at = chance.randrange(len(data) + 1)
+        kind = chance.randrange(5)
+        if kind == 0:
+            data[at : at + 1] = bytes([chance.randrange(256)])
+        elif kind == 1:
+            del data[at : at + chance.randrange(1, 4)]
+        elif kind == 2:
+            data[at:at] = data[at : at + chance.randrange(1, 9)]
+        elif kind == 3:
+            del data[at:]
+        else:
+            data[at:at] = chance.randbytes(chance.randrange(1, 9))
+    return bytes(data)
+
+
+def slcan_line(data: bytes) -> None:
+    """A line that is no frame is a ValueError, which the bus counts; all else would be a defect."""
+    with contextlib.suppress(ValueError):
+        decode(data.rstrip(b"\r"), 0.0)
+
+
+def parsers() -> Iterator[tuple[str, bytes, Callable[[bytes], object]]]:
+    """Every parser of bytes: its name, a good frame, and what takes bytes."""
+    from drivers.codecs import board
+
+    yield "board", board.frame(board.HELLO, 1), MessageReader(Counter()).feed
+    yield "bota", GOOD["bota"], BotaParser(Counter()).feed
+    yield "ft300", GOOD["ft300"], Ft300Parser(Counter()).feed
+    yield "slcan line", GOOD["slcan"], slcan_line
+    yield "slcan adapter", GOOD["slcan"], SlcanAdapter().receive
+
+
+def devices() -> Iterator[tuple[str, bytes, Callable[[bytes], object]]]:
+    """Every CAN device of the examples: frames under its identifiers with any data."""
+    for path in sorted((ROOT / "rigs").glob("*.toml")):
+        for name, device in read_rig_file(path).make_devices().items():
+            if not hasattr(device, "identifiers"):
+                continue
+            identifiers = list(device.identifiers())
+            chance = random.Random(name)
+
+            def receive(data: bytes, device=device, identifiers=identifiers, chance=chance):
+                identifier = chance.choice(identifiers)
+                frame = can.Message(
+                    arbitration_id=identifier & 0x1FFFFFFF,
+                    is_extended_id=bool(identifier >> 31),
+                    data=data[:8],
+                )
+                device.receive(frame, 0.0)
+
+            yield f"{path.stem}: {name}", bytes(range(8)), receive
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--inputs", type=int, default=1_000_000)
+    given = parser.parse_args()
+    print(f"{given.inputs} malformed inputs each")
+    for name, good, receive in (*parsers(), *devices()):
+        chance = random.Random(name)
+        slowest = 0.0
+        start = time.perf_counter()
+        for _ in range(given.inputs):
+            data = malformed(good, chance)
+            before = time.perf_counter()
+            receive(data)
+            slowest = max(slowest, time.perf_counter() - before)
+        total = time.perf_counter() - start
+        print(f"  {name:40} nothing raised; slowest {slowest * 1e3:.1f} ms, {total:.0f} s in all")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,137 @@
+"""The wire work of a tick, in one run: our drivers, python-can's slcan, and a loop with no wire.
+
+    python benchmarks/wire.py                  # 5000 ticks of each at 1 kHz
+
+The devices are emulated in another process (`teleop rig emulate`) behind pseudo-terminals. What is
+timed is what a tick spends on them: `read` drains every port and decodes what came, `write` encodes
+both velocities and sends them. The peer makes the same frames with python-can's own slcan bus. The
+bare loop waits for its deadline and does nothing else: its lateness is the machine's.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import can
+import numpy as np
+from can.interfaces.slcan import slcanBus
+
+from drivers import STANDSTILL
+from drivers.rig_file import read_rig_file
+from drivers.wired_rig import WiredRig
+from teleop.clock import RealClock
+from teleop.realtime import realtime
+
+RIGS = Path(__file__).parents[1] / "rigs"
+RATE = 1000.0
+
+
+@contextmanager
+def emulated(name: str) -> Iterator[Path]:
+    """An example rig in another process; the rig file to use against it."""
+    with tempfile.TemporaryDirectory() as folder:
+        out = Path(folder) / "run.toml"
+        process = subprocess.Popen(
+            [sys.executable, "-m", "teleop", "rig", "emulate", RIGS / f"{name}.toml",
+             "--condition", "autonomous", "--out", out],
+            stdout=subprocess.DEVNULL,
+        )  # fmt: skip
+        try:
+            while not out.exists() or not out.stat().st_size:
+                time.sleep(0.05)
+            yield out
+        finally:
+            process.terminate()
+            process.wait()
+
+
+def ours(path: Path, ticks: int) -> dict[str, list[float]]:
+    """A rig's reads and writes, drives enabled at standstill."""
+    clock = RealClock(RATE)
+    reads, writes, both = [], [], []
+    with realtime("try"), WiredRig(read_rig_file(path), clock.now) as rig:
+        enabled = False
+        for tick in range(ticks + 1000):
+            clock.wait()
+            start = time.perf_counter()
+            rig.read()
+            middle = time.perf_counter()
+            enabled = enabled or rig.enable()
+            before = time.perf_counter()
+            rig.write(STANDSTILL)
+            end = time.perf_counter()
+            if tick >= 1000:
+                reads.append(middle - start)
+                writes.append(end - before)
+                both.append(middle - start + end - before)
+    return {"read": reads, "write": writes, "both": both}
+
+
+def peer(path: Path, ticks: int) -> dict[str, list[float]]:
+    """python-can's slcan on the same adapter: drain, and two frames out."""
+    channel = read_rig_file(path).sections.buses["can"].channel
+    sent = [
+        can.Message(arbitration_id=node << 5 | 0x0D, data=bytes(8), is_extended_id=False)
+        for node in (1, 2)
+    ]
+    clock = RealClock(RATE)
+    reads, writes, both = [], [], []
+    with realtime("try"), slcanBus(channel, bitrate=1_000_000, sleep_after_open=0.1) as bus:
+        for tick in range(ticks + 1000):
+            clock.wait()
+            start = time.perf_counter()
+            while bus.recv(0):
+                pass
+            middle = time.perf_counter()
+            for frame in sent:
+                bus.send(frame)
+            end = time.perf_counter()
+            if tick >= 1000:
+                reads.append(middle - start)
+                writes.append(end - middle)
+                both.append(end - start)
+    return {"read": reads, "write": writes, "both": both}
+
+
+def bare(ticks: int) -> list[float]:
+    """Lateness of a loop with nothing to do."""
+    clock = RealClock(RATE)
+    with realtime("try"):
+        return [clock.wait().lateness for _ in range(ticks)]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--ticks", type=int, default=5000)
+    parser.add_argument("--json", action="store_true")
+    given = parser.parse_args()
+    found: dict[str, dict[str, list[float]]] = {}
+    for name in ("serial-board", "odrive-bota"):
+        with emulated(name) as path:
+            found[name] = ours(path, given.ticks)
+    with emulated("odrive-bota") as path:
+        found["the same ODrives, python-can's slcan alone"] = peer(path, given.ticks)
+    found["no wire (lateness)"] = {"both": bare(given.ticks)}
+    rows = {
+        name: {part: tuple(np.percentile(times, (50, 99)) * 1e6) for part, times in parts.items()}
+        for name, parts in found.items()
+    }
+    if given.json:
+        print(json.dumps(rows, indent=2))
+        return
+    print(f"{'[us], p50 / p99':44}{'read':>16}{'write':>16}{'a tick':>16}")
+    for name, parts in rows.items():
+        cells = (parts.get(part) for part in ("read", "write", "both"))
+        print(f"{name:44}" + "".join(f"{c[0]:7.1f} /{c[1]:7.1f}" if c else " " * 16 for c in cells))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,142 @@
+"""Reading a rig file: what is right is kept, what is wrong is told, all of it at once."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from drivers.rig_file import RigFileError, read_rig_file
+from drivers.wired_rig import WiredRig
+from teleop.safety.rig_limits import rig_limits
+
+RIGS = Path(__file__).parents[2] / "rigs"
+EXAMPLES = sorted(RIGS.glob("*.toml"))
+BOARD = (RIGS / "serial-board.toml").read_text()
+
+
+def read(folder, text):
+    path = folder / "rig.toml"
+    path.write_text(text)
+    return read_rig_file(path)
+
+
+def problems(folder, text):
+    with pytest.raises(RigFileError) as caught:
+        read(folder, text)
+    return [line.removeprefix(f"{folder / 'rig.toml'}: ") for line in str(caught.value).split("\n")]
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+def test_the_examples_are_as_expected(path):
+    rig = read_rig_file(path)
+    assert rig_limits(rig.sections).hard_force > 0.0
+    wired = WiredRig(rig, lambda: 0.0)
+    assert set(wired.buses) == set(rig.sections.buses)
+
+
+def test_each_kind_of_device_that_is_built_in_has_an_example():
+    from drivers.registry import BUILT_IN
+
+    used = {device.kind for path in EXAMPLES for device in read_rig_file(path).devices.values()}
+    assert used == set(BUILT_IN)
+
+
+def test_units_become_si(tmp_path):
+    text = BOARD.replace("max_acceleration_m_per_s2 = 10\n", "max_acceleration_m_per_s2 = 8\n")
+    limits = rig_limits(read(tmp_path, text).sections)
+    assert limits.max_velocity == pytest.approx(0.2)
+    assert limits.max_acceleration == 8.0
+    assert limits.hard_position == pytest.approx((-0.05, 0.03))
+    assert limits.drive_compliance == pytest.approx(4.2e-6)
+    assert limits.channels["slave_position"].low == pytest.approx(-0.06)
+    assert limits.channels["contact_force"].frozen_time == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ('name = "serial board"', "", "name: field required"),
+        ("rate_hz = 1000\n\n", "rate_hz = 5\n\n", "rate_hz"),
+        ("watchdog_ms = 50", "watchdog = 50", "devices.board.watchdog: extra inputs"),
+        ("baud_bps = 921600", 'baud_bps = "fast"', "buses.usb.serial.baud_bps"),
+        ('signal = "force_1"', 'signal = "force_9"', "channels.contact_force.signal: 'force_9'"),
+        ('signal = "force_1"', 'signal = "analogue_0"', "channels.contact_force.scale: missing"),
+        ('drive = "axis_1"', 'drive = "axis_7"', "drives.slave.drive: 'axis_7'"),
+        ('drive = "axis_1"', "", "expected one of those of the device: axis_0, axis_1"),
+        ('bus = "usb"', 'bus = "can"', "devices.board.bus: 'can': expected a serial bus"),
+        ('kind = "board"', 'kind = "bored"', "devices.board.kind: 'bored': expected one of board"),
+        ('kind = "board"', "", "devices.board.kind: None: expected one of board"),
+        ('kind = "serial"', 'kind = "parallel"', "buses.usb"),
+        ("range_n = [-500, 500]", "range_n = [-500, nan]", "range_n.1"),
+    ],
+)
+def test_what_is_wrong_is_told_with_its_path(tmp_path, old, new, told):
+    assert old in BOARD
+    assert any(told in line for line in problems(tmp_path, BOARD.replace(old, new)))
+
+
+def test_all_that_is_wrong_is_told_at_once(tmp_path):
+    text = BOARD.replace("baud_bps = 921600", "baud_bps = -1")
+    text = text.replace('signal = "force_1"', 'signal = "force_9"')
+    text = text.replace("soft_force_n = 200", "soft = 1")
+    found = "\n".join(problems(tmp_path, text))
+    for told in ("baud_bps", "force_9", "limits.soft:", "limits.soft_force_n"):
+        assert told in found
+
+
+def test_a_device_that_is_wrong_is_not_told_again_where_it_is_used(tmp_path):
+    found = problems(tmp_path, BOARD.replace("watchdog_ms = 50", "watchdog = 50"))
+    assert len(found) == 1
+
+
+def test_hard_limits_inside_soft_ones_are_refused(tmp_path):
+    text = BOARD.replace("hard_force_n = 250", "hard_force_n = 20")
+    with pytest.raises(ValueError, match=r"limits: soft force limit 200 N is above"):
+        rig_limits(read(tmp_path, text).sections)
+
+
+def test_two_devices_on_one_port_are_refused(tmp_path):
+    text = BOARD + '\n[devices.other]\nkind = "bota"\nbus = "usb"\n'
+    assert problems(tmp_path, text) == ["devices.other.bus: port 'usb' is that of board already"]
+
+
+@pytest.mark.parametrize("content", [b"\xff\xfe", b"name =", b"[a]\n[a]\n", b"a = 1\x00"])
+def test_what_is_no_toml_is_one_line(tmp_path, content):
+    path = tmp_path / "rig.toml"
+    path.write_bytes(content)
+    with pytest.raises(RigFileError, match="not a TOML file"):
+        read_rig_file(path)
+
+
+VALUES = ["3", "-1", '"x"', "[]", "[1, 2, 3]", "{}", "true", "nan", "1e400", "2026-01-01"]
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=150)
+@given(st.data())
+def test_any_value_anywhere_is_read_or_refused(tmp_path, data):
+    lines = BOARD.splitlines()
+    keyed = [i for i, line in enumerate(lines) if "=" in line and not line.startswith("#")]
+    for _ in range(data.draw(st.integers(1, 3))):
+        at = data.draw(st.sampled_from(keyed))
+        lines[at] = f"{lines[at].partition('=')[0]}= {data.draw(st.sampled_from(VALUES))}"
+    try:
+        rig = read(tmp_path, "\n".join(lines))
+        WiredRig(rig, lambda: 0.0)
+        rig_limits(rig.sections)
+    except ValueError as error:
+        assert str(error)
+
+
+@pytest.mark.parametrize("section", ["buses", "devices", "channels", "drives", "limits"])
+@pytest.mark.parametrize("value", ["3", "[]", '"x"', "{}", "{ a = 1 }"])
+def test_a_section_that_is_none_is_told(tmp_path, section, value):
+    kept, skip = [f"{section} = {value}"], False
+    for line in BOARD.splitlines():
+        if line.startswith("["):
+            skip = line.strip("[]").split(".")[0] == section
+        if not skip:
+            kept.append(line)
+    assert any(section in line for line in problems(tmp_path, "\n".join(kept)))
