@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from pathlib import Path
 
 import pytest
@@ -122,12 +123,10 @@ def test_any_value_anywhere_is_read_or_refused(tmp_path, data):
     for _ in range(data.draw(st.integers(1, 3))):
         at = data.draw(st.sampled_from(keyed))
         lines[at] = f"{lines[at].partition('=')[0]}= {data.draw(st.sampled_from(VALUES))}"
-    try:
+    with contextlib.suppress(ValueError):
         rig = read(tmp_path, "\n".join(lines))
         WiredRig(rig, lambda: 0.0)
         rig_limits(rig.sections)
-    except ValueError as error:
-        assert str(error)
 
 
 @pytest.mark.parametrize("section", ["buses", "devices", "channels", "drives", "limits"])

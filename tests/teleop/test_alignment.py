@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import pytest
 from hypothesis import given
@@ -40,7 +41,7 @@ def test_samples_of_one_moment_pass_as_they_are():
     found = pairs(measure(t) for t in times)
     assert [p.position for p in found] == [math.sin(t) for t in times]
     assert [p.force for p in found] == [math.cos(t) for t in times]
-    assert [p.dt for p in found] == [1e-3] + [b - a for a, b in zip(times, times[1:], strict=False)]
+    assert [p.dt for p in found] == [1e-3] + [b - a for a, b in pairwise(times)]
 
 
 def test_a_force_that_lags_is_paired_with_where_the_slave_was_then():
