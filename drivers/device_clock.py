@@ -21,7 +21,8 @@ class DeviceClock:
 
     So a time is never too early, and too late by the least age: the least latency, well below a
     millisecond on USB, and no more than the time between two samples, less where drains and
-    samples pass each other. What is delivered late, or out of a queue that builds up, does
+    samples pass each other. (A sample that came just before its drain may so seem to be half of
+    that time younger than nothing.) What is delivered late, or out of a queue that builds up, does
     not move the envelope and shows in the sample's age.
 
     A device whose clock is slower by more than `DRIFT`, as without a crystal, seems ever later.
@@ -47,7 +48,7 @@ class DeviceClock:
         before = stamp if self._newest is None else self._newest
         offset = now - 0.5 * (before + stamp) * MICROSECOND
         if self._certain:
-            offset = min(offset, self._offset + DRIFT * max(now - self._seen, 0.0))
+            offset = min(offset, self._offset + DRIFT * (now - self._seen))
         self._certain = self._newest is not None
         self._newest = stamp
         self._offset = offset

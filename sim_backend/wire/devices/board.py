@@ -30,6 +30,10 @@ class EmulatedBoard(EmulatedSerialDevice):
     ----------
     version
         Of the protocol that it speaks.
+    boot
+        Another after each start.
+    started
+        When its clock began [s].
     emergency_stop, drive_fault
         Its inputs, to be set by who emulates.
     """
@@ -50,13 +54,13 @@ class EmulatedBoard(EmulatedSerialDevice):
             for i in range(number)
         ]
         self._axes = len(settings.velocity_um_per_s_per_count)
-        self._boot = random.Random(name).getrandbits(32)
+        self.boot = random.Random(name).getrandbits(32)
         self.reset(0.0)
 
     def reset(self, now: float) -> None:
         """Start anew, as after a loss of power."""
-        self._boot = (self._boot + 1) & 0xFFFFFFFF
-        self._started = now
+        self.boot = (self.boot + 1) & 0xFFFFFFFF
+        self.started = now
         self._begun = b""
         self._due: set[int] = {IDENTITY}
         self._sequence = 0
@@ -163,7 +167,7 @@ class EmulatedBoard(EmulatedSerialDevice):
                 self._axes,
                 len(s.analogue_mv_per_count),
             )
-            identity = struct.pack("<3BI4B", self.version, 1, 0, self._boot, *numbers)
+            identity = struct.pack("<3BI4B", self.version, 1, 0, self.boot, *numbers)
             frames.append(self._frame(IDENTITY, now, identity))
         if CONFIGURED in self._due:
             configured = struct.pack("<HH", self._watchdog_ms, self._rate_hz)
@@ -175,7 +179,7 @@ class EmulatedBoard(EmulatedSerialDevice):
 
     def _samples(self, now: float) -> list[bytes]:
         period = 1.0 / self._rate_hz
-        self._sample_due = max(self._sample_due, now - BACKLOG * period)
+        self._sample_due = max(self._sample_due, now - (BACKLOG - 1) * period)
         frames = []
         while self._sample_due <= now:
             sample = struct.pack(
@@ -197,7 +201,7 @@ class EmulatedBoard(EmulatedSerialDevice):
         return round(min(max(self.mount.sense(signal) / scale, -WIDEST), WIDEST))
 
     def _frame(self, kind: int, time: float, payload: bytes) -> bytes:
-        microseconds = round((time - self._started) * 1e6) & 0xFFFFFFFF
+        microseconds = round((time - self.started) * 1e6) & 0xFFFFFFFF
         body = struct.pack("<BHI", kind, self._sequence, microseconds) + payload
         self._sequence = (self._sequence + 1) & 0xFFFF
         return stuffed(body + check_sum(body).to_bytes(2, "little")) + b"\0"

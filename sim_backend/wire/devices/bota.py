@@ -52,10 +52,10 @@ class EmulatedBota(EmulatedSerialDevice):
             self._answers.append(b"App Init\r\n")
         out, self._answers = self._answers, []
         if not self._configuring:
-            self._due = max(self._due, now - BACKLOG * PERIOD)
-            while self._due < now:
-                out.append(self._frame(self._due - self._power_up))
-                self._due += PERIOD
+            count = max(0, math.ceil((now - self._due) / PERIOD))
+            for i in range(max(0, count - BACKLOG), count):
+                out.append(self._frame(self._due + i * PERIOD - self._power_up))
+            self._due += count * PERIOD
         return out
 
     def _frame(self, uptime: float) -> bytes:

@@ -62,7 +62,7 @@ class CanopenNode(EmulatedCanDevice):
         self._beat_at = math.inf
         self._master_due = math.inf
         self._rpdo_due = [math.inf] * 4
-        self._waiting: dict[int, bytes] = {}
+        self._waiting: dict[int, tuple[list[tuple[int, int]], bytes]] = {}
         self._syncs = 0
         self._errors: set[int] = set()
         self._now = -math.inf
@@ -109,7 +109,8 @@ class CanopenNode(EmulatedCanDevice):
         if kind in (0x1400, 0x1800):
             if sub == 1 and valid and not value & INVALID and value != self[index, 1]:
                 raise Abort(VALUE_RANGE)
-            if sub == 2 and not (1 if kind == 0x1800 else 0) <= value <= 240:
+            at_sync = 1 <= value <= 240
+            if sub == 2 and not at_sync and (kind == 0x1800 or value not in (0, 254, 255)):
                 raise Abort(VALUE_RANGE)
             return
         if self.nmt == OPERATIONAL:
@@ -247,20 +248,21 @@ class CanopenNode(EmulatedCanDevice):
             timer = self[0x1400 + n, 5] * 1e-3
             self._rpdo_due[n] = self._now + timer if timer else math.inf
             self._over(MISSED_PDO)
-            self._waiting[n] = data
             if self[0x1400 + n, 2] > 240:
-                self._apply()
+                self._apply(mapped, data)
+            else:
+                self._waiting[n] = mapped, data
 
-    def _apply(self) -> None:
-        for n, _, mapped in self._pdos(0x1400):
-            data = self._waiting.pop(n, b"")
-            for at in mapped if data else ():
-                entry = self.objects[at]
-                entry.value, data = entry.unpack(data[: entry.size]), data[entry.size :]
-                self.written(at[0])
+    def _apply(self, mapped: list[tuple[int, int]], data: bytes) -> None:
+        for at in mapped:
+            entry = self.objects[at]
+            entry.value, data = entry.unpack(data[: entry.size]), data[entry.size :]
+            self.written(at[0])
 
     def _synchronise(self) -> None:
-        self._apply()
+        for mapped, data in self._waiting.values():
+            self._apply(mapped, data)
+        self._waiting.clear()
         self.run(self._now)
         self._syncs += 1
         for n, identifier, mapped in self._pdos(0x1800):

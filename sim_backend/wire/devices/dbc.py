@@ -71,9 +71,9 @@ class Sender:
         """The frames that are due by now, a few of those that should have gone before."""
         if math.isnan(self._next):
             self._next = now
-        self._next = max(self._next, now - BACKLOG * self._period)
-        while self._next < now:
-            self._next += self._period
+        count = max(0, math.ceil((now - self._next) / self._period))
+        self._next += count * self._period
+        for _ in range(min(count, BACKLOG)):
             yield can.Message(
                 arbitration_id=self._message.frame_id,
                 is_extended_id=self._message.is_extended_frame,

@@ -6,6 +6,7 @@ is written to its register 410, until it is interrupted by bytes of 0xFF.
 
 from __future__ import annotations
 
+import math
 from struct import pack
 from typing import TYPE_CHECKING
 
@@ -57,10 +58,9 @@ class EmulatedFt300(EmulatedSerialDevice):
         """The answer, and the frames that are due."""
         out, self._answers = self._answers, []
         if self._streaming:
-            self._due = max(self._due, now - BACKLOG * PERIOD)
-            while self._due < now:
-                out.append(self._frame())
-                self._due += PERIOD
+            count = max(0, math.ceil((now - self._due) / PERIOD))
+            out += [self._frame() for _ in range(min(count, BACKLOG))]
+            self._due += count * PERIOD
         return out
 
     def _frame(self) -> bytes:

@@ -1,0 +1,92 @@
+"""Trials over the wire beside the simulated rig in one process: do the estimates agree?
+
+    python benchmarks/agreement.py             # three rigs, three conditions, 10 s each
+    python benchmarks/agreement.py --rigs serial-board --seconds 4
+
+Each rig's devices are emulated in another process, behind pseudo-terminals; operator and cube are the
+same, down to the seed. A percentage is the estimate's difference from that of `teleop run` without
+wires, each the mean over its trial. Damping is k times whatever time is lost between force and
+position: 1 N s/m of it is half a millisecond on the soft cube.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+RIGS = Path(__file__).parents[1] / "rigs"
+EXAMPLES = ("serial-board", "odrive-bota", "cia402-ft300")
+CONDITIONS = ("free", "mimic", "autonomous")
+
+
+@contextmanager
+def emulated(name: str, condition: str) -> Iterator[Path]:
+    """An example rig in another process; the rig file to use against it."""
+    with tempfile.TemporaryDirectory() as folder:
+        out = Path(folder) / "run.toml"
+        process = subprocess.Popen(
+            [sys.executable, "-m", "teleop", "rig", "emulate", RIGS / f"{name}.toml",
+             "--condition", condition, "--out", out],
+            stdout=subprocess.DEVNULL,
+        )  # fmt: skip
+        try:
+            while not out.exists() or not out.stat().st_size:
+                time.sleep(0.05)
+            yield out
+        finally:
+            process.terminate()
+            process.wait()
+
+
+def run(condition: str, seconds: float, *arguments: str | Path) -> dict[str, Any]:
+    """A trial's summary."""
+    command = [sys.executable, "-m", "teleop", "run", "--condition", condition, "--no-record",
+               "--duration", str(seconds), "--json", *map(str, arguments)]  # fmt: skip
+    done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=False)
+    summary: dict[str, Any] = json.loads(done.stdout)
+    return summary
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--rigs", nargs="*", default=EXAMPLES)
+    parser.add_argument("--seconds", type=float, default=10.0)
+    parser.add_argument("--rate", type=float, default=1000.0)
+    given = parser.parse_args()
+    print(f"{given.seconds:g} s at {given.rate:g} Hz, k [N/m] and b [N s/m]")
+    print(f"{'':24}" + "".join(f"{name:>26}" for name in ("rls", "ai", "me")) + "   pairs  missed")
+    for condition in CONDITIONS:
+        plain = run(condition, given.seconds)
+        row(condition, "simulated", plain, plain)
+        for name in given.rigs:
+            with emulated(name, condition) as path:
+                wired = run(condition, given.seconds, "--rig", path, "--rate", str(given.rate))
+            row(condition, name, wired, plain)
+
+
+def row(condition: str, name: str, wired: dict[str, Any], plain: dict[str, Any]) -> None:
+    """One line of the table."""
+    cells = ""
+    for estimator, truth in plain["estimates"].items():
+        found = wired["estimates"].get(estimator, {"k": float("nan"), "b": float("nan")})
+        k, b = found["k"], found["b"]
+        text = f"{k:6.0f} {b:6.1f}"
+        if wired is not plain:
+            text += f" {100 * (k / truth['k'] - 1):+5.1f}% {100 * (b / truth['b'] - 1):+5.0f}%"
+        cells += f"{text:>26}"
+    fault = wired["safety"]["fault"]
+    end = f"  STOPPED: {fault['text']}" if fault else ""
+    print(f"{condition:11}{name:13}{cells}{wired['ticks']:8}{wired['loop']['skipped']:8}{end}")
+    sys.stdout.flush()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,89 @@
+"""Frames of Bota Systems' serial force-torque sensors (Rokubi, SensONE, MegaONE).
+
+A frame is a header byte, 34 bytes of data and their CRC-16/X.25, little-endian throughout: see
+`RxFrame` and `DataStatus` of Bota Systems' driver `rokubimini_serial`, RokubiminiSerialImpl.hpp.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections import Counter
+from typing import NamedTuple
+
+from drivers.framing.crc import crc16_x25
+
+HEADER = b"\xaa"
+FRAME = struct.Struct("<xH6fIfH")
+CHECKED = FRAME.size - 2
+"""Its end without the check sum."""
+
+THROTTLED = 1 << 0
+"""The sensor has skipped a measurement: its filter is too short for its line rate."""
+FAULTS = {
+    1 << 1: "overrange",
+    1 << 2: "invalid measurements: saturation, or a short or open circuit",
+    1 << 3: "raw measurements: strain gauges instead of forces",
+}
+"""Status bits whose frames are no measurements."""
+
+RUN = b"R"
+"""Command that ends the configuration mode; in that mode the sensor sends no frames."""
+
+
+class BotaFrame(NamedTuple):
+    """What a frame tells."""
+
+    status: int
+    fx: float
+    """Force [N], as the two that follow."""
+    fy: float
+    fz: float
+    mx: float
+    """Moment [N m], as the two that follow."""
+    my: float
+    mz: float
+    timestamp_us: int
+    """The sensor's own clock; it wraps around after 71.6 minutes."""
+    temperature: float
+    """[degC]"""
+
+
+def fault(status: int) -> str:
+    """Why the values of a frame with that status are not to be trusted; empty if they are."""
+    return ", ".join(words for bit, words in FAULTS.items() if status & bit)
+
+
+class BotaParser:
+    """Cuts a stream of bytes into frames, and finds the next header after noise.
+
+    Parameters
+    ----------
+    rejected
+        Where it counts bytes that belong to no frame: `checksum` for a header byte whose frame has
+        a wrong check sum, `noise` for what lies between frames.
+    """
+
+    def __init__(self, rejected: Counter[str]) -> None:
+        self.rejected = rejected
+        self._rest = b""
+
+    def feed(self, data: bytes) -> list[BotaFrame]:
+        """The frames that these bytes complete, the oldest first."""
+        frames: list[BotaFrame] = []
+        buffer = self._rest + data
+        at = 0
+        while True:
+            start = buffer.find(HEADER, at)
+            end = start if start >= 0 else len(buffer)
+            if end > at:
+                self.rejected["noise"] += end - at
+            if len(buffer) - end < FRAME.size:
+                self._rest = buffer[end:]
+                return frames
+            status, *values, crc = FRAME.unpack_from(buffer, end)
+            if crc == crc16_x25(buffer[end + 1 : end + CHECKED]):
+                frames.append(BotaFrame(status, *values))
+                at = end + FRAME.size
+            else:
+                self.rejected["checksum"] += 1
+                at = end + 1

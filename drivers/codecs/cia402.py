@@ -1,0 +1,226 @@
+"""CANopen drives of profile CiA 402 on the wire, in SI units.
+
+CiA 301 gives the services (NMT, SYNC, EMCY, heartbeat), CiA 402-2 the state machine and the objects
+that the process data objects (PDO) below carry:
+
+- RPDO1: controlword 6040h, target velocity 60FFh
+- TPDO1: statusword 6041h, position actual value 6064h
+- TPDO2: velocity actual value 606Ch, torque actual value 6077h
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from dataclasses import dataclass
+from enum import Enum, IntEnum
+from typing import Literal
+
+NMT, SYNC, EMCY, TPDO1, RPDO1, TPDO2, SDO_ANSWER, HEARTBEAT = (
+    *(0x000, 0x080, 0x080, 0x180, 0x200, 0x280, 0x580, 0x700),
+)
+"""Identifiers of the predefined connection set, CiA 301 7.3.5; all but the first two plus node."""
+
+COMMAND = struct.Struct("<Hi")
+"""RPDO1."""
+STATUS = struct.Struct("<Hi")
+"""TPDO1."""
+MOTION = struct.Struct("<ih")
+"""TPDO2."""
+EMERGENCY = struct.Struct("<HB5s")
+"""CiA 301 7.2.7: error code, error register 1001h, what the manufacturer adds."""
+INT32 = (1 << 31) - 1
+
+
+class NmtCommand(IntEnum):
+    """What the master tells nodes to do, CiA 301 7.2.8.2."""
+
+    START = 0x01
+    STOP = 0x02
+    ENTER_PRE_OPERATIONAL = 0x80
+    RESET_NODE = 0x81
+    RESET_COMMUNICATION = 0x82
+
+
+class NmtState(IntEnum):
+    """What a node says of itself in its heartbeat, CiA 301 7.2.8.3.2."""
+
+    BOOT_UP = 0x00
+    STOPPED = 0x04
+    OPERATIONAL = 0x05
+    PRE_OPERATIONAL = 0x7F
+
+    @property
+    def words(self) -> str:
+        """As the standard writes it."""
+        return self.name.lower().replace("_", "-")
+
+
+class State(Enum):
+    """States of the power drive system, CiA 402-2 table 30: mask and bits of the statusword."""
+
+    NOT_READY_TO_SWITCH_ON = (0x4F, 0x00)
+    SWITCH_ON_DISABLED = (0x4F, 0x40)
+    READY_TO_SWITCH_ON = (0x6F, 0x21)
+    SWITCHED_ON = (0x6F, 0x23)
+    OPERATION_ENABLED = (0x6F, 0x27)
+    QUICK_STOP_ACTIVE = (0x6F, 0x07)
+    FAULT_REACTION_ACTIVE = (0x4F, 0x0F)
+    FAULT = (0x4F, 0x08)
+
+    @property
+    def words(self) -> str:
+        """As the profile writes it."""
+        return self.name.lower().replace("_", " ")
+
+
+class Control(IntEnum):
+    """Controlwords, CiA 402-2 table 26."""
+
+    DISABLE_VOLTAGE = 0x00
+    QUICK_STOP = 0x02
+    SHUTDOWN = 0x06
+    SWITCH_ON = 0x07
+    ENABLE_OPERATION = 0x0F
+    FAULT_RESET = 0x80
+
+
+TOWARDS_OPERATION: dict[State | None, Control] = {
+    State.SWITCH_ON_DISABLED: Control.SHUTDOWN,
+    State.READY_TO_SWITCH_ON: Control.SWITCH_ON,
+    State.SWITCHED_ON: Control.ENABLE_OPERATION,
+    State.OPERATION_ENABLED: Control.ENABLE_OPERATION,
+    State.FAULT: Control.FAULT_RESET,
+}
+"""Controlword for the next step; in every other state the drive goes on by itself, so wait."""
+
+
+def nmt(command: NmtCommand, node: int) -> bytes:
+    """The NMT command to a node."""
+    return bytes((command, node))
+
+
+def state_of(statusword: int) -> State | None:
+    """The state that a statusword tells; None for a pattern that the profile does not know."""
+    return next((s for s in State if statusword & s.value[0] == s.value[1]), None)
+
+
+@dataclass(frozen=True)
+class Units:
+    """The drive's units for motion along its axis.
+
+    Parameters
+    ----------
+    counts_per_turn
+        Position increments for a turn of the motor.
+    travel_per_turn
+        What the axis moves with a turn [m].
+    velocity
+        Unit of 60FFh and 606Ch.
+    rated_torque
+        6076h [N m], of which 6077h counts thousandths; NaN if the drive does not tell.
+    """
+
+    counts_per_turn: float
+    travel_per_turn: float
+    velocity: Literal["counts_per_s", "rpm"]
+    rated_torque: float = math.nan
+
+    @property
+    def metres(self) -> float:
+        """An increment of position [m]."""
+        return self.travel_per_turn / self.counts_per_turn
+
+    @property
+    def metres_per_second(self) -> float:
+        """A unit of velocity [m/s]."""
+        return self.metres if self.velocity == "counts_per_s" else self.travel_per_turn / 60.0
+
+    @property
+    def newtons(self) -> float:
+        """A thousandth of the rated torque, as force along the axis without losses [N]."""
+        return 1e-3 * self.rated_torque * 2.0 * math.pi / self.travel_per_turn
+
+    def target(self, velocity: float) -> int:
+        """The nearest target velocity 60FFh that the drive can be told."""
+        return round(max(-INT32, min(INT32, velocity / self.metres_per_second)))
+
+    def position(self, data: bytes) -> float:
+        """Position in TPDO1 [m]."""
+        return float(STATUS.unpack(data)[1] * self.metres)
+
+    def velocity_and_force(self, data: bytes) -> tuple[float, float]:
+        """Velocity [m/s] and force [N] in TPDO2."""
+        velocity, torque = MOTION.unpack(data)
+        return velocity * self.metres_per_second, torque * self.newtons
+
+
+def command(control: Control, target: int) -> bytes:
+    """RPDO1."""
+    return COMMAND.pack(control, target)
+
+
+def statusword(data: bytes) -> int:
+    """Statusword in TPDO1."""
+    return int(STATUS.unpack(data)[0])
+
+
+def emergency(data: bytes) -> str:
+    """What an EMCY frame says, in words; empty where it says that an error is over."""
+    code, register, _ = EMERGENCY.unpack(data)
+    if code >> 8 == 0:
+        return ""
+    known = (EMERGENCIES.get(code & mask) for mask in (0xFFFF, 0xFFF0, 0xFF00, 0xF000))
+    meaning = next(filter(None, known), "unknown error")
+    return f"{meaning} (EMCY {code:04X}h, error register {register:02X}h)"
+
+
+EMERGENCIES = {
+    0x1000: "generic error",
+    0x2000: "current",
+    0x2300: "current at the drive's output",
+    0x2310: "continuous over-current at the output",
+    0x2320: "short circuit or earth leakage at the output",
+    0x2340: "short circuit at the motor",
+    0x2350: "motor overload (I2t)",
+    0x3000: "voltage",
+    0x3110: "mains over-voltage",
+    0x3120: "mains under-voltage",
+    0x3210: "DC link over-voltage",
+    0x3220: "DC link under-voltage",
+    0x4000: "temperature",
+    0x4210: "drive too hot",
+    0x4310: "power stage too hot",
+    0x5000: "drive hardware",
+    0x5441: "emergency stop or safe torque off",
+    0x5530: "parameter memory",
+    0x6000: "drive software",
+    0x6010: "drive software was reset (watchdog)",
+    0x6320: "parameter",
+    0x7000: "additional modules",
+    0x7120: "motor",
+    0x7121: "motor blocked",
+    0x7122: "motor or commutation",
+    0x7300: "position sensor",
+    0x7305: "incremental encoder",
+    0x8000: "monitoring",
+    0x8100: "communication",
+    0x8110: "CAN overrun, frames lost",
+    0x8120: "CAN error passive",
+    0x8130: "our heartbeat was missed",
+    0x8140: "CAN bus-off",
+    0x8150: "CAN identifier collision",
+    0x8210: "PDO too short",
+    0x8220: "PDO too long",
+    0x8250: "our PDO was missed",
+    0x8300: "torque control",
+    0x8400: "velocity control",
+    0x8500: "position control",
+    0x8611: "following error",
+    0x8612: "reference limit",
+    0x8700: "SYNC missed",
+    0x9000: "external error",
+    0xF000: "additional functions",
+    0xFF00: "error of the manufacturer's own",
+}
+"""Error codes, CiA 301 table 26 and CiA 402-2 annex: a code, or the head of its group."""

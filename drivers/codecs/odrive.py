@@ -1,0 +1,219 @@
+"""ODrive CANSimple, firmware 0.5 and 0.6: the frames of an axis that follows a velocity.
+
+An 11-bit identifier is node << 5 | command; data are little-endian, floats IEEE 754 of 32 bits.
+Turns [rev] are the motor's. Source: ODrive documentation, "CAN Protocol", of the two firmwares,
+and the vendor's odrive-cansimple-0.5.6.dbc and -0.6.10.dbc.
+"""
+
+from __future__ import annotations
+
+import struct
+from enum import IntEnum
+from typing import Literal, NamedTuple
+
+Firmware = Literal["0.5", "0.6"]
+
+LENGTH = 8
+"""Bytes in every frame that an axis sends."""
+
+
+class Command(IntEnum):
+    """The lower 5 bits of an identifier."""
+
+    GET_VERSION = 0x00
+    """0.6 only."""
+    HEARTBEAT = 0x01
+    SET_AXIS_STATE = 0x07
+    GET_ENCODER_ESTIMATES = 0x09
+    SET_CONTROLLER_MODE = 0x0B
+    SET_INPUT_VEL = 0x0D
+    SET_LIMITS = 0x0F
+    GET_IQ = 0x14
+    CLEAR_ERRORS = 0x18
+    GET_TORQUES = 0x1C
+    """0.6 only."""
+
+
+class AxisState(IntEnum):
+    """States of an axis."""
+
+    UNDEFINED = 0
+    IDLE = 1
+    STARTUP_SEQUENCE = 2
+    FULL_CALIBRATION_SEQUENCE = 3
+    MOTOR_CALIBRATION = 4
+    SENSORLESS_CONTROL = 5
+    ENCODER_INDEX_SEARCH = 6
+    ENCODER_OFFSET_CALIBRATION = 7
+    CLOSED_LOOP_CONTROL = 8
+    LOCKIN_SPIN = 9
+    ENCODER_DIR_FIND = 10
+    HOMING = 11
+    ENCODER_HALL_POLARITY_CALIBRATION = 12
+    ENCODER_HALL_PHASE_CALIBRATION = 13
+    ANTICOGGING_CALIBRATION = 14
+
+
+STATES = {state.value: state.name for state in AxisState}
+VELOCITY_CONTROL = 2
+"""Control mode."""
+PASSTHROUGH = 1
+"""Input mode: the velocity is followed as it comes."""
+
+AXIS_ERRORS: dict[Firmware, dict[int, str]] = {
+    "0.5": {
+        0x00001: "INVALID_STATE",
+        0x00040: "MOTOR_FAILED",
+        0x00080: "SENSORLESS_ESTIMATOR_FAILED",
+        0x00100: "ENCODER_FAILED",
+        0x00200: "CONTROLLER_FAILED",
+        0x00800: "WATCHDOG_TIMER_EXPIRED",
+        0x01000: "MIN_ENDSTOP_PRESSED",
+        0x02000: "MAX_ENDSTOP_PRESSED",
+        0x04000: "ESTOP_REQUESTED",
+        0x20000: "HOMING_WITHOUT_ENDSTOP",
+        0x40000: "OVER_TEMP",
+        0x80000: "UNKNOWN_POSITION",
+    },
+    "0.6": {
+        0x00000001: "INITIALIZING",
+        0x00000002: "SYSTEM_LEVEL",
+        0x00000004: "TIMING_ERROR",
+        0x00000008: "MISSING_ESTIMATE",
+        0x00000010: "BAD_CONFIG",
+        0x00000020: "DRV_FAULT",
+        0x00000040: "MISSING_INPUT",
+        0x00000100: "DC_BUS_OVER_VOLTAGE",
+        0x00000200: "DC_BUS_UNDER_VOLTAGE",
+        0x00000400: "DC_BUS_OVER_CURRENT",
+        0x00000800: "DC_BUS_OVER_REGEN_CURRENT",
+        0x00001000: "CURRENT_LIMIT_VIOLATION",
+        0x00002000: "MOTOR_OVER_TEMP",
+        0x00004000: "INVERTER_OVER_TEMP",
+        0x00008000: "VELOCITY_LIMIT_VIOLATION",
+        0x00010000: "POSITION_LIMIT_VIOLATION",
+        0x01000000: "WATCHDOG_TIMER_EXPIRED",
+        0x02000000: "ESTOP_REQUESTED",
+        0x04000000: "SPINOUT_DETECTED",
+        0x08000000: "BRAKE_RESISTOR_DISARMED",
+        0x10000000: "THERMISTOR_DISCONNECTED",
+        0x40000000: "CALIBRATION_ERROR",
+    },
+}
+REFUSALS = {
+    4: "NO_RESPONSE",
+    5: "POLE_PAIR_CPR_MISMATCH",
+    6: "PHASE_RESISTANCE_OUT_OF_RANGE",
+    7: "PHASE_INDUCTANCE_OUT_OF_RANGE",
+    8: "UNBALANCED_PHASES",
+    9: "INVALID_MOTOR_TYPE",
+    10: "ILLEGAL_HALL_STATE",
+    11: "TIMEOUT",
+    12: "HOMING_WITHOUT_ENDSTOP",
+    13: "INVALID_STATE",
+    14: "NOT_CALIBRATED",
+    15: "NOT_CONVERGING",
+}
+"""Procedure results of 0.6 other than success, busy, cancelled and disarmed."""
+
+TWO_FLOATS = struct.Struct("<ff")
+TWO_INTEGERS = struct.Struct("<II")
+HEARTBEAT_05 = struct.Struct("<IBBBB")
+HEARTBEAT_06 = struct.Struct("<IBB2x")
+
+
+class Heartbeat(NamedTuple):
+    """What an axis says of itself."""
+
+    state: int
+    """One of `AxisState`, or one that a later firmware has."""
+    errors: tuple[str, ...]
+    """Names of its errors, those that are active and those that it disarmed for."""
+    refusal: str = ""
+    """Why the state that was requested last was not entered, where the axis tells it (0.6)."""
+
+
+class Version(NamedTuple):
+    """The version of a firmware."""
+
+    major: int
+    minor: int
+    revision: int
+
+
+def identifier(node: int, command: Command) -> int:
+    """The identifier of a node's frame."""
+    return node << 5 | command
+
+
+def set_axis_state(state: AxisState) -> bytes:
+    """Data of Set_Axis_State."""
+    return struct.pack("<I", state).ljust(LENGTH, b"\0")
+
+
+def set_controller_mode(control: int, inputs: int) -> bytes:
+    """Data of Set_Controller_Mode: control mode and input mode."""
+    return TWO_INTEGERS.pack(control, inputs)
+
+
+def set_input_vel(velocity: float) -> bytes:
+    """Data of Set_Input_Vel [rev/s], without torque feed-forward."""
+    return TWO_FLOATS.pack(velocity, 0.0)
+
+
+def set_limits(velocity: float, current: float) -> bytes:
+    """Data of Set_Limits [rev/s, A]."""
+    return TWO_FLOATS.pack(velocity, current)
+
+
+def clear_errors(firmware: Firmware) -> bytes:
+    """Data of Clear_Errors; from 0.6 on a byte says whether the axis is to blink, it is not."""
+    return b"" if firmware == "0.5" else b"\0"
+
+
+def heartbeat(firmware: Firmware, data: bytes) -> Heartbeat:
+    """Read a heartbeat; struct.error unless it has 8 bytes."""
+    if firmware == "0.5":
+        errors, state, motor, encoder, controller = HEARTBEAT_05.unpack(data)
+        flags = {"MOTOR_ERROR": motor, "ENCODER_ERROR": encoder, "CONTROLLER_ERROR": controller}
+        names = error_names(firmware, errors) + tuple(n for n, flag in flags.items() if flag & 1)
+        return Heartbeat(state, names)
+    errors, state, result = HEARTBEAT_06.unpack(data)
+    return Heartbeat(state, error_names(firmware, errors), REFUSALS.get(result, ""))
+
+
+def encoder_estimates(data: bytes) -> tuple[float, float]:
+    """Position [rev] and velocity [rev/s] of Get_Encoder_Estimates; struct.error as above."""
+    position, velocity = TWO_FLOATS.unpack(data)
+    return position, velocity
+
+
+def iq(data: bytes) -> tuple[float, float]:
+    """Current that is wanted and measured [A] of Get_Iq; struct.error as above."""
+    setpoint, measured = TWO_FLOATS.unpack(data)
+    return setpoint, measured
+
+
+def torques(data: bytes) -> tuple[float, float]:
+    """Torque that is wanted and estimated [N m] of Get_Torques; struct.error as above."""
+    target, estimate = TWO_FLOATS.unpack(data)
+    return target, estimate
+
+
+def version(data: bytes) -> Version:
+    """The firmware's version of Get_Version; struct.error as above."""
+    return Version(*struct.unpack("<4x3Bx", data))
+
+
+def error_names(firmware: Firmware, errors: int) -> tuple[str, ...]:
+    """The names of the bits that are set; of a nameless one its value."""
+    if not errors:
+        return ()
+    names = AXIS_ERRORS[firmware]
+    bits = [1 << i for i in range(32) if errors >> i & 1]
+    return tuple(names.get(bit, f"error 0x{bit:x}") for bit in bits)
+
+
+def state_name(state: int) -> str:
+    """The name of an axis's state."""
+    return STATES.get(state, f"state {state}")

@@ -1,0 +1,300 @@
+"""A microcontroller board with force channels, encoders, velocity axes and analogue inputs.
+
+It speaks the protocol of docs/serial-protocol.md; drivers/firmware has it for the board's side.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Iterator
+from typing import Annotated, Literal
+
+from pydantic import Field, FiniteFloat
+
+from drivers.codecs import board as codec
+from drivers.codecs.board import Configured, Identity, Input, MessageReader, State
+from drivers.device import DeviceSettings, Sample, SerialDevice, VelocityDrive
+from drivers.device_clock import DeviceClock
+from drivers.rig import RigError
+from drivers.transports.serial_port import SerialPort
+
+Scale = Annotated[FiniteFloat, Field(gt=0)]
+
+PATIENCE = 4.0
+"""Longest wait for an answer [s]: opening its port starts many a board anew, through a loader."""
+ASKING = 0.25
+"""Between two questions [s]."""
+QUANTITIES = (
+    ("force", "N", 1.0, "force_n_per_count", codec.FORCES),
+    ("position", "m", 1e-6, "position_um_per_count", codec.AXES),
+    ("velocity", "m/s", 1e-6, "velocity_um_per_s_per_count", codec.AXES),
+    ("analogue", "V", 1e-3, "analogue_mv_per_count", codec.ANALOGUES),
+)
+"""Signals in the order of a sample's counts: name, SI unit, setting's unit, setting, how many."""
+STOPPED: dict[int, str] = {
+    State.WATCHDOG: "watchdog: the board missed the commands",
+    State.DRIVE_FAULT: "drive fault input",
+}
+
+
+class BoardSettings(DeviceSettings):
+    """A board; each list has an entry for each input or axis in use, the first ones."""
+
+    kind: Literal["board"]
+    bus: str
+    sample_rate_hz: Annotated[int, Field(ge=50, le=4000)] = 1000
+    watchdog_ms: Annotated[int, Field(ge=5, le=500)] = 50
+    """The axes stop if no command comes for so long."""
+    force_n_per_count: Annotated[tuple[Scale, ...], Field(max_length=codec.FORCES)] = ()
+    position_um_per_count: Annotated[tuple[Scale, ...], Field(max_length=codec.AXES)] = ()
+    velocity_um_per_s_per_count: Annotated[tuple[Scale, ...], Field(max_length=codec.AXES)] = ()
+    """Of the commands, and of the velocities that the board measures."""
+    analogue_mv_per_count: Annotated[tuple[Scale, ...], Field(max_length=codec.ANALOGUES)] = ()
+
+
+class Axis(VelocityDrive):
+    """One of the board's axes; `idle` takes all of them out of operation."""
+
+    def __init__(self, board: Board, index: int, scale: float) -> None:
+        self.velocity = 0
+        """For the next COMMAND [counts]."""
+        self._board = board
+        self._index = index
+        self._scale = scale
+
+    def enable(self) -> bool:
+        """Ask for this axis; the board's samples tell whether it is enabled."""
+        return self._board.enable_axis(self._index)
+
+    def command(self, velocity: float) -> float:
+        """In whole counts."""
+        self.velocity = codec.to_counts(velocity, self._scale)
+        return self.velocity * self._scale
+
+    def idle(self) -> None:
+        """Stop all axes of the board at once."""
+        self._board.disable()
+
+
+class Board(SerialDevice):
+    """A board; signals `force_0` [N], `position_0` [m], `velocity_0` [m/s], `analogue_0` [V].
+
+    Its drives are `axis_0` and `axis_1`. All signals of one frame have one time, that of the
+    board's clock mapped to ours.
+
+    A board that was reset has lost its counts and so the datum of its positions: its error stays
+    until the rig is opened anew.
+    """
+
+    Settings = BoardSettings
+    settings: BoardSettings
+
+    def __init__(self, name: str, settings: BoardSettings) -> None:
+        super().__init__(name, settings)
+        self.axes = [
+            Axis(self, i, scale * 1e-6)
+            for i, scale in enumerate(settings.velocity_um_per_s_per_count)
+        ]
+        self.drives = {f"axis_{i}": axis for i, axis in enumerate(self.axes)}
+        self.identity: Identity | None = None
+        """What the board said that it is."""
+        self._port: SerialPort | None = None
+        self._reader = MessageReader(self.rejected)
+        self._clock = DeviceClock()
+        self._configured: Configured | None = None
+        self._started = False
+        self._sequence = 0
+        self._received: int | None = None
+        self._uptime = 0
+        self._wanted = False
+        """Whether the axes are to be enabled."""
+        self._asked = 0
+        """Sequence number of the first frame that asked for it."""
+        self._acknowledged = False
+        """Whether the board has taken that frame, so that its state is the answer to it."""
+        self._enabled = 0
+        """Bit mask of the axes that are."""
+        self._running = False
+        self._latched = ""
+        self._reset = ""
+        self._gains = list(gains(settings))
+
+    def signals(self) -> dict[str, str]:
+        """Those that the rig file gives a scale."""
+        return {
+            f"{name}_{i}": unit
+            for name, unit, _, key, _ in QUANTITIES
+            for i in range(len(getattr(self.settings, key)))
+        }
+
+    def start(self, port: SerialPort) -> None:
+        """Ask who is there, and have it configured; it streams then."""
+        self._port = port
+        self._started = False
+        self.identity = self._configured = None
+        where = f"{self.name}: board on {port.port}"
+        if not self._ask(codec.HELLO, b"", lambda: self.identity):
+            raise RigError(f"{where}: no answer in {PATIENCE:g} s: {self._instead()}")
+        self._check_identity(where)
+        s = self.settings
+        payload = codec.configure(s.watchdog_ms, s.sample_rate_hz)
+        if not self._ask(codec.CONFIGURE, payload, lambda: self._configured):
+            raise RigError(f"{where}: it does not take its settings")
+        got = self._configured
+        assert got
+        if (got.watchdog, got.sample_rate) != (s.watchdog_ms, s.sample_rate_hz):
+            raise RigError(
+                f"{where}: watchdog_ms {s.watchdog_ms}, sample_rate_hz {s.sample_rate_hz}: "
+                f"the board can do {got.watchdog} ms and {got.sample_rate} Hz"
+            )
+        self._started = True
+
+    def _ask(self, kind: int, payload: bytes, answer: Callable[[], object]) -> bool:
+        """Send a question again and again until it is answered; whether it is."""
+        assert self._port
+        for _ in range(round(PATIENCE / ASKING)):
+            self._send(kind, payload)
+            if self._port.wait_for(answer, ASKING):
+                return True
+        return False
+
+    def _check_identity(self, where: str) -> None:
+        """Refuse a board that is not the one of the rig file."""
+        board, s = self.identity, self.settings
+        assert board
+        if board.version != codec.VERSION:
+            raise RigError(
+                f"{where}: it speaks version {board.version} of the protocol, expected "
+                f"{codec.VERSION}: see docs/serial-protocol.md"
+            )
+        numbers = (board.forces, board.encoders, board.axes, board.analogues)
+        for (*_, key, _), has in zip(QUANTITIES, numbers, strict=True):
+            if (wanted := len(getattr(s, key))) > has:
+                raise RigError(f"{where}: {key} has {wanted} entries, the board has {has} of these")
+
+    def _instead(self) -> str:
+        """What came instead of an answer."""
+        instead = ", ".join(f"{n} frames rejected for {why}" for why, n in self.rejected.items())
+        return f"{instead}: check the baud rate" if instead else "expected its firmware to run"
+
+    def receive(self, data: bytes, now: float) -> None:
+        """Take in messages; the samples' values and times are those of the newest."""
+        newest: codec.Sample | None = None
+        for message in self._reader.feed(data):
+            if isinstance(message, codec.Sample):
+                if self._in_order(message):
+                    self._judge(message)
+                    newest = message
+            elif isinstance(message, Configured):
+                self._configured = message
+                self._received = message.sequence
+            else:
+                self._meet(message)
+        if newest:
+            self._clock.observe(newest.time, now)
+            time = self._clock.time(newest.time)
+            for index, signal, gain in self._gains:
+                self.samples[signal] = Sample(gain * newest.counts[index], time)
+
+    def _in_order(self, sample: codec.Sample) -> bool:
+        """Whether a sample is newer than all before; counts those that were lost between."""
+        if self._received is not None:
+            ahead = signed(sample.sequence - self._received, 16)
+            if ahead <= 0:
+                self.rejected["late" if ahead else "repeated"] += 1
+                return False
+            if ahead > 1:
+                self.rejected["lost"] += ahead - 1
+            if self._started and signed(sample.time - self._uptime, 32) < 0:
+                self._was_reset("its clock went back")
+        self._received = sample.sequence
+        self._uptime = sample.time
+        return True
+
+    def _meet(self, board: Identity) -> None:
+        """Take in who the board is; in operation it is expected to be who it was."""
+        if not self._started or self.identity is None:
+            self.identity = board
+        elif board.boot != self.identity.boot:
+            self._was_reset(f"boot {self.identity.boot:#010x}, now {board.boot:#010x}")
+        elif signed(board.time - self._uptime, 32) < 0:
+            self._was_reset("its clock went back")
+        self._received = board.sequence
+        self._uptime = board.time
+
+    def _was_reset(self, sign: str) -> None:
+        """Its counts are lost, and with them where the axes are: no re-arming mends that."""
+        self._reset = self._reset or f"the board was reset, open the rig anew: {sign}"
+        self.error = self._reset
+
+    def _judge(self, sample: codec.Sample) -> None:
+        """What the board says of itself: as it is while idle, latched in operation."""
+        stopped = sample.state == State.EMERGENCY_STOP
+        self.emergency_stop = stopped or bool(sample.inputs & Input.EMERGENCY_STOP)
+        self._enabled = sample.axes if sample.state == State.ENABLED else 0
+        if sample.rejected:
+            self.rejected["by the board"] = sample.rejected
+        error = STOPPED[State.DRIVE_FAULT] if sample.inputs & Input.DRIVE_FAULT else ""
+        if self._wanted:
+            self._acknowledged |= signed(sample.acknowledged - self._asked, 16) >= 0
+            if self._acknowledged:
+                if self._running and sample.state not in (State.ENABLED, State.EMERGENCY_STOP):
+                    error = "the board left operation by itself"
+                error = STOPPED.get(sample.state, error)
+                self._running = self._running or sample.state == State.ENABLED
+            self._latched = self._latched or error
+        self.error = self._reset or self._latched or error
+
+    def enable_axis(self, index: int) -> bool:
+        """Ask for an axis; whether the board has it enabled since."""
+        if not self._wanted:
+            self._wanted = True
+            self._acknowledged = self._running = False
+            self._asked = self._sequence
+            self._latched = ""
+            self.error = self._reset
+        if self._acknowledged and self._enabled >> index & 1:
+            return True
+        self._send(codec.ENABLE, codec.enable(index))
+        return False
+
+    def disable(self) -> None:
+        """Stop all axes at once."""
+        self._wanted = False
+        for axis in self.axes:
+            axis.velocity = 0
+        if self._port:
+            self._send(codec.DISABLE)
+
+    def transmit(self) -> None:
+        """Send the velocities, which also keeps the board's watchdog at bay."""
+        if self._wanted:
+            rest = [0] * (codec.AXES - len(self.axes))
+            self._send(codec.COMMAND, codec.command(*(axis.velocity for axis in self.axes), *rest))
+
+    def stop(self) -> None:
+        """Let the board stop streaming."""
+        if self._started:
+            with contextlib.suppress(RigError):
+                self._send(codec.HELLO)
+        self._started = False
+
+    def _send(self, kind: int, payload: bytes = b"") -> None:
+        assert self._port
+        self._port.write(codec.frame(kind, self._sequence, payload))
+        self._sequence = (self._sequence + 1) & 0xFFFF
+
+
+def gains(settings: BoardSettings) -> Iterator[tuple[int, str, float]]:
+    """Each signal: the index of its count in a sample, its name, and what a count is [SI unit]."""
+    first = 0
+    for name, _, unit, key, number in QUANTITIES:
+        for i, scale in enumerate(getattr(settings, key)):
+            yield first + i, f"{name}_{i}", scale * unit
+        first += number
+
+
+def signed(difference: int, bits: int) -> int:
+    """The difference of two counters of so many bits, over their wrap."""
+    half = 1 << bits - 1
+    return (difference + half) % (2 * half) - half

@@ -1,0 +1,299 @@
+"""A CANopen drive of profile CiA 402, in cyclic synchronous velocity mode."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import struct
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import can
+from pydantic import Field, FiniteFloat
+
+from drivers.codecs.cia402 import (
+    EMCY,
+    HEARTBEAT,
+    NMT,
+    RPDO1,
+    SDO_ANSWER,
+    TOWARDS_OPERATION,
+    TPDO1,
+    TPDO2,
+    Control,
+    NmtCommand,
+    NmtState,
+    State,
+    Units,
+    command,
+    emergency,
+    nmt,
+    state_of,
+    statusword,
+)
+from drivers.device import NO_SAMPLE, CanDevice, DeviceSettings, Sample, VelocityDrive
+from drivers.devices.cia402_master import Master, master_of
+from drivers.rig import RigError
+from drivers.transports.can_bus import CanBus
+
+if TYPE_CHECKING:
+    from drivers.devices.cia402_setup import Setup
+
+BOOTING = 5.0
+"""Longest time from a reset to the boot-up message [s]."""
+STARTING = 1.0
+"""Longest time from the end of the set-up to the first samples [s]."""
+RESETTING = 0.5
+"""Longest time for the reset of a fault [s]."""
+FAULTS = (State.FAULT, State.FAULT_REACTION_ACTIVE)
+Positive = Annotated[FiniteFloat, Field(gt=0)]
+
+
+class Cia402Settings(DeviceSettings):
+    """A CiA 402 drive on a CANopen bus."""
+
+    kind: Literal["cia402"]
+    bus: str
+    node_id: Annotated[int, Field(ge=1, le=126)]
+    """127 is ours."""
+    counts_per_turn: Positive
+    """Increments of 6064h for a turn of the motor."""
+    travel_mm_per_turn: Positive
+    velocity_unit: Literal["counts_per_s", "rpm"] = "counts_per_s"
+    """Unit of 60FFh and 606Ch."""
+    watchdog_ms: Annotated[int, Field(ge=40, le=1000)] = 100
+    """After this long without each other the drive stops, and the rig reports it."""
+    vendor_id: Annotated[int, Field(ge=0, le=0xFFFFFFFF)] | None = None
+    """1018h:01, if only that is to be accepted."""
+    product_code: Annotated[int, Field(ge=0, le=0xFFFFFFFF)] | None = None
+    """1018h:02, if only that is to be accepted."""
+
+
+class Cia402(CanDevice, VelocityDrive):
+    """A drive with one axis.
+
+    Its set-up is done over SDO in `start`. From then on the drive takes a command and samples at
+    each SYNC, and it stops on its quick stop ramp if our heartbeat or our commands stay away for
+    `watchdog_ms` (CiA 402-2, 6007h). What it reports as an error, and whatever else takes it out
+    of operation, stays in `error` and is commanded out of operation until it is enabled anew.
+
+    Sources: CiA 301 4.2, CiA 402-2 3.0.
+    """
+
+    Settings = Cia402Settings
+    settings: Cia402Settings
+
+    def __init__(self, name: str, settings: Cia402Settings) -> None:
+        super().__init__(name, settings)
+        self.drives = {"axis": self}
+        self._units = self._units_with(math.nan)
+        self._watchdog = settings.watchdog_ms * 1e-3
+        node = settings.node_id
+        self._takers = {
+            EMCY + node: self._take_emergency,
+            TPDO1 + node: self._take_status,
+            TPDO2 + node: self._take_motion,
+            HEARTBEAT + node: self._take_heartbeat,
+        }
+        self._bus: CanBus | None = None
+        self._setup: Setup | None = None
+        self._master = Master()
+        self._running = False
+        self._lost = ""
+        self._heard = self._updated = -math.inf
+        self._nmt: NmtState | None = None
+        self._state: State | None = None
+        self._armed = self._enabled = self._answered = self._booted = False
+        self._control, self._target = Control.QUICK_STOP, 0
+        self._resetting_until = math.inf
+
+    def _units_with(self, rated_torque: float) -> Units:
+        s = self.settings
+        return Units(s.counts_per_turn, s.travel_mm_per_turn * 1e-3, s.velocity_unit, rated_torque)
+
+    def signals(self) -> Mapping[str, str]:
+        """Position, velocity, and the force that the motor's torque makes along the axis."""
+        return {"position": "m", "velocity": "m/s", "force": "N"}
+
+    def identifiers(self) -> Iterable[int]:
+        """EMCY, both TPDOs, heartbeat, and the answers to SDO."""
+        return (*self._takers, SDO_ANSWER + self.settings.node_id)
+
+    def start(self, bus: CanBus) -> None:
+        """Reset the drive's communication, set it up and let it answer to SYNC; it stays idle."""
+        from drivers.devices.cia402_setup import Setup
+
+        node = self.settings.node_id
+        where = f"{self.name}: node {node} on {bus.name}"
+        self._bus, self._running, self._lost, self._nmt = bus, False, "", None
+        self._armed = self._enabled = self._booted = False
+        self._control = Control.QUICK_STOP
+        bus.send(NMT, nmt(NmtCommand.RESET_COMMUNICATION, node))
+        if not bus.wait_for(lambda: self._booted, BOOTING):
+            raise RigError(
+                f"{where}: no boot-up message within {BOOTING:g} s of a reset: expected a CANopen "
+                "drive with this node id at the bus's bit rate"
+            )
+        self._setup = Setup(where, bus, self.settings)
+        try:
+            self._units = self._units_with(self._setup.run())
+        finally:
+            self._setup = None
+        bus.send(NMT, nmt(NmtCommand.START, node))
+        if not bus.wait_for(lambda: self._nmt is NmtState.OPERATIONAL, STARTING):
+            raise RigError(f"{where}: not operational within {STARTING:g} s of its start")
+        self._master = master_of(bus)
+        self._master.join(self.name, 0.25 * self._watchdog)
+        self.samples = dict.fromkeys(self.samples, NO_SAMPLE)
+        self._master.synchronise(bus)
+        if not bus.wait_for(self._has_samples, STARTING):
+            raise RigError(f"{where}: no TPDO1 and TPDO2 within {STARTING:g} s of a SYNC")
+        self.error = ""
+        self._running = True
+
+    def _has_samples(self) -> bool:
+        return NO_SAMPLE not in (self.samples["position"], self.samples["velocity"])
+
+    def receive(self, frame: can.Message, time: float) -> None:
+        """Take in a frame."""
+        if frame.is_remote_frame:
+            self.rejected["remote"] += 1
+        elif frame.arbitration_id == SDO_ANSWER + self.settings.node_id:
+            if self._setup and len(frame.data) == 8:
+                self._setup.receive(frame, time)
+            else:
+                self.rejected["SDO"] += 1
+        else:
+            try:
+                self._takers[frame.arbitration_id](bytes(frame.data), time)
+            except struct.error:
+                self.rejected["length"] += 1
+
+    def _take_status(self, data: bytes, time: float) -> None:
+        position, word = self._units.position(data), statusword(data)
+        self.samples["position"] = Sample(position, self._sampled(time))
+        self._answered = True
+        state = state_of(word)
+        if state is None:
+            self.rejected["statusword"] += 1
+            return
+        before, self._state = self._state, state
+        if state in FAULTS and before not in (None, *FAULTS):
+            self._fail(f"statusword 0x{word:04X}: {state.words}")
+        elif self._enabled and state is not State.OPERATION_ENABLED:
+            self._fail(f"left operation by itself: statusword 0x{word:04X}, {state.words}")
+
+    def _take_motion(self, data: bytes, time: float) -> None:
+        velocity, force = self._units.velocity_and_force(data)
+        sampled = self._sampled(time)
+        self.samples["velocity"] = Sample(velocity, sampled)
+        self.samples["force"] = Sample(force, sampled)
+
+    def _sampled(self, arrival: float) -> float:
+        """When a TPDO was sampled: at the SYNC that it answers."""
+        synchronised = self._master.synchronised
+        return synchronised if synchronised <= arrival else arrival
+
+    def _take_emergency(self, data: bytes, time: float) -> None:
+        if error := emergency(data):
+            self._fail(error)
+
+    def _take_heartbeat(self, data: bytes, time: float) -> None:
+        try:
+            (byte,) = data
+            self._nmt = NmtState(byte)
+        except ValueError:
+            self.rejected["heartbeat"] += 1
+            return
+        self._heard = time
+        boot_up = self._nmt is NmtState.BOOT_UP
+        self._booted |= boot_up
+        if self._running and self._nmt is not NmtState.OPERATIONAL:
+            left = f"left NMT operational: {self._nmt.words}"
+            self._lost = self._lost or ("was reset during operation" if boot_up else left)
+            self._fail(self._lost)
+
+    def _fail(self, error: str) -> None:
+        """Keep the first error until the drive is enabled anew; it is idle until then."""
+        if self._running:
+            self.error = self.error or error
+            self._enabled = False
+            self._control = Control.QUICK_STOP
+
+    def update(self, now: float) -> None:
+        """Watch the drive's heartbeat, and see to it that samples come."""
+        if not self._bus or not self._running:
+            return
+        self._master.keep_sampling(self._bus, now)
+        if now - self._updated > 0.5 * self._watchdog:
+            self._heard = now  # nobody listened meanwhile
+        self._updated = now
+        if now - self._heard > self._watchdog:
+            self._fail(f"no heartbeat for {self.settings.watchdog_ms} ms")
+        if now > self._resetting_until and self._state is State.FAULT:
+            self._fail("its fault is not cleared by a reset")
+
+    def ping(self) -> bool:
+        """Send a SYNC."""
+        if self._bus and self._running:
+            self._answered = False
+            self._master.synchronise(self._bus)
+        return self._running
+
+    def answered(self) -> bool:
+        """Whether TPDO1 has come since."""
+        return self._answered
+
+    def enable(self) -> bool:
+        """Go one step towards operation, through the reset of a fault if this is the first call.
+
+        Raises
+        ------
+        RigError
+            The drive has lost its set-up.
+        """
+        assert self._bus
+        if self._lost:
+            raise RigError(f"{self.name}: {self._lost}: its set-up is gone, open the rig anew")
+        if not self._armed:
+            self._armed, self._state, self.error = True, None, ""
+            self._master.armed = True
+            self._target = 0
+            self._resetting_until = self._bus.now() + RESETTING
+        if not self.error and not self._enabled:
+            self._control = TOWARDS_OPERATION.get(self._state, Control.QUICK_STOP)
+            self._enabled = self._state is State.OPERATION_ENABLED
+        return self._enabled
+
+    def command(self, velocity: float) -> float:
+        """Set the velocity, in whole units of 60FFh."""
+        self._target = self._units.target(velocity)
+        return self._target * self._units.metres_per_second
+
+    def transmit(self) -> None:
+        """Send RPDO1 once a drive was enabled, and SYNC after that of the last on the bus."""
+        if self._bus and self._running:
+            if self._master.armed:
+                self._send()
+            self._master.end_tick(self.name, self._bus)
+
+    def idle(self) -> None:
+        """Stop on the quick stop ramp; the drive then goes out of operation."""
+        self._armed = self._enabled = False
+        self._control, self._target = Control.QUICK_STOP, 0
+        self._resetting_until = math.inf
+        if self._bus and self._running:
+            self._send()
+            self._master.synchronise(self._bus)
+
+    def _send(self) -> None:
+        assert self._bus
+        target = self._target if self._enabled else 0
+        self._bus.send(RPDO1 + self.settings.node_id, command(self._control, target))
+
+    def stop(self) -> None:
+        """Reset the drive's communication, so that it does not miss us."""
+        if self._bus and self._running:
+            with contextlib.suppress(RigError):
+                self._bus.send(NMT, nmt(NmtCommand.RESET_COMMUNICATION, self.settings.node_id))
+        self._bus, self._running = None, False

@@ -1,0 +1,284 @@
+"""Setting up a CiA 402 drive: its identity, its monitoring of us, its process data; over SDO."""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import can
+from canopen import Network, ObjectDictionary, RemoteNode
+from canopen.objectdictionary import (
+    INTEGER8,
+    INTEGER16,
+    INTEGER32,
+    UNSIGNED8,
+    UNSIGNED16,
+    UNSIGNED32,
+    ODRecord,
+    ODVariable,
+)
+from canopen.sdo.client import SdoClient
+from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError
+
+from drivers.codecs.cia402 import RPDO1, TPDO1, TPDO2, Control
+from drivers.devices.cia402_master import NODE
+from drivers.rig import RigError
+from drivers.transports.can_bus import CanBus
+
+if TYPE_CHECKING:
+    from drivers.devices.cia402 import Cia402Settings
+
+logging.getLogger("canopen").addHandler(logging.NullHandler())
+
+PROFILE = 402
+CYCLIC_SYNCHRONOUS_VELOCITY = 9
+SUPPORTS_IT = 1 << 8
+"""In 6502h."""
+QUICK_STOP_IF_MASTER_LOST = 3
+"""In 6007h."""
+RAMP_THEN_DISABLE = 2
+"""In 605Ah: slow down on the quick stop ramp, then go to switch on disabled."""
+KEEP_NMT_STATE = 1
+"""In 1029h: after a communication error, so that the drive goes on reporting."""
+EVERY_SYNC = 1
+"""Transmission type."""
+VELOCITY_UNITS = {"counts_per_s": 0x00B50300, "rpm": 0x00B44700}
+"""In 60A9h, CiA 402-2 and CiA 303-2."""
+INVALID = 1 << 31
+"""In a PDO's COB-ID."""
+NO_OBJECT = (0x06020000, 0x06090011)
+"""Abort codes: no such object, or no such sub-index."""
+MODE_CHANGE = 0.5
+"""Longest time for a change of the mode of operation [s]."""
+
+VARIABLES = {
+    0x1000: UNSIGNED32,
+    0x1017: UNSIGNED16,
+    0x6007: INTEGER16,
+    0x6040: UNSIGNED16,
+    0x6041: UNSIGNED16,
+    0x605A: INTEGER16,
+    0x6060: INTEGER8,
+    0x6061: INTEGER8,
+    0x6064: INTEGER32,
+    0x606C: INTEGER32,
+    0x6076: UNSIGNED32,
+    0x6077: INTEGER16,
+    0x60A9: UNSIGNED32,
+    0x60FF: INTEGER32,
+    0x6502: UNSIGNED32,
+}
+"""Objects and their types."""
+COMMUNICATION = {0: UNSIGNED8, 1: UNSIGNED32, 2: UNSIGNED8, 5: UNSIGNED16}
+MAPPING = {0: UNSIGNED8, 1: UNSIGNED32, 2: UNSIGNED32}
+RECORDS = {
+    0x1016: {0: UNSIGNED8, 1: UNSIGNED32},
+    0x1018: {0: UNSIGNED8, 1: UNSIGNED32, 2: UNSIGNED32},
+    0x1029: {0: UNSIGNED8, 1: UNSIGNED8},
+    **dict.fromkeys((0x1400, 0x1800, 0x1801, 0x1802, 0x1803), COMMUNICATION),
+    **dict.fromkeys((0x1600, 0x1A00, 0x1A01, 0x1A02, 0x1A03), MAPPING),
+}
+"""Objects with sub-indices; mappings too, as canopen saves none that stands here as an array."""
+
+
+def object_dictionary() -> ObjectDictionary:
+    """The objects of CiA 301 and CiA 402-2 that are used here."""
+    dictionary = ObjectDictionary()  # type: ignore[no-untyped-call]
+    for index, kind in VARIABLES.items():
+        dictionary.add_object(variable(index, 0, kind))
+    for index, kinds in RECORDS.items():
+        record = ODRecord(f"{index:04X}h", index)
+        for sub, kind in kinds.items():
+            record.add_member(variable(index, sub, kind))
+        dictionary.add_object(record)
+    return dictionary
+
+
+def variable(index: int, sub: int, kind: int) -> ODVariable:
+    """An entry of that type."""
+    entry = ODVariable(f"{index:04X}h:{sub:02X}", index, sub)
+    entry.data_type = kind
+    return entry
+
+
+class Setup:
+    """One drive's set-up; canopen speaks, our bus carries.
+
+    Parameters
+    ----------
+    where
+        Which drive, for messages.
+    bus
+        The bus, which is pumped while waiting for an answer.
+    settings
+        The drive's section of the rig file.
+    """
+
+    def __init__(self, where: str, bus: CanBus, settings: Cia402Settings) -> None:
+        self._where = where
+        self._bus = bus
+        self._settings = settings
+        self._network = BusNetwork(bus)
+        self._node: Any = PumpedNode(settings.node_id, bus)
+        self._network[settings.node_id] = self._node
+
+    def receive(self, frame: can.Message, time: float) -> None:
+        """Take in an SDO answer."""
+        self._network.notify(frame.arbitration_id, frame.data, time)
+
+    def run(self) -> float:
+        """Set the drive up; returns its rated torque [N m], NaN if it does not tell.
+
+        Raises
+        ------
+        RigError
+            It does not answer, is another one than expected, or refuses a setting.
+        """
+        self._identify()
+        self._monitor()
+        self._choose_mode()
+        self._map()
+        rated = self._read_if_there(0x6076)
+        return rated * 1e-3 if rated else math.nan
+
+    def _identify(self) -> None:
+        settings = self._settings
+        self._expect(0x1000, 0, PROFILE, "profile 402 in its low word", mask=0xFFFF)
+        self._expect(
+            0x6502, 0, SUPPORTS_IT, "bit 8, cyclic synchronous velocity mode", mask=SUPPORTS_IT
+        )
+        if settings.vendor_id is not None:
+            self._expect(0x1018, 1, settings.vendor_id, f"vendor_id 0x{settings.vendor_id:X}")
+        if settings.product_code is not None:
+            self._expect(
+                0x1018, 2, settings.product_code, f"product_code 0x{settings.product_code:X}"
+            )
+        unit = VELOCITY_UNITS[settings.velocity_unit]
+        if self._read_if_there(0x60A9) not in (0, None, unit):
+            self._write(0x60A9, 0, unit)
+
+    def _monitor(self) -> None:
+        """Each side notices when the other falls silent, and the drive then stops by itself."""
+        watchdog = self._settings.watchdog_ms
+        self._write(0x1017, 0, watchdog // 4)
+        self._write(0x1016, 1, NODE << 16 | watchdog)
+        self._write(0x1029, 1, KEEP_NMT_STATE, optional=True)
+        self._write(0x6007, 0, QUICK_STOP_IF_MASTER_LOST)
+        self._write(0x605A, 0, RAMP_THEN_DISABLE, optional=True)
+
+    def _choose_mode(self) -> None:
+        mode = CYCLIC_SYNCHRONOUS_VELOCITY
+        self._write(0x6040, 0, Control.QUICK_STOP)
+        self._write(0x60FF, 0, 0)
+        self._write(0x6060, 0, mode)
+        if not self._bus.wait_for(lambda: self._read(0x6061) == mode, MODE_CHANGE):
+            self._expect(0x6061, 0, mode, "mode 9, cyclic synchronous velocity, as 6060h was set")
+
+    def _map(self) -> None:
+        node = self._settings.node_id
+        self._write(0x1400, 1, RPDO1 + node | INVALID)
+        self._write(0x1400, 5, self._settings.watchdog_ms, optional=True)
+        self._save(self._node.rpdo[1], RPDO1 + node, 0x6040, 0x60FF)
+        self._save(self._node.tpdo[1], TPDO1 + node, 0x6041, 0x6064)
+        self._save(self._node.tpdo[2], TPDO2 + node, 0x606C, 0x6077)
+        for other in (0x1802, 0x1803):
+            if (identifier := self._read_if_there(other, 1)) is not None:
+                self._write(other, 1, identifier | INVALID)
+
+    def _save(self, pdo: Any, identifier: int, *objects: int) -> None:
+        pdo.clear()
+        for index in objects:
+            pdo.add_variable(index)
+        pdo.cob_id, pdo.trans_type = identifier, EVERY_SYNC
+        pdo.rtr_allowed = identifier == RPDO1 + self._settings.node_id
+        pdo.enabled = True
+        self._ask(f"mapping of {' and '.join(f'{i:04X}h' for i in objects)}", pdo.save)
+
+    def _expect(
+        self, index: int, sub: int, value: int, meaning: str, mask: int = 0xFFFFFFFF
+    ) -> None:
+        found = self._read(index, sub)
+        if found & mask != value:
+            raise RigError(
+                f"{self._where}: object {index:04X}h:{sub:02X} is 0x{found:X}: expected {meaning}"
+            )
+
+    def _entry(self, index: int, sub: int) -> Any:
+        entry = self._node.sdo[index]
+        return entry[sub] if index in RECORDS else entry
+
+    def _read(self, index: int, sub: int = 0) -> int:
+        what = f"reading object {index:04X}h:{sub:02X}"
+        return int(self._ask(what, lambda: self._entry(index, sub).raw))
+
+    def _read_if_there(self, index: int, sub: int = 0) -> int | None:
+        what = f"reading object {index:04X}h:{sub:02X}"
+        found = self._ask(what, lambda: self._entry(index, sub).raw, optional=True)
+        return None if found is None else int(found)
+
+    def _write(self, index: int, sub: int, value: int, optional: bool = False) -> None:
+        def write() -> None:
+            self._entry(index, sub).raw = value
+
+        self._ask(f"writing 0x{value:X} to object {index:04X}h:{sub:02X}", write, optional)
+
+    def _ask(self, what: str, request: Callable[[], Any], optional: bool = False) -> Any:
+        """The answer to a request; None if it is about an optional object that is not there."""
+        try:
+            return request()
+        except SdoAbortedError as error:
+            if optional and error.code in NO_OBJECT:
+                return None
+            raise RigError(f"{self._where}: {what} is refused: {told(error)}") from error
+        except SdoCommunicationError as error:
+            raise RigError(f"{self._where}: {what}: {told(error)}") from error
+
+
+def told(error: Exception) -> str:
+    """What canopen says, on one line."""
+    return " ".join(str(error).split())
+
+
+class BusNetwork(Network):
+    """canopen's network, whose frames go out over our bus."""
+
+    def __init__(self, bus: CanBus) -> None:
+        super().__init__()
+        self._carrier = bus
+
+    def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
+        """Send a frame."""
+        self._carrier.send(can_id, bytes(data))
+
+
+class PumpedNode(RemoteNode):
+    """canopen's remote node, whose SDO client pumps our bus while it waits."""
+
+    def __init__(self, node: int, bus: CanBus) -> None:
+        self._carrier = bus
+        super().__init__(node, object_dictionary())
+
+    def add_sdo(self, rx_cobid: int, tx_cobid: int) -> SdoClient:
+        """The node's SDO client."""
+        client = PumpedSdo(self._carrier, rx_cobid, tx_cobid, self.object_dictionary)
+        self.sdo_channels.append(client)
+        return client
+
+
+class PumpedSdo(SdoClient):
+    """canopen's SDO client, whose wait for an answer pumps our bus."""
+
+    RESPONSE_TIMEOUT = 1.0
+
+    def __init__(self, bus: CanBus, *arguments: Any) -> None:
+        super().__init__(*arguments)  # type: ignore[no-untyped-call]
+        self._carrier = bus
+
+    def read_response(self) -> bytes:
+        """The next answer."""
+        if not self._carrier.wait_for(lambda: not self.responses.empty(), self.RESPONSE_TIMEOUT):
+            raise SdoCommunicationError(f"no answer within {self.RESPONSE_TIMEOUT:g} s")
+        answer: bytes = super().read_response()  # type: ignore[no-untyped-call]
+        return answer

@@ -1,0 +1,164 @@
+"""Any device on a CAN bus that sends by itself and that a DBC file describes."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal, Self
+
+import cantools
+from cantools.database.can import Database, Message
+from pydantic import Field, FiniteFloat, ValidationInfo, field_validator, model_validator
+
+from drivers.device import CanDevice, DeviceSettings, Sample
+from drivers.rig import RigError
+from drivers.transports.can_bus import EXTENDED
+from drivers.transports.serial_port import reason
+
+if TYPE_CHECKING:
+    import can
+
+    from drivers.transports.can_bus import CanBus
+
+
+class DbcSettings(DeviceSettings):
+    """A device whose frames a DBC file describes."""
+
+    kind: Literal["dbc"]
+    bus: str
+    file: Path
+    """The DBC file, seen from the rig file's folder."""
+    messages: tuple[str, ...] = ()
+    """Which of its messages are the device's; all if none is named."""
+    timeout_ms: Annotated[FiniteFloat, Field(gt=0, le=60_000)] = 1000.0
+    """Longest wait for the first frame."""
+
+    @field_validator("file")
+    @classmethod
+    def _seen_from_the_rig_file(cls, file: Path, info: ValidationInfo) -> Path:
+        return Path((info.context or {}).get("folder", "")) / file
+
+    @model_validator(mode="after")
+    def _has_its_messages(self) -> Self:
+        self.read()
+        return self
+
+    def read(self) -> list[Message]:
+        """The device's messages, from the DBC file.
+
+        Raises
+        ------
+        ValueError
+            It cannot be read, is no DBC file, or has no message of a name.
+        """
+        try:
+            database = cantools.database.load_file(self.file, "dbc")
+        except OSError as error:
+            raise ValueError(f"file {self.file}: {reason(error)}") from error
+        except (cantools.Error, UnicodeDecodeError) as error:
+            raise ValueError(f"file {self.file}: not a DBC file: {reason(error)}") from error
+        assert isinstance(database, Database)
+        known = {message.name: message for message in database.messages}
+        if not known:
+            raise ValueError(f"file {self.file}: it describes no message")
+        for name in self.messages:
+            if name not in known:
+                raise ValueError(f"messages: {name!r}: expected some of {', '.join(known)}")
+        return [known[name] for name in self.messages or known]
+
+
+class DbcDevice(CanDevice):
+    """A device with a signal for each of its messages' signals, in the DBC file's units.
+
+    Where two messages have a signal of the same name, it is called `Message.signal` here. A
+    multiplexed signal has a new sample when the frame carries it. A frame that is too short or
+    has an unknown multiplexer is rejected.
+    """
+
+    Settings = DbcSettings
+    settings: DbcSettings
+
+    def __init__(self, name: str, settings: DbcSettings) -> None:
+        messages = settings.read()
+        self._messages = {identifier(message): message for message in messages}
+        self._names = signal_names(messages)
+        super().__init__(name, settings)
+        self._heard: set[str] = set()
+
+    def signals(self) -> dict[str, str]:
+        """Those of the DBC file, each with its unit as it stands there."""
+        return {
+            self._names[message.name, signal.name]: signal.unit or ""
+            for message in self._messages.values()
+            for signal in message.signals
+        }
+
+    def identifiers(self) -> list[int]:
+        """Those of its messages."""
+        return list(self._messages)
+
+    def start(self, bus: CanBus) -> None:
+        """Wait for the device to be heard: each message that is named, any if none is.
+
+        Raises
+        ------
+        RigError
+            It is silent.
+        """
+        self._heard.clear()
+        named = set(self.settings.messages)
+        seconds = self.settings.timeout_ms * 1e-3
+        if not bus.wait_for(lambda: self._heard and self._heard >= named, seconds):
+            silent = [
+                f"{message.name} ({message.frame_id:#x})"
+                for message in self._messages.values()
+                if message.name not in self._heard
+            ]
+            raise RigError(
+                f"{self.name}: no frame of {', '.join(silent)} in {seconds:g} s on {bus.name} "
+                f"({bus.channel}): expected those of {self.settings.file.name}"
+            )
+
+    def receive(self, frame: can.Message, time: float) -> None:
+        """Decode a frame; every signal in it has a new sample."""
+        message = self._messages[frame.arbitration_id | frame.is_extended_id * EXTENDED]
+        if frame.is_remote_frame:
+            self.rejected["remote"] += 1
+            return
+        if len(frame.data) < message.length:
+            self.rejected["length"] += 1
+            return
+        try:
+            values = message.decode(bytes(frame.data), decode_choices=False)
+        except (cantools.Error, ValueError):
+            self.rejected["multiplexer"] += 1
+            return
+        assert isinstance(values, dict)
+        self._heard.add(message.name)
+        for signal, value in values.items():
+            number = float(value)  # type: ignore[arg-type]
+            if math.isfinite(number):
+                self.samples[self._names[message.name, signal]] = Sample(number, time)
+            else:
+                self.rejected["not finite"] += 1
+
+
+def identifier(message: Message) -> int:
+    """The identifier of a message, with bit 31 set if it is one of 29 bits."""
+    return message.frame_id | message.is_extended_frame * EXTENDED
+
+
+def signal_names(messages: list[Message]) -> dict[tuple[str, str], str]:
+    """What the device calls the signal of a message; the message's name where it needs that."""
+    count = Counter(signal.name for message in messages for signal in message.signals)
+
+    def named() -> Iterator[tuple[tuple[str, str], str]]:
+        for message in messages:
+            for signal in message.signals:
+                alone = count[signal.name] == 1
+                name = signal.name if alone else f"{message.name}.{signal.name}"
+                yield (message.name, signal.name), name
+
+    return dict(named())

@@ -1,0 +1,94 @@
+"""Robotiq's FT 300 force-torque sensor on a serial port."""
+
+from __future__ import annotations
+
+import contextlib
+from typing import Literal
+
+from drivers.codecs.ft300 import FRAME, START_STREAM, STOP_STREAM, Ft300Frame, Ft300Parser
+from drivers.device import NO_SAMPLE, DeviceSettings, Sample, SerialDevice
+from drivers.rig import RigError
+from drivers.transports.serial_port import SerialPort
+
+BAUD = 19200
+"""Line rate of the sensor [bit/s]."""
+STREAMING = 0.1
+"""A sensor that streams already is heard within this time [s]."""
+FIRST_FRAME = 1.0
+"""Longest wait for it [s]."""
+BITS = 10
+"""Of a byte on the line."""
+
+
+class Ft300Settings(DeviceSettings):
+    """A sensor."""
+
+    kind: Literal["ft300"]
+    bus: str
+
+
+class Ft300(SerialDevice):
+    """A sensor; signals `fx`, `fy`, `fz` [N], `mx`, `my`, `mz` [N m], a hundred times a second.
+
+    Its frames have no time stamps: a sample's time is when it arrived, less the 8.3 ms that a
+    frame takes on the line. Nor do they have a status: the sensor saturates in silence, so the
+    range of its channel (300 N, 30 N m) belongs in the rig file.
+    """
+
+    Settings = Ft300Settings
+    settings: Ft300Settings
+
+    def __init__(self, name: str, settings: Ft300Settings) -> None:
+        super().__init__(name, settings)
+        self._parser = Ft300Parser(self.rejected)
+        self._port: SerialPort | None = None
+        self._line_time = 0.0
+
+    def signals(self) -> dict[str, str]:
+        """Forces and moments."""
+        return dict.fromkeys(("fx", "fy", "fz"), "N") | dict.fromkeys(("mx", "my", "mz"), "N m")
+
+    def start(self, port: SerialPort) -> None:
+        """Have the sensor stream, unless it does so already.
+
+        Raises
+        ------
+        RigError
+            No frame comes.
+        """
+        self._port = port
+        self._line_time = BITS * FRAME.size / port.baud
+        self.samples = dict.fromkeys(self.signals(), NO_SAMPLE)
+        before = port.received
+        if not port.wait_for(self._streams, STREAMING):
+            port.write(START_STREAM)
+            if not port.wait_for(self._streams, FIRST_FRAME - STREAMING):
+                got = port.received - before
+                raise RigError(
+                    f"{self.name}: no valid frame in {FIRST_FRAME:g} s on {port.name} "
+                    f"({port.port}), "
+                    + (
+                        f"but {got} bytes: expected FT 300 frames at {BAUD} baud, "
+                        "is the port's baud rate right?"
+                        if got
+                        else "and no other byte: expected an FT 300 that has power"
+                    )
+                )
+        self.rejected.clear()
+
+    def _streams(self) -> bool:
+        return self.samples["fx"] is not NO_SAMPLE
+
+    def receive(self, data: bytes, now: float) -> None:
+        """Take in frames; the samples are those of the newest."""
+        if frames := self._parser.feed(data):
+            time = now - self._line_time
+            for signal, value in zip(Ft300Frame._fields, frames[-1], strict=True):
+                self.samples[signal] = Sample(value, time)
+
+    def stop(self) -> None:
+        """Interrupt the stream, so that the sensor listens to whoever comes next."""
+        if self._port:
+            with contextlib.suppress(RigError):
+                self._port.write(STOP_STREAM)
+            self._port = None
