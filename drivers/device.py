@@ -106,6 +106,10 @@ class Device(ABC):
     def update(self, now: float) -> None:  # noqa: B027
         """Do what is due at a tick after all buses were read; by itself nothing."""
 
+    def rearm(self) -> None:
+        """Forget the error that is remembered; what is still wrong shows again."""
+        self.error = ""
+
     def transmit(self) -> None:  # noqa: B027
         """Send what the tick has commanded; by itself nothing."""
 

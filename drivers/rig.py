@@ -95,6 +95,12 @@ class Rig(ABC):
             A drive refuses.
         """
 
+    def rearm(self) -> None:  # noqa: B027
+        """Forget the errors that drives are remembered by: a person has seen to them.
+
+        What is still wrong shows again.
+        """
+
     @abstractmethod
     def write(self, command: Command) -> Command:
         """Command the drives, and return what was applied: the command within their limits.

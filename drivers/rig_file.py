@@ -149,6 +149,7 @@ def bus_problems(
 ) -> Iterator[str]:
     """Devices whose bus is not there, or is taken."""
     taken: dict[str, str] = {}
+    heard: dict[tuple[str, int], str] = {}
     for name, device in devices.items():
         kind = "serial" if isinstance(device, SerialDevice) else "can"
         if not isinstance(device, SerialDevice | CanDevice):
@@ -160,7 +161,13 @@ def bus_problems(
                 f"devices.{name}.bus: {bus!r}: expected a {kind} bus of the section [buses]: "
                 f"{', '.join(fitting) or 'there is none'}"
             )
-        elif kind == "serial" and taken.setdefault(bus, name) != name:
+        elif isinstance(device, CanDevice):
+            for identifier in device.identifiers():
+                other = heard.setdefault((bus, identifier), name)
+                if other != name:
+                    yield f"devices.{name}: {other} on {bus} has its identifier {identifier:#x}"
+                    break
+        elif taken.setdefault(bus, name) != name:
             yield f"devices.{name}.bus: port {bus!r} is that of {taken[bus]} already"
 
 

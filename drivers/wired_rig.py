@@ -126,9 +126,12 @@ class WiredRig(Rig):
         parts = []
         for name in channels:
             device = self._channels[name].device
-            instead = ", ".join(f"{n} rejected for {why}" for why, n in device.rejected.items())
+            found = [f"{n} rejected for {why}" for why, n in device.rejected.items()]
+            if device.error:
+                found.append(device.error)
             bus = getattr(device.settings, "bus", "")
-            parts.append(f"{name} ({device.name} on {bus}{': ' if instead else ''}{instead})")
+            instead = f": {', '.join(found)}" if found else ""
+            parts.append(f"{name} ({device.name} on {bus}{instead})")
         return ", ".join(parts)
 
     def _port_of(self, device: SerialDevice) -> SerialPort:
@@ -171,6 +174,11 @@ class WiredRig(Rig):
         return Measurement(
             now, force, handle, position, contact, velocity, Ages(*ages), error, stop
         )
+
+    def rearm(self) -> None:
+        """Let every device forget its error."""
+        for device in self.devices.values():
+            device.rearm()
 
     def enable(self) -> bool:
         """Ask the drives to take commands; whether all do by now."""

@@ -145,6 +145,10 @@ class FaultyRig(Rig):
         """What the fault makes of the rig's measurement."""
         return self._fault.read(self.rig.read())
 
+    def rearm(self) -> None:
+        """Let the rig forget its errors."""
+        self.rig.rearm()
+
     def enable(self) -> bool:
         """Enable the drives."""
         self._enabled = self.rig.enable()

@@ -111,6 +111,10 @@ class SimulatedRig(Rig):
             drive_error=self._error,
         )
 
+    def rearm(self) -> None:
+        """Forget that the watchdog has acted."""
+        self._error = ""
+
     def enable(self) -> bool:
         """Let the drives take commands; the operator's time starts, too."""
         self._enabled, self._error = True, ""

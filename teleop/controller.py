@@ -147,6 +147,7 @@ class Controller:
     def rearm(self) -> None:
         """Let a person leave the fault; ValueError if there is none."""
         self._supervision = rearmed(self._supervision)
+        self._rig.rearm()
         self._trip = self.error = None
         self._admittance.velocity = 0.0
 

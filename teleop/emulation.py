@@ -9,8 +9,6 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import can
-
 from drivers.rig_file import RigFile
 from drivers.rig_sections import CanSettings, SerialSettings
 from sim_backend.wire.bench import NEVER
@@ -88,7 +86,7 @@ def opened(emulator: Emulator) -> Iterator[None]:
     with contextlib.ExitStack() as stack:
         try:
             stack.enter_context(emulator)
-        except (OSError, can.CanError, NotImplementedError) as error:
+        except (OSError, NotImplementedError) as error:
             path = emulator.file.path
             raise InputError(f"{path}: cannot be emulated here: {error}") from error
         yield

@@ -15,8 +15,8 @@ from rich.table import Table
 from teleop.console import number, plain_console, small
 
 if TYPE_CHECKING:
+    from drivers.ports import Port
     from teleop.rig_check import ChannelReport, DriveReport
-    from teleop.rig_list import Port
 
 SHOWN_IN = {
     "master_force": ("N", 1.0),

@@ -12,7 +12,7 @@ ROOT = Path(__file__).parents[1]
 ALLOWED = {
     "estimation": {"numpy", "scipy", "numba"},
     "drivers": {"numpy", "serial", "can", "pydantic", "canopen", "cantools"},
-    "sim_backend": {"drivers", "numpy", "scipy", "can", "cantools"},
+    "sim_backend": {"drivers", "numpy", "scipy", "can", "cantools", "tomlkit"},
     "teleop": {
         "estimation",
         "drivers",

@@ -258,6 +258,10 @@ class Board(SerialDevice):
         self._send(codec.ENABLE, codec.enable(index))
         return False
 
+    def rearm(self) -> None:
+        """Forget what stopped it; a board that was reset stays an error."""
+        self._latched, self.error = "", self._reset
+
     def disable(self) -> None:
         """Stop all axes at once."""
         self._wanted = False

@@ -244,6 +244,10 @@ class Cia402(CanDevice, VelocityDrive):
         """Whether TPDO1 has come since."""
         return self._answered
 
+    def rearm(self) -> None:
+        """Forget its error; a set-up that is lost stays one."""
+        self.error = self._lost
+
     def enable(self) -> bool:
         """Go one step towards operation, through the reset of a fault if this is the first call.
 

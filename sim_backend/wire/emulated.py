@@ -55,7 +55,6 @@ class EmulatedDevice(ABC):  # noqa: B024
         self.settings = settings
         self.mount = mount
 
-
     def due(self) -> float:
         """When `emit` has something by itself [s]; infinite where it is asked for it."""
         return math.inf

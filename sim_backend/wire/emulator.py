@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import select
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import NamedTuple, Self
@@ -132,29 +132,42 @@ class Emulator:
         else:
             self.wires[fault.where].fault = FAULTS[fault.kind]()
 
-    def step(self) -> None:
-        """Let the telemanipulator and the devices catch up with the clock."""
+    def step(self, wires: Iterable[Wire] | None = None) -> None:
+        """Let the telemanipulator and the devices catch up with the clock.
+
+        Parameters
+        ----------
+        wires
+            The wires that are served; None for all.
+        """
         self.bench.advance()
         now = self._now()
         if self.bench.driven:
             self._started = min(self._started, now)
         while self._faults and now - self._started >= self._faults[0].at:
             self.inject(self._faults.pop(0))
-        for wire in self.wires.values():
+        for wire in self.wires.values() if wires is None else wires:
             wire.serve(now)
 
     def serve(self, stopped: Callable[[], bool]) -> None:
-        """Step at the rig's rate, and whenever a host has sent something, until told to stop."""
+        """Serve each wire when something is due or the host has sent, until told to stop.
+
+        All are served at the rig's rate besides: watchdogs run out by themselves.
+        """
         period = 1.0 / self.file.sections.rate_hz
-        due = self._now()
+        wires = list(self.wires.values())
+        round_due = self._now()
         while not stopped():
-            self.step()
+            files = {number: wire for wire in wires for number in wire.filenos()}
+            wake = min(round_due, *(wire.due() for wire in wires))
+            asked, _, _ = select.select(files, (), (), max(wake - self._now(), 0.0))
             now = self._now()
-            due = due + period if now >= due else due
-            due = max(due, now - LATEST)
-            wake = min(due, *(wire.due() for wire in self.wires.values()))
-            files = [number for wire in self.wires.values() for number in wire.filenos()]
-            select.select(files, (), (), max(wake - now, 0.0))
+            if now >= round_due:
+                round_due = max(round_due + period, now - LATEST)
+                self.step()
+            else:
+                called = {files[number] for number in asked}
+                self.step([wire for wire in wires if wire in called or wire.due() <= now])
 
     def __enter__(self) -> Self:
         try:

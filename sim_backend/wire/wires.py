@@ -256,8 +256,11 @@ class InterfaceWire(CanWire):
         self._bus: can.BusABC | None = None
 
     def open(self) -> None:
-        """Join the bus; can.CanError or OSError if there is none."""
-        self._bus = can.Bus(interface=self._interface, channel=self._channel)
+        """Join the bus; OSError if there is none."""
+        try:
+            self._bus = can.Bus(interface=self._interface, channel=self._channel)
+        except can.CanError as error:
+            raise OSError(str(error)) from error
 
     def from_host(self) -> list[can.Message]:
         """The frames of everybody else on the bus."""

@@ -17,8 +17,8 @@ def list_(*, json: Annotated[bool, Parameter(negative="")] = False) -> int:
     json
         Print one JSON document instead of a table.
     """
+    from drivers.ports import found
     from teleop import console, rig_console
-    from teleop.rig_list import found
 
     ports = found()
     if json:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import random
 import struct
 from binascii import crc_hqx
@@ -54,7 +55,7 @@ class EmulatedBoard(EmulatedSerialDevice):
             for i in range(number)
         ]
         self._axes = len(settings.velocity_um_per_s_per_count)
-        self.boot = random.Random(name).getrandbits(32)
+        self.boot = random.getrandbits(32)
         self.reset(0.0)
 
     def reset(self, now: float) -> None:
@@ -154,6 +155,10 @@ class EmulatedBoard(EmulatedSerialDevice):
             self._halt(DRIVE_FAULT)
         elif now - self._commanded > self._watchdog_ms * 1e-3:
             self._halt(WATCHDOG)
+
+    def due(self) -> float:
+        """When the next sample is taken [s]."""
+        return self._sample_due if self._configured else math.inf
 
     def emit(self, now: float) -> list[bytes]:
         """Answers, and the samples that are due."""

@@ -45,6 +45,10 @@ class EmulatedBota(EmulatedSerialDevice):
                 self._answers.append(b"r,0,%c,0\r\n" % letter)
                 self._due = now + PERIOD
 
+    def due(self) -> float:
+        """When the next frame is sent [s]."""
+        return math.inf if self._configuring else self._due
+
     def emit(self, now: float) -> list[bytes]:
         """The greeting, answers, and the frames that are due."""
         if math.isnan(self._power_up):
@@ -71,11 +75,19 @@ class EmulatedBota(EmulatedSerialDevice):
         return b"\xaa" + data + pack("<H", crc(data))
 
 
+def shifted(byte: int) -> int:
+    """A byte through the register of CRC-16/X.25, bit by bit."""
+    for _ in range(8):
+        byte = byte >> 1 ^ 0x8408 * (byte & 1)
+    return byte
+
+
+TABLE = [shifted(byte) for byte in range(256)]
+
+
 def crc(data: bytes) -> int:
-    """CRC-16/X.25, bit by bit."""
+    """CRC-16/X.25."""
     register = 0xFFFF
     for byte in data:
-        register ^= byte
-        for _ in range(8):
-            register = register >> 1 ^ 0x8408 * (register & 1)
+        register = register >> 8 ^ TABLE[(register ^ byte) & 0xFF]
     return register ^ 0xFFFF

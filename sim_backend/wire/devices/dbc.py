@@ -43,6 +43,10 @@ class EmulatedDbcDevice(EmulatedCanDevice):
     def receive(self, frame: can.Message, now: float) -> None:
         """It listens to nobody."""
 
+    def due(self) -> float:
+        """When the first of its messages is sent next [s]."""
+        return min(sender.next for sender in self._senders)
+
     def emit(self, now: float) -> list[can.Message]:
         """The frames that are due."""
         return [frame for sender in self._senders for frame in sender.due(now, self.mount)]
@@ -65,14 +69,15 @@ class Sender:
         self._signals = {signal.name: signal for signal in message.signals}
         self._period = (message.cycle_time or 0) * 1e-3 or CYCLE
         self._selections = cycle(list(selections(message.signal_tree)))
-        self._next = math.nan
+        self.next = math.nan
+        """When it sends next [s]."""
 
     def due(self, now: float, mount: Mount) -> Iterator[can.Message]:
         """The frames that are due by now, a few of those that should have gone before."""
-        if math.isnan(self._next):
-            self._next = now
-        count = max(0, math.ceil((now - self._next) / self._period))
-        self._next += count * self._period
+        if math.isnan(self.next):
+            self.next = now
+        count = max(0, math.ceil((now - self.next) / self._period))
+        self.next += count * self._period
         for _ in range(min(count, BACKLOG)):
             yield can.Message(
                 arbitration_id=self._message.frame_id,

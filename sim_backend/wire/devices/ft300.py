@@ -54,6 +54,10 @@ class EmulatedFt300(EmulatedSerialDevice):
                 answer = REQUEST[:6]
                 self._answers.append(answer + pack("<H", crc(answer)))
 
+    def due(self) -> float:
+        """When the next frame is sent [s]."""
+        return self._due if self._streaming else math.inf
+
     def emit(self, now: float) -> list[bytes]:
         """The answer, and the frames that are due."""
         out, self._answers = self._answers, []

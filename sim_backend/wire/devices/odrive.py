@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from drivers.devices.odrive import ODriveSettings
 
 HEARTBEAT_PERIOD = 10e-3
-FEEDBACK_PERIOD = 1e-3
-"""Of encoder estimates, and of torques on 0.6, as the example rig sets it up [s]."""
 BACKLOG = 5
 """Most frames of a kind that are sent late."""
 BOOT = 0.3
@@ -127,6 +125,10 @@ class EmulatedODrive(EmulatedCanDevice):
         active = WATCHDOG_EXPIRED["0.6"] if not self._old and self._expired(now) else 0
         return self._errors | active
 
+    def due(self) -> float:
+        """When the next cyclic frame is sent [s]."""
+        return max(self._awake, min(self._due.values(), default=-math.inf))
+
     def emit(self, now: float) -> list[can.Message]:
         """Answers, and what is sent in cycles; the watchdog and the motor's velocity besides."""
         if now < self._awake:
@@ -148,8 +150,9 @@ class EmulatedODrive(EmulatedCanDevice):
         return frames
 
     def _cycles(self) -> tuple[tuple[int, float], ...]:
-        cycles = ((0x01, HEARTBEAT_PERIOD), (0x09, FEEDBACK_PERIOD))
-        return cycles if self._old else (*cycles, (0x1C, FEEDBACK_PERIOD))
+        feedback = 1.0 / self.mount.rate
+        cycles = ((0x01, HEARTBEAT_PERIOD), (0x09, feedback))
+        return cycles if self._old else (*cycles, (0x1C, feedback))
 
     def _actuate(self) -> None:
         if self._state != CLOSED_LOOP:
