@@ -4,7 +4,7 @@
     python benchmarks/agreement.py --rigs serial-board --seconds 4
 
 Each rig's devices are emulated in another process, behind pseudo-terminals; operator and cube are
-the same, down to the seed. A percentage is the estimate's difference from that of `teleop run` without
+the same, down to the seed. A percentage is the difference from the estimate of `teleop run` without
 wires, each the mean over its trial. Damping is k times whatever time is lost between force and
 position: 1 N s/m of it is half a millisecond on the soft cube.
 """

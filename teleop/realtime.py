@@ -6,7 +6,7 @@ import contextlib
 import ctypes
 import gc
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import get_args
 
 from teleop.errors import InputError
@@ -69,13 +69,15 @@ STEPS = {
 
 
 @contextlib.contextmanager
-def realtime(mode: RealtimeName) -> Iterator[dict[str, str]]:
+def realtime(mode: RealtimeName, steps: Iterable[str] = tuple(STEPS)) -> Iterator[dict[str, str]]:
     """Set the process up for real time, and back on exit.
 
     Parameters
     ----------
     mode
         Whether to insist on every step, to take what can be had, or to leave all as it is.
+    steps
+        Names of the steps to take.
 
     Yields
     ------
@@ -91,9 +93,9 @@ def realtime(mode: RealtimeName) -> Iterator[dict[str, str]]:
         raise InputError(f"realtime {mode!r}: expected one of {', '.join(get_args(RealtimeName))}")
     report: dict[str, str] = {}
     with contextlib.ExitStack() as stack:
-        for name, step in STEPS.items() if mode != "off" else ():
+        for name in steps if mode != "off" else ():
             try:
-                stack.callback(step())
+                stack.callback(STEPS[name]())
                 report[name] = DONE
             except PermissionError:
                 report[name] = "not permitted"

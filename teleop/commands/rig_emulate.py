@@ -7,7 +7,10 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from teleop.names import ConditionName, CubeName
+from teleop.names import ConditionName, CubeName, RealtimeName
+
+DEVICES_ARE_PUNCTUAL = ("SCHED_FIFO", "no garbage collection")
+"""Steps of the real-time set-up that an emulator takes; the processor is left to the controller."""
 
 
 def emulate(
@@ -53,6 +56,7 @@ def emulate(
     json
         Print one JSON document, once it serves, instead of a text.
     """
+    import os
     import shutil
     import tempfile
 
@@ -61,16 +65,18 @@ def emulate(
     from teleop.commands.run import read_depth
     from teleop.emulation import make_emulator, opened, read_fault, stop_signals
     from teleop.files import write_text
+    from teleop.realtime import realtime
     from teleop.rig_file import load_rig_file
     from teleop.settings import TrialSettings
 
     rig = load_rig_file(file)
     faults = [read_fault(text, rig) for text in fault]
     settings = TrialSettings(condition=condition, cube=cube, seed=seed, depth=read_depth(depth))
+    urgency: RealtimeName = "try" if (os.cpu_count() or 1) > 1 else "off"
     folder = Path(tempfile.mkdtemp(prefix="teleop-"))
     try:
         emulator = make_emulator(rig, settings, folder, faults)
-        with stop_signals() as stopped, opened(emulator):
+        with stop_signals() as stopped, opened(emulator), realtime(urgency, DEVICES_ARE_PUNCTUAL):
             write_text(out, host_file(rig, folder))
             ports = {
                 name: bus.port if bus.kind == "serial" else bus.channel

@@ -15,8 +15,8 @@ from sim_backend.wire.emulated import EmulatedSerialDevice, Mount
 if TYPE_CHECKING:
     from drivers.devices.bota import BotaSettings
 
-PERIOD = 64 / 51200
-"""Of frames, with its filter at 64 conversions [s]."""
+FASTEST = 51200 / 64
+"""Rate with its filter at 64 conversions [Hz]."""
 BACKLOG = 5
 """Most frames that are sent late."""
 RANGES = {"fx": 500.0, "fy": 500.0, "fz": 1200.0, "mx": 15.0, "my": 15.0, "mz": 12.0}
@@ -32,6 +32,7 @@ class EmulatedBota(EmulatedSerialDevice):
 
     def __init__(self, name: str, settings: BotaSettings, mount: Mount) -> None:
         super().__init__(name, settings, mount)
+        self._period = 1.0 / min(FASTEST, mount.rate)
         self._power_up = math.nan
         self._due = math.nan
         self._configuring = False
@@ -43,7 +44,7 @@ class EmulatedBota(EmulatedSerialDevice):
             if letter in b"CR":
                 self._configuring = letter == ord("C")
                 self._answers.append(b"r,0,%c,0\r\n" % letter)
-                self._due = now + PERIOD
+                self._due = now + self._period
 
     def due(self) -> float:
         """When the next frame is sent [s]."""
@@ -56,10 +57,10 @@ class EmulatedBota(EmulatedSerialDevice):
             self._answers.append(b"App Init\r\n")
         out, self._answers = self._answers, []
         if not self._configuring:
-            count = max(0, math.ceil((now - self._due) / PERIOD))
+            count = max(0, math.ceil((now - self._due) / self._period))
             for i in range(max(0, count - BACKLOG), count):
-                out.append(self._frame(self._due + i * PERIOD - self._power_up))
-            self._due += count * PERIOD
+                out.append(self._frame(self._due + i * self._period - self._power_up))
+            self._due += count * self._period
         return out
 
     def _frame(self, uptime: float) -> bytes:

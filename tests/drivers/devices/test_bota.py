@@ -7,8 +7,10 @@ import pytest
 
 from drivers.devices.bota import Bota, BotaSettings
 from drivers.rig import RigError
-from sim_backend.wire.devices.bota import PERIOD, EmulatedBota
+from sim_backend.wire.devices.bota import FASTEST, EmulatedBota
 from sim_backend.wire.emulated import Mount
+
+PERIOD = 1.0 / FASTEST
 
 SETTINGS = BotaSettings(kind="bota", bus="force")
 TICK = 1e-3

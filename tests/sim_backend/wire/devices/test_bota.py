@@ -5,8 +5,10 @@ import struct
 import pytest
 
 from drivers.devices.bota import BotaSettings
-from sim_backend.wire.devices.bota import BACKLOG, PERIOD, EmulatedBota, crc
+from sim_backend.wire.devices.bota import BACKLOG, FASTEST, EmulatedBota, crc
 from sim_backend.wire.emulated import Mount
+
+PERIOD = 1.0 / FASTEST
 
 VECTOR = bytes.fromhex("aa00000000803f0000004000004040cdcccc3dcdcc4c3e9a99993ee80300000000c841dabb")
 GREETING = b"App Init\r\n"
