@@ -29,7 +29,7 @@ HEADINGS = ("", "k [N/m]", "b [N s/m]", "e_f [N]", "one-step rms [N]", "rise tim
 
 def print_json(document: Mapping[str, Any]) -> None:
     """Print a JSON document in which numbers that are not finite have become null."""
-    print(dumps(dict(document), indent=2))
+    print(dumps(dict(document), indent=2), flush=True)
 
 
 def plain_console() -> Console:

@@ -174,8 +174,11 @@ class Board(SerialDevice):
 
     def _instead(self) -> str:
         """What came instead of an answer."""
-        instead = ", ".join(f"{n} frames rejected for {why}" for why, n in self.rejected.items())
-        return f"{instead}: check the baud rate" if instead else "expected its firmware to run"
+        assert self._port
+        if not self._port.received:
+            return "expected its firmware to run"
+        rejected = ", ".join(f"{n} rejected for {why}" for why, n in self.rejected.items())
+        return f"{self._port.received} bytes came, {rejected or 'no frame'}: check the baud rate"
 
     def receive(self, data: bytes, now: float) -> None:
         """Take in messages; the samples' values and times are those of the newest."""

@@ -179,6 +179,7 @@ class Wire:
         self.driver = driver
         self.board = board
         self.time = 0.0
+        self.received = 0
         self.sent: list[bytes] = []
         self.deaf = False
 
@@ -192,6 +193,7 @@ class Wire:
         self.time += TICK
         data = b"".join(alter(self.board.emit(self.time)))
         if data:
+            self.received += len(data)
             self.driver.receive(data, self.time - 0.5 * TICK)
         self.driver.update(self.time)
 

@@ -23,10 +23,14 @@ class Wired(NamedTuple):
     rig: str
     bus: str
     device: str
+    reset: Fault
+    """What a reset of the device is told as: a CANopen drive boots in silence."""
 
 
-BOARD = Wired("serial-board", "usb", "board")
-WIRES = [BOARD]
+BOARD = Wired("serial-board", "usb", "board", Fault.DRIVE_ERROR)
+ODRIVE = Wired("odrive-bota", "can", "slave", Fault.DRIVE_ERROR)
+CIA402 = Wired("cia402-ft300", "drives", "slave_drive", Fault.STALE)
+WIRES = [BOARD, ODRIVE, CIA402]
 NAMES = [wired.bus for wired in WIRES]
 
 
@@ -61,13 +65,23 @@ def test_frames_that_are_lost_doubled_or_broken_now_and_then_are_ridden_through(
 
 
 @pytest.mark.parametrize("kind", ["corrupt", "noise"])
-@pytest.mark.parametrize("wired", WIRES, ids=NAMES)
-def test_noise_on_a_serial_line_costs_the_frames_that_it_hits(stepped, wired, kind):
-    trial, _ = run(stepped, wired, kind)
+def test_noise_on_a_line_with_check_sums_costs_the_frames_that_it_hits(stepped, kind):
+    trial, _ = run(stepped, BOARD, kind)
     assert trial.fault is None
     late = trial.recording["time"] > AT + 0.1
     ages = trial.recording["contact_force_age"][late]
     assert ages.max() < 0.02
+
+
+@pytest.mark.parametrize("kind", ["corrupt", "noise"])
+@pytest.mark.parametrize("wired", [ODRIVE, CIA402], ids=["can", "drives"])
+def test_noise_on_an_slcan_line_which_has_none_is_ridden_through_or_stops_the_rig(
+    stepped, wired, kind
+):
+    trial, emulator = run(stepped, wired, kind)
+    if trial.fault:
+        assert trial.fault["time"] > AT
+        check_stopped(trial, emulator)
 
 
 @pytest.mark.parametrize("kind", ["delay", "silence", "baud"])
@@ -105,17 +119,41 @@ def test_a_port_that_is_unplugged_stops_the_rig_and_plugged_in_again_starts_noth
 
 
 @pytest.mark.parametrize("wired", WIRES, ids=NAMES)
-def test_a_device_that_was_reset_is_a_drive_error_that_says_so(stepped, wired):
+def test_a_device_that_was_reset_stops_the_rig(stepped, wired):
     trial, emulator = run(stepped, wired, "reset", wired.device)
-    assert trial.fault["fault"] == Fault.DRIVE_ERROR
-    assert wired.device in trial.fault["text"]
+    assert trial.fault["fault"] == wired.reset
+    if wired.reset is Fault.DRIVE_ERROR:
+        assert wired.device in trial.fault["text"]
     check_stopped(trial, emulator)
 
 
 @pytest.mark.parametrize("wired", WIRES, ids=NAMES)
-def test_a_line_at_another_baud_rate_is_told_at_the_start(stepped, wired):
+def test_a_line_at_another_baud_rate_is_told_at_the_start(stepped, wired, monkeypatch):
+    monkeypatch.setattr("drivers.devices.board.PATIENCE", 0.5)
+
     def mismatch(emulator):
         emulator.wires[wired.bus].fault = BaudMismatch()
 
-    with pytest.raises(RigError, match="baud"):
+    with pytest.raises(RigError, match="baud|is not acknowledged"):
         run_trial(stepped(wired.rig, prepare=mismatch))
+
+
+@pytest.mark.parametrize("wired", [ODRIVE, CIA402], ids=["can", "drives"])
+def test_a_bus_that_is_off_is_told_as_that(stepped, wired):
+    trial, emulator = run(stepped, wired, "bus-off")
+    assert trial.fault["fault"] == Fault.RIG_FAILURE
+    assert "is off" in trial.fault["text"]
+    check_stopped(trial, emulator)
+
+
+def test_error_frames_are_counted_while_the_others_come(stepped):
+    trial, _ = run(stepped, ODRIVE, "error-frames")
+    assert trial.fault is None
+
+
+def test_a_board_of_another_version_is_refused_at_the_start(stepped):
+    def newer(emulator):
+        emulator.devices["board"].version = 2
+
+    with pytest.raises(RigError, match="version 2 of the protocol, expected 1"):
+        run_trial(stepped("serial-board", prepare=newer))
