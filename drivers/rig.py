@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from types import TracebackType
 from typing import NamedTuple, Self
 
@@ -68,6 +69,11 @@ class Rig(ABC):
     on every exit from the block, whatever the reason. A process that is killed does not get
     there: for that the drives have watchdogs of their own, armed by `enable`.
     """
+
+    @property
+    def rejected(self) -> Mapping[str, Mapping[str, int]]:
+        """How many frames each device did not take, by reason; devices without any are left out."""
+        return {}
 
     @abstractmethod
     def open(self) -> None:

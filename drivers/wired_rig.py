@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from typing import NamedTuple
 
@@ -85,8 +84,8 @@ class WiredRig(Rig):
         self._enabled = False
 
     @property
-    def rejected(self) -> dict[str, Counter[str]]:
-        """How many frames each device did not take, by reason."""
+    def rejected(self) -> Mapping[str, Mapping[str, int]]:
+        """How many frames each device did not take, by reason; devices without any are left out."""
         return {name: device.rejected for name, device in self.devices.items() if device.rejected}
 
     def open(self) -> None:

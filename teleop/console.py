@@ -100,6 +100,7 @@ def print_trial(summary: Mapping[str, Any]) -> None:
         console.print(f"  loop: {summary['ticks']} ticks at {loop['rate_hz']:g} Hz, virtual time")
     else:
         print_loop(console, summary)
+    print_rejected(console, summary["rejected"])
     print_safety(console, summary["safety"])
     recording = summary["recording"]
     if recording["path"]:
@@ -130,9 +131,11 @@ def print_loop(console: Console, summary: Mapping[str, Any]) -> None:
     """How the loop kept time."""
     loop = summary["loop"]
     late, busy = loop["lateness_us"], loop["tick_us"]["busy"]
+    few = summary["pairs"] < summary["ticks"]
+    pairs = f" with {summary['pairs']} pairs of force and position" if few else ""
     console.print(
-        f"  loop: {loop['mean_rate_hz']:.2f} of {loop['rate_hz']:g} Hz, {summary['ticks']} ticks, "
-        f"{loop['overruns']} overruns, {loop['skipped']} periods skipped;\n"
+        f"  loop: {loop['mean_rate_hz']:.2f} of {loop['rate_hz']:g} Hz, {summary['ticks']} ticks"
+        f"{pairs}, {loop['overruns']} overruns, {loop['skipped']} periods skipped;\n"
         f"  lateness [us]: p50 {late['p50']:.1f}, p99 {late['p99']:.1f}, "
         f"p99.9 {late['p99_9']:.1f}, max {late['max']:.1f};\n"
         f"  a tick takes [us]: p50 {busy['p50']:.0f}, p99 {busy['p99']:.0f}, max {busy['max']:.0f}"
@@ -151,6 +154,13 @@ def print_loop(console: Console, summary: Mapping[str, Any]) -> None:
         )
     if loop["mean_rate_hz"] < 0.99 * loop["rate_hz"]:
         console.print("  the loop did not hold its rate: the machine was busy", style="yellow")
+
+
+def print_rejected(console: Console, rejected: Mapping[str, Mapping[str, int]]) -> None:
+    """What devices sent and was not taken."""
+    for device, counts in rejected.items():
+        reasons = ", ".join(f"{count} for {reason}" for reason, count in counts.items())
+        console.print(f"  {device}: rejected {reasons}", style="yellow")
 
 
 def print_safety(console: Console, safety: Mapping[str, Any]) -> None:

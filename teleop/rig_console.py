@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.live import Live
 from rich.table import Table
 
-from teleop.console import number, plain_console, small
+from teleop.console import number, plain_console, print_rejected, small
 
 if TYPE_CHECKING:
     from drivers.ports import Port
@@ -93,9 +93,7 @@ def print_check(
     console.print(channels_table(name, channels))
     for device, seconds in trips.items():
         console.print(f"  {device}: answers after {seconds * 1e3:.2f} ms")
-    for device, counts in rejected.items():
-        reasons = ", ".join(f"{count} for {reason}" for reason, count in counts.items())
-        console.print(f"  {device}: frames rejected: {reasons}", style="yellow")
+    print_rejected(console, rejected)
     for drive in drives:
         text = f"  {drive.name} drive: "
         if drive.watchdog_s == drive.watchdog_s:

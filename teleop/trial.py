@@ -26,6 +26,7 @@ from teleop.recorder.schema import Layout
 from teleop.recorder.sinks import Memory, Outcome, RecorderProcess, Sink
 from teleop.recording import Recording, from_messages, salvage
 from teleop.rehearsal import check_rate
+from teleop.safety.events import ACTIVE, STOPPING
 from teleop.session import Session
 from teleop.settings import TrialSettings
 from teleop.stop_switch import StopSwitch
@@ -50,6 +51,8 @@ class Trial:
     """What became of each step of the real-time set-up."""
     fault: dict[str, Any] | None
     """The event that stopped it for safety, if any did."""
+    rejected: dict[str, dict[str, int]]
+    """How many frames each of the rig's devices did not take, by reason."""
     black_box: Path | None
     """Folder of the black box, where a fault left one."""
 
@@ -81,7 +84,9 @@ class Trial:
             "duration_s": settings.duration,
             "clock": settings.clock,
             "seed": settings.seed,
-            "ticks": len(t),
+            "ticks": int(np.isin(self.recording["mode"], (ACTIVE, STOPPING)).sum()),
+            "pairs": len(t),
+            "rejected": self.rejected,
             "interrupted": self.interrupted,
             "estimates": {
                 name: summarise(t, x, v, f, estimates, self.bank[name])._asdict()
@@ -160,6 +165,7 @@ def run_trial(
                 session = Session(settings, clock, rig, bank, layout, sinks, box, switch)
                 while session.step():
                     pass
+                rejected = {name: dict(counts) for name, counts in rig.rejected.items()}
         except RigError:
             if not session or not session.error:
                 raise
@@ -184,7 +190,7 @@ def run_trial(
         error.add_note(f"The drives were stopped. Recording: {record}. Black box: {folder}.")
         raise error
     interrupted = switch.interrupted
-    return Trial(settings, recording, bank, interrupted, outcome, report, fault, folder)
+    return Trial(settings, recording, bank, interrupted, outcome, report, fault, rejected, folder)
 
 
 def truth(settings: TrialSettings, depth: float) -> dict[str, float]:

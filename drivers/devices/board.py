@@ -112,6 +112,8 @@ class Board(SerialDevice):
         """Sequence number of the first frame that asked for it."""
         self._acknowledged = False
         """Whether the board has taken that frame, so that its state is the answer to it."""
+        self._pinged = 0
+        self._ping_answered = False
         self._enabled = 0
         """Bit mask of the axes that are."""
         self._running = False
@@ -235,6 +237,7 @@ class Board(SerialDevice):
         stopped = sample.state == State.EMERGENCY_STOP
         self.emergency_stop = stopped or bool(sample.inputs & Input.EMERGENCY_STOP)
         self._enabled = sample.axes if sample.state == State.ENABLED else 0
+        self._ping_answered |= signed(sample.acknowledged - self._pinged, 16) >= 0
         if sample.rejected:
             self.rejected["by the board"] = sample.rejected
         error = STOPPED[State.DRIVE_FAULT] if sample.inputs & Input.DRIVE_FAULT else ""
@@ -247,6 +250,18 @@ class Board(SerialDevice):
                 self._running = self._running or sample.state == State.ENABLED
             self._latched = self._latched or error
         self.error = self._reset or self._latched or error
+
+    def ping(self) -> bool:
+        """Send a frame that changes nothing while the axes are idle; a sample acknowledges it."""
+        if self._wanted:
+            return False
+        self._pinged, self._ping_answered = self._sequence, False
+        self._send(codec.DISABLE)
+        return True
+
+    def answered(self) -> bool:
+        """Whether a sample has acknowledged it."""
+        return self._ping_answered
 
     def enable_axis(self, index: int) -> bool:
         """Ask for an axis; whether the board has it enabled since."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 from collections.abc import Callable
 
 import serial
@@ -106,6 +107,6 @@ class SerialPort(Bus):
 
 def reason(error: Exception) -> str:
     """What the system says, on one line."""
-    told = getattr(error, "strerror", None)
-    text = told.lower() if told else str(error)
+    number = getattr(error, "errno", None)
+    text = os.strerror(number).lower() if number else str(error)
     return " ".join(text.split()).rstrip(".") or type(error).__name__

@@ -115,6 +115,7 @@ def run(
     from teleop.trial import run_trial
 
     rig_file = load_rig_file(rig) if rig else None
+    usual_rate = rig_file.sections.rate_hz if rig_file else 1000.0
     settings = TrialSettings(
         condition=condition,
         rig=rig_file,
@@ -122,7 +123,7 @@ def run(
         cube=cube,
         duration=duration,
         clock=clock,
-        rate=rate or (rig_file.sections.rate_hz if rig_file else 1000.0),
+        rate=usual_rate if rate is None else rate,
         seed=seed,
         signal=make_signal(signal, frequency),
         coupling=make_coupling(coupling),
@@ -154,7 +155,7 @@ def run(
 
         columns = trial.columns
         figure = estimates_figure(
-            f"{condition}, {cube} cube",
+            f"{condition}, {rig_file.sections.name if rig_file else f'{cube} cube'}",
             columns["time"],
             columns["x"],
             columns["v"],
