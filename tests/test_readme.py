@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import re
 import shlex
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -49,9 +52,40 @@ def folder(tmp_path_factory):
     return tmp_path_factory.mktemp("readme")
 
 
+@pytest.fixture(scope="module")
+def emulate(folder):
+    """Starts `teleop rig emulate` in the background, once."""
+    running = []
+
+    def start(arguments):
+        pytest.importorskip("pty", reason="there are no pseudo-terminals on this system")
+        process = subprocess.Popen(
+            [sys.executable, "-m", "teleop", "rig", "emulate", *arguments],
+            cwd=folder,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        running.append(process)
+        assert "emulated" in process.stdout.readline()
+
+    yield start
+    for process in running:
+        process.terminate()
+        process.communicate(timeout=10)
+        assert process.returncode == 0
+
+
 @pytest.mark.parametrize("command", COMMANDS, ids=" ".join)
-def test_a_command_of_the_readme_works(command, folder, monkeypatch, capsys):
+def test_a_command_of_the_readme_works(command, folder, emulate, monkeypatch, capsys):
     monkeypatch.chdir(folder)
+    if command[:2] == ["rig", "emulate"]:
+        emulate([ROOT / word if word.startswith("rigs/") else word for word in command[2:]])
+        return
+    if "--rig" in command:
+        pytest.importorskip("pty", reason="there are no pseudo-terminals on this system")
+        time.sleep(2.5)  # until the plant is back at its start
+        assert main([*command, "--duration", "1.5", "--realtime", "off"]) == 0
+        return
     if command[0] == "reproduce":
         pytest.skip("run by tests/teleop/paper/test_reproduce.py")
     if command[0] == "run":
