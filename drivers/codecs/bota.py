@@ -7,10 +7,10 @@ A frame is a header byte, 34 bytes of data and their CRC-16/X.25, little-endian 
 from __future__ import annotations
 
 import struct
-from collections import Counter
 from typing import NamedTuple
 
 from drivers.framing.crc import crc16_x25
+from drivers.framing.fixed_frames import FixedFrameParser
 
 HEADER = b"\xaa"
 FRAME = struct.Struct("<xH6fIfH")
@@ -53,37 +53,13 @@ def fault(status: int) -> str:
     return ", ".join(words for bit, words in FAULTS.items() if status & bit)
 
 
-class BotaParser:
-    """Cuts a stream of bytes into frames, and finds the next header after noise.
+class BotaParser(FixedFrameParser[BotaFrame]):
+    """Cuts a stream of bytes into frames."""
 
-    Parameters
-    ----------
-    rejected
-        Where it counts bytes that belong to no frame: `checksum` for a header byte whose frame has
-        a wrong check sum, `noise` for what lies between frames.
-    """
+    header = HEADER
+    size = FRAME.size
 
-    def __init__(self, rejected: Counter[str]) -> None:
-        self.rejected = rejected
-        self._rest = b""
-
-    def feed(self, data: bytes) -> list[BotaFrame]:
-        """The frames that these bytes complete, the oldest first."""
-        frames: list[BotaFrame] = []
-        buffer = self._rest + data
-        at = 0
-        while True:
-            start = buffer.find(HEADER, at)
-            end = start if start >= 0 else len(buffer)
-            if end > at:
-                self.rejected["noise"] += end - at
-            if len(buffer) - end < FRAME.size:
-                self._rest = buffer[end:]
-                return frames
-            status, *values, crc = FRAME.unpack_from(buffer, end)
-            if crc == crc16_x25(buffer[end + 1 : end + CHECKED]):
-                frames.append(BotaFrame(status, *values))
-                at = end + FRAME.size
-            else:
-                self.rejected["checksum"] += 1
-                at = end + 1
+    def decode(self, frame: bytes) -> BotaFrame | None:
+        """What a frame tells; None if its check sum is wrong."""
+        status, *values, crc = FRAME.unpack(frame)
+        return BotaFrame(status, *values) if crc == crc16_x25(frame[1:CHECKED]) else None

@@ -8,10 +8,10 @@ stream is begun by Modbus RTU function 16, section 6.12 of the Modbus applicatio
 from __future__ import annotations
 
 import struct
-from collections import Counter
 from typing import NamedTuple
 
 from drivers.framing.crc import crc16_modbus
+from drivers.framing.fixed_frames import FixedFrameParser
 
 HEADER = b"\x20\x4e"
 FRAME = struct.Struct("<2x6hH")
@@ -41,39 +41,17 @@ class Ft300Frame(NamedTuple):
     mz: float
 
 
-class Ft300Parser:
-    """Cuts a stream of bytes into frames, and finds the next header after noise.
+class Ft300Parser(FixedFrameParser[Ft300Frame]):
+    """Cuts a stream of bytes into frames."""
 
-    Parameters
-    ----------
-    rejected
-        Where it counts bytes that belong to no frame: `checksum` for the first byte of a header
-        whose frame has a wrong check sum, `noise` for what lies between frames.
-    """
+    header = HEADER
+    size = FRAME.size
 
-    def __init__(self, rejected: Counter[str]) -> None:
-        self.rejected = rejected
-        self._rest = b""
-
-    def feed(self, data: bytes) -> list[Ft300Frame]:
-        """The frames that these bytes complete, the oldest first."""
-        frames: list[Ft300Frame] = []
-        buffer = self._rest + data
-        at = 0
-        while True:
-            start = buffer.find(HEADER, at)
-            end = start if start >= 0 else len(buffer) - buffer.endswith(HEADER[:1], at)
-            if end > at:
-                self.rejected["noise"] += end - at
-            if len(buffer) - end < FRAME.size:
-                self._rest = buffer[end:]
-                return frames
-            *counts, crc = FRAME.unpack_from(buffer, end)
-            if crc == crc16_modbus(buffer[end : end + CHECKED]):
-                forces = (NEWTON * count for count in counts[:3])
-                moments = (NEWTON_METRE * count for count in counts[3:])
-                frames.append(Ft300Frame(*forces, *moments))
-                at = end + FRAME.size
-            else:
-                self.rejected["checksum"] += 1
-                at = end + 1
+    def decode(self, frame: bytes) -> Ft300Frame | None:
+        """What a frame tells; None if its check sum is wrong."""
+        *counts, crc = FRAME.unpack(frame)
+        if crc != crc16_modbus(frame[:CHECKED]):
+            return None
+        forces = (NEWTON * count for count in counts[:3])
+        moments = (NEWTON_METRE * count for count in counts[3:])
+        return Ft300Frame(*forces, *moments)

@@ -6,50 +6,24 @@ It speaks the protocol of docs/serial-protocol.md; drivers/firmware has it for t
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterator
-from typing import Annotated, Literal
-
-from pydantic import Field, FiniteFloat
+from collections.abc import Callable
 
 from drivers.codecs import board as codec
 from drivers.codecs.board import Configured, Identity, Input, MessageReader, State
-from drivers.device import DeviceSettings, Sample, SerialDevice, VelocityDrive
+from drivers.device import Sample, SerialDevice, VelocityDrive
 from drivers.device_clock import DeviceClock
+from drivers.devices.board_settings import QUANTITIES, BoardSettings, gains
 from drivers.rig import RigError
 from drivers.transports.serial_port import SerialPort
-
-Scale = Annotated[FiniteFloat, Field(gt=0)]
 
 PATIENCE = 4.0
 """Longest wait for an answer [s]: opening its port starts many a board anew, through a loader."""
 ASKING = 0.25
 """Between two questions [s]."""
-QUANTITIES = (
-    ("force", "N", 1.0, "force_n_per_count", codec.FORCES),
-    ("position", "m", 1e-6, "position_um_per_count", codec.AXES),
-    ("velocity", "m/s", 1e-6, "velocity_um_per_s_per_count", codec.AXES),
-    ("analogue", "V", 1e-3, "analogue_mv_per_count", codec.ANALOGUES),
-)
-"""Signals in the order of a sample's counts: name, SI unit, setting's unit, setting, how many."""
 STOPPED: dict[int, str] = {
     State.WATCHDOG: "watchdog: the board missed the commands",
     State.DRIVE_FAULT: "drive fault input",
 }
-
-
-class BoardSettings(DeviceSettings):
-    """A board; each list has an entry for each input or axis in use, the first ones."""
-
-    kind: Literal["board"]
-    bus: str
-    sample_rate_hz: Annotated[int, Field(ge=50, le=4000)] = 1000
-    watchdog_ms: Annotated[int, Field(ge=5, le=500)] = 50
-    """The axes stop if no command comes for so long."""
-    force_n_per_count: Annotated[tuple[Scale, ...], Field(max_length=codec.FORCES)] = ()
-    position_um_per_count: Annotated[tuple[Scale, ...], Field(max_length=codec.AXES)] = ()
-    velocity_um_per_s_per_count: Annotated[tuple[Scale, ...], Field(max_length=codec.AXES)] = ()
-    """Of the commands, and of the velocities that the board measures."""
-    analogue_mv_per_count: Annotated[tuple[Scale, ...], Field(max_length=codec.ANALOGUES)] = ()
 
 
 class Axis(VelocityDrive):
@@ -305,15 +279,6 @@ class Board(SerialDevice):
         assert self._port
         self._port.write(codec.frame(kind, self._sequence, payload))
         self._sequence = (self._sequence + 1) & 0xFFFF
-
-
-def gains(settings: BoardSettings) -> Iterator[tuple[int, str, float]]:
-    """Each signal: the index of its count in a sample, its name, and what a count is [SI unit]."""
-    first = 0
-    for name, _, unit, key, number in QUANTITIES:
-        for i, scale in enumerate(getattr(settings, key)):
-            yield first + i, f"{name}_{i}", scale * unit
-        first += number
 
 
 def signed(difference: int, bits: int) -> int:

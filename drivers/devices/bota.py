@@ -19,8 +19,6 @@ FIRST_FRAME = 1.0
 """Longest wait for it [s]."""
 CLOCK_JUMP = 1.0
 """The sensor's clock does not get so far ahead of ours by itself [s]."""
-BITS = 10
-"""Of a byte on the line."""
 
 
 class BotaSettings(DeviceSettings):
@@ -65,24 +63,13 @@ class Bota(SerialDevice):
         RigError
             None comes.
         """
-        self._line_time = BITS * FRAME.size / port.baud
+        self._line_time = port.line_time(FRAME.size)
         self._started, self._restarted, self._seen = False, "", None
         self._clock = DeviceClock()
-        before = port.received
         if not port.wait_for(lambda: self._seen, STREAMING):
             port.write(RUN)
             if not port.wait_for(lambda: self._seen, FIRST_FRAME - STREAMING):
-                got = port.received - before
-                raise RigError(
-                    f"{self.name}: no valid frame in {FIRST_FRAME:g} s on {port.name} "
-                    f"({port.port}), "
-                    + (
-                        f"but {got} bytes: expected Bota frames at {BAUD} baud, "
-                        "is the port's baud rate right?"
-                        if got
-                        else "and no other byte: expected a Bota sensor that has power"
-                    )
-                )
+                raise RigError(f"{self.name}: {port.no_frame(FIRST_FRAME, 'a Bota sensor', BAUD)}")
         self.rejected.clear()
         self._started = True
 

@@ -16,8 +16,6 @@ STREAMING = 0.1
 """A sensor that streams already is heard within this time [s]."""
 FIRST_FRAME = 1.0
 """Longest wait for it [s]."""
-BITS = 10
-"""Of a byte on the line."""
 
 
 class Ft300Settings(DeviceSettings):
@@ -57,23 +55,12 @@ class Ft300(SerialDevice):
             No frame comes.
         """
         self._port = port
-        self._line_time = BITS * FRAME.size / port.baud
+        self._line_time = port.line_time(FRAME.size)
         self.samples = dict.fromkeys(self.signals(), NO_SAMPLE)
-        before = port.received
         if not port.wait_for(self._streams, STREAMING):
             port.write(START_STREAM)
             if not port.wait_for(self._streams, FIRST_FRAME - STREAMING):
-                got = port.received - before
-                raise RigError(
-                    f"{self.name}: no valid frame in {FIRST_FRAME:g} s on {port.name} "
-                    f"({port.port}), "
-                    + (
-                        f"but {got} bytes: expected FT 300 frames at {BAUD} baud, "
-                        "is the port's baud rate right?"
-                        if got
-                        else "and no other byte: expected an FT 300 that has power"
-                    )
-                )
+                raise RigError(f"{self.name}: {port.no_frame(FIRST_FRAME, 'an FT 300', BAUD)}")
         self.rejected.clear()
 
     def _streams(self) -> bool:

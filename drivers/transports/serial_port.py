@@ -15,6 +15,9 @@ from drivers.transports.bus import Bus
 CHUNK = 1 << 16
 """Most bytes that are taken at once: more than a kernel keeps of a port."""
 
+BITS = 10
+"""Of a byte on the line."""
+
 
 class SerialPort(Bus):
     """A serial port and the device behind it.
@@ -93,6 +96,20 @@ class SerialPort(Bus):
             raise self._gone(error) from error
         if taken != len(data):
             raise RigError(f"{self.name}: port {self.port} takes no more, its buffer is full")
+
+    def line_time(self, size: int) -> float:
+        """How long so many bytes take on the line [s]."""
+        return BITS * size / self.baud
+
+    def no_frame(self, seconds: float, device: str, baud: int) -> str:
+        """What to say of a device of which no frame has come in so many seconds."""
+        where = f"no valid frame in {seconds:g} s on {self.name} ({self.port})"
+        if not self.received:
+            return f"{where}, and no other byte: expected {device} that has power"
+        return (
+            f"{where}, but {self.received} bytes: expected {device} at {baud} baud: is the "
+            "baud rate right?"
+        )
 
     def close(self) -> None:
         """Close the port."""

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from sim_backend.wire.emulated import EmulatedSerialDevice, Mount
 
 if TYPE_CHECKING:
-    from drivers.devices.board import BoardSettings
+    from drivers.devices.board_settings import BoardSettings
 
 HELLO, CONFIGURE, ENABLE, COMMAND, DISABLE = 1, 2, 3, 4, 5
 IDENTITY, CONFIGURED, SAMPLE = 0x81, 0x82, 0x83

@@ -17,7 +17,8 @@ import pytest
 from drivers import RigError
 from drivers.codecs import board as codec
 from drivers.device import NO_SAMPLE
-from drivers.devices.board import Board, BoardSettings
+from drivers.devices.board import Board
+from drivers.devices.board_settings import BoardSettings
 from drivers.framing import cobs
 from sim_backend.wire.devices.board import EmulatedBoard
 from sim_backend.wire.emulated import Mount

@@ -1,14 +1,12 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable
 
 import pytest
 
 from drivers.devices.bota import Bota, BotaSettings
 from drivers.rig import RigError
 from sim_backend.wire.devices.bota import FASTEST, EmulatedBota
-from sim_backend.wire.emulated import Mount
 
 PERIOD = 1.0 / FASTEST
 
@@ -16,53 +14,16 @@ SETTINGS = BotaSettings(kind="bota", bus="force")
 TICK = 1e-3
 
 
-class Bench(Mount):
-    """The sensor on a port in virtual time; `garble` stands for what the line does to bytes."""
-
-    name, port, baud = "force", "/dev/ttyUSB0", 460800
-
-    def __init__(self) -> None:
-        self.time = 100.0
-        self.received = 0
-        self.loads = {"fx": 1.0, "fy": 2.0, "fz": 3.0, "mx": 0.1, "my": 0.2, "mz": 0.3}
-        self.loads["temperature"] = 25.0
-        self.device = Bota("tip", SETTINGS)
-        self.sensor = EmulatedBota("tip", SETTINGS, self)
-        self.garble: Callable[[bytes], bytes] = bytes
-
-    def sense(self, signal: str) -> float:
-        return self.loads[signal]
-
-    def drive(self, name: str, velocity: float) -> None:
-        raise AssertionError
-
-    brake = drive  # type: ignore[assignment]
-
-    def write(self, data: bytes) -> None:
-        self.sensor.receive(data, self.time)
-
-    def run(self, seconds: float = TICK) -> None:
-        """Let time pass, and drain the port once, as of the middle of it."""
-        self.time += seconds
-        data = self.garble(b"".join(self.sensor.emit(self.time)))
-        self.received += len(data)
-        if data:
-            self.device.receive(data, self.time - 0.5 * seconds)
-
-    def wait_for(self, condition: Callable[[], object], seconds: float) -> bool:
-        end = self.time + seconds
-        while not condition() and self.time <= end:
-            self.run()
-        return bool(condition())
+LOADS = {"fx": 1.0, "fy": 2.0, "fz": 3.0, "mx": 0.1, "my": 0.2, "mz": 0.3, "temperature": 25.0}
 
 
 @pytest.fixture
-def bench() -> Bench:
-    return Bench()
+def bench(sensor_bench):
+    return sensor_bench(Bota, EmulatedBota, SETTINGS, LOADS, "/dev/ttyUSB0", 460800)
 
 
 @pytest.fixture
-def started(bench: Bench) -> Bench:
+def started(bench):
     bench.device.start(bench)
     return bench
 
@@ -189,7 +150,7 @@ def test_a_wrong_baud_rate_is_guessed_from_noise(bench):
         bench.device.start(bench)
     assert str(refused.value) == (
         f"tip: no valid frame in 1 s on force (/dev/ttyUSB0), but {bench.received} bytes: "
-        "expected Bota frames at 460800 baud, is the port's baud rate right?"
+        "expected a Bota sensor at 460800 baud: is the baud rate right?"
     )
     assert bench.received > 1000
 

@@ -1,63 +1,22 @@
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import pytest
 
 from drivers.devices.ft300 import Ft300, Ft300Settings
 from drivers.rig import RigError
 from sim_backend.wire.devices.ft300 import PERIOD, EmulatedFt300
-from sim_backend.wire.emulated import Mount
 
 SETTINGS = Ft300Settings(kind="ft300", bus="force")
 TICK = 1e-3
 LINE_TIME = 16 * 10 / 19200
 
 
-class Bench(Mount):
-    """The sensor on a port in virtual time; `garble` stands for what the line does to bytes."""
-
-    name, port, baud = "force", "COM3", 19200
-
-    def __init__(self) -> None:
-        self.time = 100.0
-        self.received = 0
-        self.loads = {"fx": 1.0, "fy": -2.0, "fz": 3.0, "mx": 0.01, "my": -0.02, "mz": 0.03}
-        self.device = Ft300("tip", SETTINGS)
-        self.sensor = EmulatedFt300("tip", SETTINGS, self)
-        self.written: list[bytes] = []
-        self.garble: Callable[[bytes], bytes] = bytes
-
-    def sense(self, signal: str) -> float:
-        return self.loads[signal]
-
-    def drive(self, name: str, velocity: float) -> None:
-        raise AssertionError
-
-    brake = drive  # type: ignore[assignment]
-
-    def write(self, data: bytes) -> None:
-        self.written.append(data)
-        self.sensor.receive(data, self.time)
-
-    def run(self, seconds: float = TICK) -> None:
-        """Let time pass, and drain the port once, as of the middle of it."""
-        self.time += seconds
-        data = self.garble(b"".join(self.sensor.emit(self.time)))
-        self.received += len(data)
-        if data:
-            self.device.receive(data, self.time - 0.5 * seconds)
-
-    def wait_for(self, condition: Callable[[], object], seconds: float) -> bool:
-        end = self.time + seconds
-        while not condition() and self.time <= end:
-            self.run()
-        return bool(condition())
+LOADS = {"fx": 1.0, "fy": -2.0, "fz": 3.0, "mx": 0.01, "my": -0.02, "mz": 0.03}
 
 
 @pytest.fixture
-def bench() -> Bench:
-    return Bench()
+def bench(sensor_bench):
+    return sensor_bench(Ft300, EmulatedFt300, SETTINGS, LOADS, "COM3", 19200)
 
 
 def test_has_the_sensor_stream_and_measures_what_it_senses(bench):
@@ -133,7 +92,7 @@ def test_a_wrong_baud_rate_is_guessed_from_noise(bench):
         bench.device.start(bench)
     assert str(refused.value) == (
         f"tip: no valid frame in 1 s on force (COM3), but {bench.received} bytes: "
-        "expected FT 300 frames at 19200 baud, is the port's baud rate right?"
+        "expected an FT 300 at 19200 baud: is the baud rate right?"
     )
 
 

@@ -11,7 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from drivers.devices.board import Board, BoardSettings
+from drivers.devices.board import Board
+from drivers.devices.board_settings import BoardSettings
 from drivers.transports.serial_port import SerialPort
 
 FIRMWARE = Path(__file__).parents[3] / "drivers" / "firmware"

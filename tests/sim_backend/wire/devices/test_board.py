@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.codecs import board as codec
-from drivers.devices.board import BoardSettings
+from drivers.devices.board_settings import BoardSettings
 from sim_backend.wire.devices.board import BACKLOG, EmulatedBoard, check_sum, stuffed, unstuffed
 
 SETTINGS = BoardSettings(
