@@ -15,35 +15,13 @@ import argparse
 import json
 import subprocess
 import sys
-import tempfile
-import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-RIGS = Path(__file__).parents[1] / "rigs"
+from emulated import emulated
+
 EXAMPLES = ("serial-board", "odrive-bota", "cia402-ft300")
 CONDITIONS = ("free", "mimic", "autonomous")
-
-
-@contextmanager
-def emulated(name: str, condition: str) -> Iterator[Path]:
-    """An example rig in another process; the rig file to use against it."""
-    with tempfile.TemporaryDirectory() as folder:
-        out = Path(folder) / "run.toml"
-        process = subprocess.Popen(
-            [sys.executable, "-m", "teleop", "rig", "emulate", RIGS / f"{name}.toml",
-             "--condition", condition, "--out", out],
-            stdout=subprocess.DEVNULL,
-        )  # fmt: skip
-        try:
-            while not out.exists() or not out.stat().st_size:
-                time.sleep(0.05)
-            yield out
-        finally:
-            process.terminate()
-            process.wait()
 
 
 def run(condition: str, seconds: float, *arguments: str | Path) -> dict[str, Any]:

@@ -12,17 +12,13 @@ from __future__ import annotations
 
 import argparse
 import json
-import subprocess
-import sys
-import tempfile
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import can
 import numpy as np
 from can.interfaces.slcan import slcanBus
+from emulated import emulated
 
 from drivers import STANDSTILL
 from drivers.rig_file import read_rig_file
@@ -30,27 +26,7 @@ from drivers.wired_rig import WiredRig
 from teleop.clock import RealClock
 from teleop.realtime import realtime
 
-RIGS = Path(__file__).parents[1] / "rigs"
 RATE = 1000.0
-
-
-@contextmanager
-def emulated(name: str) -> Iterator[Path]:
-    """An example rig in another process; the rig file to use against it."""
-    with tempfile.TemporaryDirectory() as folder:
-        out = Path(folder) / "run.toml"
-        process = subprocess.Popen(
-            [sys.executable, "-m", "teleop", "rig", "emulate", RIGS / f"{name}.toml",
-             "--condition", "autonomous", "--out", out],
-            stdout=subprocess.DEVNULL,
-        )  # fmt: skip
-        try:
-            while not out.exists() or not out.stat().st_size:
-                time.sleep(0.05)
-            yield out
-        finally:
-            process.terminate()
-            process.wait()
 
 
 def ours(path: Path, ticks: int) -> dict[str, list[float]]:
