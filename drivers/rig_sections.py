@@ -159,7 +159,7 @@ class RigSections(Section):
 
     name: str
     rate_hz: Annotated[FiniteFloat, Field(ge=50, le=1000)] = 1000.0
-    buses: dict[str, BusSettings]
+    buses: Annotated[dict[str, BusSettings], Field(min_length=1)]
     channels: ChannelsSettings
     drives: DrivesSettings
     limits: LimitsSettings

@@ -20,6 +20,9 @@ FIRST_SAMPLES = 2.0
 ENABLING = 2.0
 """Longest time in which drives get ready to take commands [s]."""
 
+AXES = ("master", "slave")
+"""In the order of a `Command`."""
+
 
 class Channel(NamedTuple):
     """How a channel is had from a device's signal: gain * signal + offset."""
@@ -37,6 +40,8 @@ class WiredDrive(NamedTuple):
     """A drive in the rig's direction."""
 
     name: str
+    axis: int
+    """Its place in a `Command`."""
     drive: VelocityDrive
     sign: int
     max_velocity: float
@@ -73,13 +78,13 @@ class WiredRig(Rig):
         self._drives = [
             WiredDrive(
                 name,
+                AXES.index(name),
                 self.devices[d.device].drives[sole_drive(self.devices[d.device], d.drive)],
                 d.sign,
                 d.max_velocity_mm_per_s * 1e-3,
             )
             for name, d in file.sections.drives.items()
         ]
-        self._has_master = len(self._drives) == 2
         self._enabling = math.nan
         self._enabled = False
 
@@ -205,11 +210,9 @@ class WiredRig(Rig):
         if not self._enabled:
             command = STANDSTILL
         applied = [0.0, 0.0]
-        for wired in self._drives:
-            i = 0 if wired.name == "master" else 1
-            most = wired.max_velocity
-            v = min(max(command[i], -most), most)
-            applied[i] = wired.sign * wired.drive.command(wired.sign * v)
+        for _, axis, drive, sign, most in self._drives:
+            v = min(max(command[axis], -most), most)
+            applied[axis] = sign * drive.command(sign * v)
         for device in self.devices.values():
             device.transmit()
         return Command(*applied)

@@ -90,8 +90,7 @@ def print_trial(summary: Mapping[str, Any]) -> None:
         )
     if summary["truth"]:
         print_truth(console, summary["truth"])
-    for name in summary["estimated_channels"]:
-        console.print(f"  {name}: estimated by an observer, not measured", style="yellow")
+    print_estimated(console, summary)
     console.print(
         f"  excitation: {summary['excitation']['mean']:.2f} (0 none, 1 a sine of 1 Hz about zero)"
     )
@@ -116,6 +115,12 @@ def palpated(summary: Mapping[str, Any]) -> str:
     """What a trial was on."""
     simulated = summary["rig"] == "simulated"
     return f"{summary['cube']} cube" if simulated else str(summary["rig"])
+
+
+def print_estimated(console: Console, summary: Mapping[str, Any]) -> None:
+    """Which channels no sensor measured."""
+    for name in summary.get("estimated_channels", ()):
+        console.print(f"  {name}: estimated by an observer, not measured", style="yellow")
 
 
 def print_truth(console: Console, truth: Mapping[str, Any]) -> None:
@@ -188,6 +193,7 @@ def print_evaluation(summary: Mapping[str, Any], name: str) -> None:
         f"memory of the estimators {summary['memory_s']:.3g} s\n"
         f"  excitation: {summary['excitation']['mean']:.2f} (0 none, 1 a sine about the datum)"
     )
+    print_estimated(console, summary)
     if "as_online" in summary:
         console.print(
             "  the estimates are those that the run computed, to the bit"

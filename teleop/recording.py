@@ -61,6 +61,12 @@ class Recording:
         """Names of the estimators."""
         return [name[:-2] for name in self.columns if name.endswith("_b")]
 
+    @property
+    def estimated_channels(self) -> list[str]:
+        """The channels that an observer estimated: no sensor measured them."""
+        told = self.session.get("estimated_channels", "none")
+        return [] if told == "none" else told.split(", ")
+
     def estimated(self) -> Recording:
         """The ticks alone at which the estimators were given a sample."""
         part = np.isfinite(self["x"])

@@ -46,7 +46,7 @@ def report_page(name: str, evaluation: Evaluation, recording: Recording | None =
 {summary["to_s"]:.3f} s, at {summary["rate_hz"]:g} Hz. Datum: {datum["position_m"] * 1e3:.6g} mm,
 {datum["force_n"]:.6g} N ({escape(datum["source"])}). Excitation {summary["excitation"]["mean"]:.2f}
 (0 none, 1 a sine about the datum).</p>
-{black_box(recording)}<h2>Estimates</h2>
+{not_measured(recording)}{black_box(recording)}<h2>Estimates</h2>
 {table(HEADINGS, rows)}{notes}
 {
         captioned(
@@ -71,6 +71,12 @@ def report_page(name: str, evaluation: Evaluation, recording: Recording | None =
 def stop_page(name: str, recording: Recording) -> str:
     """The page for a trial that was stopped before there was anything to estimate from."""
     return web_page(name, f"<h1>{escape(name)}</h1>\n{black_box(recording)}")
+
+
+def not_measured(recording: Recording | None) -> str:
+    """Which channels no sensor measured; empty for none."""
+    names = recording.estimated_channels if recording else []
+    return "".join(f"<p>{escape(n)}: estimated by an observer, not measured.</p>\n" for n in names)
 
 
 def black_box(recording: Recording | None) -> str:

@@ -81,6 +81,7 @@ def estimate(
     summary = {"file": str(file), **evaluation.summary()}
     if recording:
         summary["as_online"] = agrees(evaluation, recording)
+        summary["estimated_channels"] = recording.estimated_channels
     if json:
         console.print_json(summary)
     else:

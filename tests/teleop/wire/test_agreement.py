@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import pytest
 
-from drivers.rig_file import read_rig_file
+from teleop.recorder.schema import Layout
+from teleop.recording import from_messages
+from teleop.report import not_measured
 from teleop.settings import TrialSettings
-from teleop.trial import run_trial
+from teleop.trial import run_trial, session_metadata
 
 SECONDS = 2.5
 
@@ -36,18 +36,18 @@ def test_estimates_are_those_of_the_simulated_rig(stepped, name):
         assert b == pytest.approx(true_b, rel=0.05)
 
 
-def test_an_observer_in_place_of_the_contact_sensor_is_marked_in_the_recording(stepped):
-    settings = stepped("odrive-reaction-force", duration=SECONDS)
-    settings = replace(settings, rig=None)
-    trial = run_trial(settings)
+def test_an_observer_in_place_of_the_contact_sensor_gives_the_stiffness(stepped):
+    trial = run_trial(stepped("odrive-reaction-force", duration=SECONDS))
     assert trial.fault is None
     assert final(trial)[1] == pytest.approx(2000.0, rel=0.2)
 
 
-def test_a_recording_names_the_channels_that_an_observer_estimated(stepped, tmp_path):
-    from teleop.trial import estimated_channels
-
-    file = stepped("odrive-reaction-force").file
-    assert list(estimated_channels(TrialSettings(rig=file))) == ["contact_force"]
-    board = read_rig_file(file.path.with_name("serial-board.toml"))
-    assert list(estimated_channels(TrialSettings(rig=board))) == []
+@pytest.mark.parametrize(
+    ("name", "channels"), [("odrive-reaction-force", ["contact_force"]), ("serial-board", [])]
+)
+def test_a_recording_names_the_channels_that_an_observer_estimated(stepped, name, channels):
+    metadata = session_metadata(TrialSettings(rig=stepped(name).file))
+    recording = from_messages(Layout(()).definition, b"", [], metadata)
+    assert recording.estimated_channels == channels
+    page = not_measured(recording)
+    assert page.count("not measured") == len(channels)
