@@ -75,7 +75,7 @@ def stop_page(name: str, recording: Recording) -> str:
 
 def not_measured(recording: Recording | None) -> str:
     """Which channels no sensor measured; empty for none."""
-    names = recording.estimated_channels if recording else []
+    names = [] if recording is None else recording.estimated_channels
     return "".join(f"<p>{escape(n)}: estimated by an observer, not measured.</p>\n" for n in names)
 
 
