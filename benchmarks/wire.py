@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import json
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import can
@@ -27,15 +28,23 @@ from teleop.clock import RealClock
 from teleop.realtime import realtime
 
 RATE = 1000.0
+WARM = 1000
+"""Ticks before those that count."""
 
 
-def ours(path: Path, ticks: int) -> dict[str, list[float]]:
-    """A rig's reads and writes, drives enabled at standstill."""
+def ours(path: Path, ticks: int) -> dict[str, dict[str, list[float]]]:
+    """A rig's reads and writes, drives enabled at standstill; and the drain of each bus alone."""
     clock = RealClock(RATE)
-    reads, writes, both = [], [], []
+    reads: list[float] = []
+    writes: list[float] = []
+    both: list[float] = []
+    drains: dict[str, list[float]] = {}
     with realtime("try"), WiredRig(read_rig_file(path), clock.now) as rig:
+        for name, bus in rig.buses.items():
+            drains[name] = []
+            bus.poll = timed(bus.poll, drains[name])  # type: ignore[method-assign]
         enabled = False
-        for tick in range(ticks + 1000):
+        for tick in range(ticks + WARM):
             clock.wait()
             start = time.perf_counter()
             rig.read()
@@ -44,11 +53,23 @@ def ours(path: Path, ticks: int) -> dict[str, list[float]]:
             before = time.perf_counter()
             rig.write(STANDSTILL)
             end = time.perf_counter()
-            if tick >= 1000:
+            if tick >= WARM:
                 reads.append(middle - start)
                 writes.append(end - before)
                 both.append(middle - start + end - before)
-    return {"read": reads, "write": writes, "both": both}
+    parts = {name: {"read": times[-ticks:]} for name, times in drains.items()}
+    return {"": {"read": reads, "write": writes, "both": both}} | parts
+
+
+def timed(poll: Callable[[], None], times: list[float]) -> Callable[[], None]:
+    """The drain of a bus, timed."""
+
+    def watched() -> None:
+        start = time.perf_counter()
+        poll()
+        times.append(time.perf_counter() - start)
+
+    return watched
 
 
 def drain(bus: slcanBus) -> None:
@@ -71,7 +92,7 @@ def peer(path: Path, ticks: int) -> dict[str, list[float]]:
     clock = RealClock(RATE)
     reads, writes, both = [], [], []
     with realtime("try"), slcanBus(channel, bitrate=1_000_000, sleep_after_open=0.1) as bus:
-        for tick in range(ticks + 1000):
+        for tick in range(ticks + WARM):
             clock.wait()
             start = time.perf_counter()
             drain(bus)
@@ -79,7 +100,7 @@ def peer(path: Path, ticks: int) -> dict[str, list[float]]:
             for frame in sent:
                 bus.send(frame)
             end = time.perf_counter()
-            if tick >= 1000:
+            if tick >= WARM:
                 reads.append(middle - start)
                 writes.append(end - middle)
                 both.append(end - start)
@@ -101,7 +122,8 @@ def main() -> None:
     found: dict[str, dict[str, list[float]]] = {}
     for name in ("serial-board", "odrive-bota"):
         with emulated(name) as path:
-            found[name] = ours(path, given.ticks)
+            for part, times in ours(path, given.ticks).items():
+                found[f"  its bus {part}: drain and decode" if part else name] = times
     with emulated("odrive-bota") as path:
         found["the same ODrives, python-can's slcan alone"] = peer(path, given.ticks)
     found["no wire (lateness)"] = {"both": bare(given.ticks)}
