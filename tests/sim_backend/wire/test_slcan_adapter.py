@@ -56,7 +56,9 @@ def test_it_reads_what_python_can_writes_however_it_is_cut(host, messages, lengt
     host.flush()
     for message in messages:
         host.send(message)
-    data = host.serialPortOrig.read(host.serialPortOrig.in_waiting)
+    data = b""
+    while waiting := host.serialPortOrig.in_waiting:
+        data += host.serialPortOrig.read(waiting)
     adapter = opened()
     out = []
     for start in range(0, len(data), length):
