@@ -13,8 +13,16 @@ from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
-from drivers.device import CanDevice, Device, DeviceSettings, SerialDevice, sole_drive
+from drivers.device import (
+    CanDevice,
+    DerivedDevice,
+    Device,
+    DeviceSettings,
+    SerialDevice,
+    sole_drive,
+)
 from drivers.registry import device_class, kinds
+from drivers.rig import RigError
 from drivers.rig_sections import (
     CanSettings,
     ChannelSettings,
@@ -60,7 +68,7 @@ def read_rig_file(path: Path) -> RigFile:
     try:
         text = raw.decode()
         tree = tomllib.loads(text)
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+    except (UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
         raise RigFileError(f"{path}: not a TOML file: {error}") from error
     problems: list[str] = []
     declared = tree.pop("devices", {})
@@ -113,10 +121,16 @@ def checked_devices(
 def told(error: ValidationError, where: tuple[str, ...]) -> list[str]:
     """What pydantic found, each with its path."""
     return [
-        f"{'.'.join(map(str, where + part['loc']))}: {part['msg'].lower()}"
+        f"{'.'.join(map(str, where + part['loc']))}: {wording(part['msg'])}"
         + ("" if isinstance(part["input"], Mapping) else f", got {part['input']!r}")
         for part in error.errors()
     ]
+
+
+def wording(message: str) -> str:
+    """What pydantic says, as part of a line."""
+    message = message.removeprefix("Value error, ")
+    return message[:1].lower() + message[1:]
 
 
 def loose_ends(rig: RigFile, declared: frozenset[str]) -> Iterator[str]:
@@ -130,6 +144,12 @@ def loose_ends(rig: RigFile, declared: frozenset[str]) -> Iterator[str]:
         yield str(error)
         return
     sections = rig.sections
+    for name, device in devices.items():
+        if isinstance(device, DerivedDevice):
+            try:
+                device.start(devices)
+            except RigError as error:
+                yield f"devices.{name}: {str(error).removeprefix(f'{name}: ')}"
     if sections.buses is not None:
         yield from bus_problems(devices, sections.buses)
     if sections.channels is not None:
@@ -142,12 +162,20 @@ def loose_ends(rig: RigFile, declared: frozenset[str]) -> Iterator[str]:
             problem = drive_problem(drive, devices)
             if problem and drive.device not in declared - devices.keys():
                 yield f"drives.{name}.{problem}"
+        slave, master = sections.drives.slave, sections.drives.master
+        if master and (master.device, master.drive) == (slave.device, slave.drive):
+            yield "drives.master: it is the slave's: expected another drive"
 
 
 def bus_problems(
     devices: Mapping[str, Device], buses: Mapping[str, SerialSettings | CanSettings]
 ) -> Iterator[str]:
     """Devices whose bus is not there, or is taken."""
+    ports: dict[str, str] = {}
+    for name, settings in buses.items():
+        port = settings.port if isinstance(settings, SerialSettings) else settings.channel
+        if ports.setdefault(port, name) != name:
+            yield f"buses.{name}: {port!r} is that of {ports[port]} already"
     taken: dict[str, str] = {}
     heard: dict[tuple[str, int], str] = {}
     for name, device in devices.items():

@@ -23,7 +23,7 @@ class SerialSettings(Section):
     """A serial port."""
 
     kind: Literal["serial"]
-    port: str
+    port: Annotated[str, Field(min_length=1)]
     baud_bps: Annotated[int, Field(gt=0)]
 
 
@@ -32,7 +32,7 @@ class CanSettings(Section):
 
     kind: Literal["can"]
     interface: str
-    channel: str
+    channel: Annotated[str, Field(min_length=1)]
     bitrate_bps: Annotated[int, Field(gt=0)] | None = None
     options: dict[str, Any] = {}
 
@@ -157,7 +157,7 @@ class LimitsSettings(Section):
 class RigSections(Section):
     """All of a rig file but its devices, whose sections depend on their kinds."""
 
-    name: str
+    name: Annotated[str, Field(min_length=1)]
     rate_hz: Annotated[FiniteFloat, Field(ge=50, le=1000)] = 1000.0
     buses: Annotated[dict[str, BusSettings], Field(min_length=1)]
     channels: ChannelsSettings

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import signal
-import threading
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -90,18 +88,3 @@ def opened(emulator: Emulator) -> Iterator[None]:
             path = emulator.file.path
             raise InputError(f"{path}: cannot be emulated here: {error}") from error
         yield
-
-
-@contextlib.contextmanager
-def stop_signals() -> Iterator[Callable[[], bool]]:
-    """Whether Ctrl-C or SIGTERM came."""
-    came = threading.Event()
-    before = {
-        number: signal.signal(number, lambda *_: came.set())
-        for number in (signal.SIGINT, signal.SIGTERM)
-    }
-    try:
-        yield came.is_set
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)

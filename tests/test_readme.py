@@ -83,7 +83,7 @@ def test_a_command_of_the_readme_works(command, folder, emulate, monkeypatch, ca
         return
     if "--rig" in command:
         pytest.importorskip("pty", reason="there are no pseudo-terminals on this system")
-        time.sleep(2.5)  # until the plant is back at its start
+        time.sleep(1.5)  # until the plant is back at its start
         assert main([*command, "--duration", "1.5", "--realtime", "off"]) == 0
         return
     if command[0] == "reproduce":

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from collections import Counter
 from collections.abc import Iterator
@@ -54,6 +55,7 @@ class DbcSettings(DeviceSettings):
             It cannot be read, is no DBC file, or has no message of a name.
         """
         try:
+            logging.getLogger("cantools").setLevel(logging.ERROR)
             database = cantools.database.load_file(self.file, "dbc")
         except OSError as error:
             raise ValueError(f"file {self.file}: {reason(error)}") from error
@@ -66,7 +68,14 @@ class DbcSettings(DeviceSettings):
         for name in self.messages:
             if name not in known:
                 raise ValueError(f"messages: {name!r}: expected some of {', '.join(known)}")
-        return [known[name] for name in self.messages or known]
+        used = [known[name] for name in dict.fromkeys(self.messages) or known]
+        for message in used:
+            for signal in message.signals:
+                if not signal.scale:
+                    raise ValueError(
+                        f"file {self.file}: signal {message.name}.{signal.name} has the scale 0"
+                    )
+        return used
 
 
 class DbcDevice(CanDevice):

@@ -81,6 +81,8 @@ class DescriptorPort(PortablePort):
 def open_port(channel: str, tty_baudrate: int) -> PortablePort:
     """A serial port by the fastest calls that it has, and with the least latency."""
     port = serial.serial_for_url(channel, tty_baudrate, timeout=0, write_timeout=WRITE_TIMEOUT)
+    if os.name == "posix" and isinstance(port, serial.Serial):
+        port.exclusive = True
     with contextlib.suppress(AttributeError, NotImplementedError, ValueError, OSError):
         port.set_low_latency_mode(True)
     with contextlib.suppress(io.UnsupportedOperation):

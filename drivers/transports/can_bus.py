@@ -91,7 +91,7 @@ class CanBus(Bus):
         except (can.CanError, OSError, ValueError, TypeError, ImportError) as error:
             raise RigError(
                 f"{self.name}: CAN bus {self.channel} ({self.interface}) cannot be opened: "
-                f"{reason(error)}: expected one of those that teleop rig list shows"
+                f"{reason(error)}"
             ) from error
         self._polled = self.now()
 

@@ -15,6 +15,8 @@ from drivers.transports.bus import Bus
 CHUNK = 1 << 16
 """Most bytes that are taken at once: more than a kernel keeps of a port."""
 
+EXCLUSIVE = True if os.name == "posix" else None
+"""No second program has the port; Windows grants no other way."""
 BITS = 10
 """Of a byte on the line."""
 
@@ -47,7 +49,9 @@ class SerialPort(Bus):
     def open(self) -> None:
         """Open the port, empty it, and ask its driver for low latency where it knows that."""
         try:
-            opened = serial.Serial(self.port, self.baud, timeout=0, write_timeout=0)
+            opened = serial.Serial(
+                self.port, self.baud, timeout=0, write_timeout=0, exclusive=EXCLUSIVE
+            )
             self._serial = opened
             opened.reset_input_buffer()
         except (serial.SerialException, OSError, ValueError) as error:

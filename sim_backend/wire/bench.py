@@ -12,7 +12,7 @@ from drivers.rig_file import RigFile
 from sim_backend.rig import SimulatedRig
 from sim_backend.wire.emulated import Mount
 
-PUT_BACK = 2.0
+PUT_BACK = 1.2
 """Time after which a telemanipulator whose drives are idle is put back to its start [s]."""
 NEVER = 1e9
 """Watchdog of the simulated drives [s]: the emulated devices have their own."""

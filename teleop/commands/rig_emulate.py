@@ -28,8 +28,8 @@ def emulate(
     """Serve a rig's devices in software, with the simulated plant behind them, until stopped.
 
     Serial ports and slcan adapters become pseudo-terminals; a SocketCAN bus must be there. In
-    another terminal: `teleop run --rig run.toml --condition CONDITION`. Two seconds after the
-    drives were idled the plant is put back to its start.
+    another terminal: `teleop run --rig run.toml --condition CONDITION`. A little more than
+    a second after the drives were idled the plant is put back to its start.
 
     Example: `teleop rig emulate rigs/serial-board.toml --condition mimic --cube hard`
 
@@ -63,13 +63,15 @@ def emulate(
     from sim_backend.wire.emulator import host_file
     from teleop import console, rig_console
     from teleop.commands.run import read_depth
-    from teleop.emulation import make_emulator, opened, read_fault, stop_signals
-    from teleop.files import write_text
+    from teleop.emulation import make_emulator, opened, read_fault
+    from teleop.files import check_outputs, write_text
+    from teleop.interruption import stop_signals
     from teleop.realtime import realtime
     from teleop.rig_file import load_rig_file
     from teleop.settings import TrialSettings
 
     rig = load_rig_file(file)
+    check_outputs(out, source=file)
     faults = [read_fault(text, rig) for text in fault]
     settings = TrialSettings(condition=condition, cube=cube, seed=seed, depth=read_depth(depth))
     urgency: RealtimeName = "try" if (os.cpu_count() or 1) > 1 else "off"

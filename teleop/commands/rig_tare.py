@@ -9,6 +9,9 @@ from cyclopts import Parameter
 
 from teleop.names import CubeName
 
+FARTHEST = 1.0
+"""Greatest position that is taken for a datum [m]."""
+
 
 def tare(
     *,
@@ -49,6 +52,7 @@ def tare(
     from teleop.clock import Clock, RealClock, VirtualClock
     from teleop.errors import InputError
     from teleop.files import check_outputs
+    from teleop.interruption import in_good_order
     from teleop.rig_file import load_rig_file
     from teleop.table import quantity
     from teleop.tare import write_tare
@@ -56,7 +60,7 @@ def tare(
     from teleop.zeroing import dated, force_zero
 
     given = 0.0 if contact in ("keep", "touch") else quantity(contact, "position")
-    if given is None:
+    if given is None or not abs(given) <= FARTHEST:
         raise InputError(f"contact {contact!r}: expected keep, touch, or a position such as 1.5mm")
     check_outputs(out)
     sensors = Sensors()
@@ -68,7 +72,7 @@ def tare(
     else:
         clock = VirtualClock(1000.0)
         opened = off_the_cube(cube, clock.now, sensors, seed)
-    with opened:
+    with in_good_order(), opened:
         zero = force_zero(opened, clock)
     if contact == "touch":
         given = touch(touch_settings(rig_file, cube, zero, sensors, seed), record=None)
