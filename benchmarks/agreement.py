@@ -62,7 +62,7 @@ def row(condition: str, name: str, wired: dict[str, Any], plain: dict[str, Any])
         cells += f"{text:>26}"
     fault = wired["safety"]["fault"]
     end = f"  STOPPED: {fault['text']}" if fault else ""
-    print(f"{condition:11}{name:13}{cells}{wired['ticks']:8}{wired['loop']['skipped']:8}{end}")
+    print(f"{condition:11}{name:13}{cells}{wired['pairs']:8}{wired['loop']['skipped']:8}{end}")
     sys.stdout.flush()
 
 
