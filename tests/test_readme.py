@@ -83,8 +83,12 @@ def test_a_command_of_the_readme_works(command, folder, emulate, monkeypatch, ca
         return
     if "--rig" in command:
         pytest.importorskip("pty", reason="there are no pseudo-terminals on this system")
-        time.sleep(1.5)  # until the plant is back at its start
-        assert main([*command, "--duration", "1.5", "--realtime", "off"]) == 0
+        for _ in range(3):
+            time.sleep(1.5)  # until the plant is back at its start
+            code = main([*command, "--duration", "1.5", "--realtime", "off"])
+            if code != 3:  # stopped for safety: the machine was taken away: once more
+                break
+        assert code == 0
         return
     if command[0] == "reproduce":
         pytest.skip("run by tests/teleop/paper/test_reproduce.py")

@@ -63,10 +63,10 @@ def test_a_trial_on_the_kernels_can_estimates_the_cube(name, vcan0, tmp_path):
     try:
         while (line := emulator.stdout.readline()).rstrip() != "}":
             assert line, "the emulator ended"
-        ran = trial(out)
-        for _ in range(2):
-            if "the loop overran" in ran.stderr:
-                ran = trial(out)
+        for _ in range(4):
+            ran = trial(out)
+            if ran.returncode != 3:  # stopped for safety: the guest was taken away: once more
+                break
     finally:
         emulator.send_signal(signal.SIGTERM)
         emulator.communicate(timeout=20)
