@@ -68,7 +68,10 @@ def emulated(name, folder, *arguments):
 def test_a_rig_is_checked_and_run_against_its_emulated_devices(tmp_path):
     with emulated("serial-board", tmp_path, "--condition", "autonomous") as (rig, document):
         assert set(document["ports"]) == set(read_rig_file(rig).sections.buses)
-        checked = teleop("rig", "check", rig, "--seconds", 0.5, "--json")
+        for _ in range(3):
+            checked = teleop("rig", "check", rig, "--seconds", 0.5, "--json")
+            if not checked.returncode:  # else the machine was taken away: once more
+                break
         assert checked.returncode == 0, checked.stderr
         report = json.loads(checked.stdout)
         names = {channel["name"] for channel in report["channels"]}
@@ -81,7 +84,7 @@ def test_a_rig_is_checked_and_run_against_its_emulated_devices(tmp_path):
                 "run", "--rig", rig, "--condition", "autonomous", "--duration", 1.5, "--json",
                 "--record", path,
             )  # fmt: skip
-            if "the loop overran" not in ran.stderr:  # the machine was taken away: once more
+            if ran.returncode != 3:  # stopped for safety: the machine was taken away: once more
                 break
         assert ran.returncode == 0, ran.stderr
         summary = json.loads(ran.stdout)
