@@ -78,10 +78,9 @@ def emulate(folder):
 def on_the_emulated_rig(command):
     """Run a command of real time; once more where the machine was taken away meanwhile."""
     pytest.importorskip("pty", reason="there are no pseudo-terminals on this system")
-    if command[0] == "run":
-        command = [*command, "--duration", "1.5"]
+    command = [*command, *(("--duration", "1.5") if command[0] == "run" else ("--seconds", "0.5"))]
     for _ in range(4):
-        time.sleep(1.5)  # until the plant is back at its start
+        time.sleep(1.5 if command[0] == "run" else 0.0)  # until the plant is back at its start
         run = [sys.executable, "-m", "teleop", *command]
         done = subprocess.run(run, capture_output=True, text=True, check=False)
         if done.returncode == 0:

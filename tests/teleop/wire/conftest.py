@@ -115,6 +115,12 @@ def stepped_settings(name: str, condition: str = "autonomous", **settings: Any) 
     )
 
 
+@pytest.fixture(autouse=True)
+def soon(monkeypatch):
+    """After a fault a trial holds still for a moment only."""
+    monkeypatch.setattr("teleop.session.AFTER", 0.2)
+
+
 @pytest.fixture
 def stepped() -> Callable[..., SteppedSettings]:
     """Makes the settings of a trial on one of the example rigs, emulated."""
