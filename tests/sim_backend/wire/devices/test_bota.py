@@ -6,7 +6,6 @@ import pytest
 
 from drivers.devices.bota import BotaSettings
 from sim_backend.wire.devices.bota import BACKLOG, FASTEST, EmulatedBota, crc
-from sim_backend.wire.emulated import Mount
 
 PERIOD = 1.0 / FASTEST
 
@@ -14,27 +13,11 @@ VECTOR = bytes.fromhex("aa00000000803f0000004000004040cdcccc3dcdcc4c3e9a99993ee8
 GREETING = b"App Init\r\n"
 
 
-class Bench(Mount):
-    def __init__(self) -> None:
-        self.loads = {"fx": 1.0, "fy": 2.0, "fz": 3.0, "mx": 0.1, "my": 0.2, "mz": 0.3}
-        self.loads["temperature"] = 25.0
-
-    def sense(self, signal: str) -> float:
-        return self.loads[signal]
-
-    def drive(self, name: str, velocity: float) -> None:
-        raise AssertionError
-
-    brake = drive  # type: ignore[assignment]
+LOADS = {"fx": 1.0, "fy": 2.0, "fz": 3.0, "mx": 0.1, "my": 0.2, "mz": 0.3, "temperature": 25.0}
 
 
 @pytest.fixture
-def bench() -> Bench:
-    return Bench()
-
-
-@pytest.fixture
-def sensor(bench: Bench) -> EmulatedBota:
+def sensor(bench) -> EmulatedBota:
     return EmulatedBota("tip", BotaSettings(kind="bota", bus="force"), bench)
 
 

@@ -8,7 +8,6 @@ import pytest
 
 from drivers.devices.dbc import DbcSettings
 from sim_backend.wire.devices.dbc import BACKLOG, EmulatedDbcDevice, selections
-from sim_backend.wire.emulated import Mount
 
 DBC = """VERSION ""
 BS_:
@@ -25,26 +24,11 @@ BA_ "GenMsgCycleTime" BO_ 2566844416 10;
 """
 
 
-class Bench(Mount):
-    def __init__(self) -> None:
-        self.loads = {"Fz": 12.0, "Bridge": 1.5, "Position": 3.5, "Page": 99.0}
-
-    def sense(self, signal: str) -> float:
-        return self.loads[signal]
-
-    def drive(self, name: str, velocity: float) -> None:
-        raise AssertionError
-
-    brake = drive  # type: ignore[assignment]
+LOADS = {"Fz": 12.0, "Bridge": 1.5, "Position": 3.5, "Page": 99.0}
 
 
 @pytest.fixture
-def bench() -> Bench:
-    return Bench()
-
-
-@pytest.fixture
-def device(tmp_path: Path, bench: Bench) -> EmulatedDbcDevice:
+def device(tmp_path: Path, bench) -> EmulatedDbcDevice:
     path = tmp_path / "tip.dbc"
     path.write_text(DBC)
     return EmulatedDbcDevice("tip", DbcSettings(kind="dbc", bus="can", file=path), bench)

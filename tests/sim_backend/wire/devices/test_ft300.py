@@ -4,32 +4,16 @@ import pytest
 
 from drivers.devices.ft300 import Ft300Settings
 from sim_backend.wire.devices.ft300 import BACKLOG, PERIOD, EmulatedFt300, crc
-from sim_backend.wire.emulated import Mount
 
 VECTOR = bytes.fromhex("204e640038ff2c010a00ecff1e00c826")
 REQUEST = bytes.fromhex("09 10 01 9A 00 01 02 02 00 CD CA")
 
 
-class Bench(Mount):
-    def __init__(self) -> None:
-        self.loads = {"fx": 1.0, "fy": -2.0, "fz": 3.0, "mx": 0.01, "my": -0.02, "mz": 0.03}
-
-    def sense(self, signal: str) -> float:
-        return self.loads[signal]
-
-    def drive(self, name: str, velocity: float) -> None:
-        raise AssertionError
-
-    brake = drive  # type: ignore[assignment]
+LOADS = {"fx": 1.0, "fy": -2.0, "fz": 3.0, "mx": 0.01, "my": -0.02, "mz": 0.03}
 
 
 @pytest.fixture
-def bench() -> Bench:
-    return Bench()
-
-
-@pytest.fixture
-def sensor(bench: Bench) -> EmulatedFt300:
+def sensor(bench) -> EmulatedFt300:
     return EmulatedFt300("tip", Ft300Settings(kind="ft300", bus="force"), bench)
 
 

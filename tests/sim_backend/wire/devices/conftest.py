@@ -1,0 +1,28 @@
+"""What an emulated sensor is mounted on: loads that a test sets."""
+
+from __future__ import annotations
+
+import pytest
+
+from sim_backend.wire.emulated import Mount
+
+
+class Loaded(Mount):
+    """Senses the loads by signal, and has nothing to drive."""
+
+    def __init__(self, loads: dict[str, float]) -> None:
+        self.loads = dict(loads)
+
+    def sense(self, signal: str) -> float:
+        return self.loads[signal]
+
+    def drive(self, name: str, velocity: float) -> None:
+        raise AssertionError
+
+    brake = drive  # type: ignore[assignment]
+
+
+@pytest.fixture
+def bench(request) -> Loaded:
+    """A mount with the `LOADS` of the test's module."""
+    return Loaded(request.module.LOADS)
