@@ -86,6 +86,8 @@ class Device(ABC):
 
     Settings: ClassVar[type[DeviceSettings]]
     """The device's section in a rig file."""
+    estimated: ClassVar[bool] = False
+    """Whether its signals are estimated from others, not measured."""
 
     def __init__(self, name: str, settings: Any) -> None:
         self.name = name

@@ -52,6 +52,11 @@ class ChannelSettings(Section):
     """How long before its arrival a sample was taken."""
     max_age_ms: Positive = 20.0
 
+    @property
+    def gain(self) -> float:
+        """The channel's SI unit for a unit of the signal, signed."""
+        return self.sign * (self.scale or 1.0)
+
 
 class ForceSettings(ChannelSettings):
     """A force channel."""

@@ -68,7 +68,7 @@ class WiredRig(Rig):
             name: Channel(
                 self.devices[c.device],
                 c.signal,
-                c.sign * (c.scale or 1.0),
+                c.gain,
                 c.offset,
                 c.lag_ms * 1e-3,
             )

@@ -209,7 +209,7 @@ def estimated_channels(settings: TrialSettings) -> Iterator[str]:
     if settings.rig:
         devices = settings.rig.devices
         for name, channel in settings.rig.sections.channels.items():
-            if getattr(device_class(devices[channel.device].kind), "estimated", False):
+            if device_class(devices[channel.device].kind).estimated:
                 yield name
 
 

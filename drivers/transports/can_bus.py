@@ -140,21 +140,20 @@ class CanBus(Bus):
         RigError
             The adapter is gone or takes no more.
         """
-        assert self._bus
-        frame = can.Message(
-            arbitration_id=identifier, data=data, is_extended_id=extended, check=False
+        self._put(
+            can.Message(arbitration_id=identifier, data=data, is_extended_id=extended, check=False)
         )
-        try:
-            self._bus.send(frame)
-        except (can.CanError, OSError) as error:
-            raise self._gone(error) from error
 
     def request(self, identifier: int, length: int = 8) -> None:
         """Send a remote frame, which asks for the data frame of that identifier."""
-        assert self._bus
-        frame = can.Message(
-            arbitration_id=identifier, dlc=length, is_remote_frame=True, is_extended_id=False
+        self._put(
+            can.Message(
+                arbitration_id=identifier, dlc=length, is_remote_frame=True, is_extended_id=False
+            )
         )
+
+    def _put(self, frame: can.Message) -> None:
+        assert self._bus
         try:
             self._bus.send(frame)
         except (can.CanError, OSError) as error:

@@ -59,7 +59,7 @@ class Bench:
         devices = file.make_devices()
         self.mounts = {name: DeviceMount(self, file.sections.rate_hz) for name in devices}
         for channel, c in file.sections.channels.items():
-            source = Source(channel, c.sign * (c.scale or 1.0), c.offset)
+            source = Source(channel, c.gain, c.offset)
             self.mounts[c.device].sources[c.signal] = source
         for axis, d in file.sections.drives.items():
             drive = sole_drive(devices[d.device], d.drive)

@@ -114,12 +114,7 @@ class Emulator:
         new = type(old)(name, old.settings, old.mount)
         self.devices[name] = new
         for wire in self.wires.values():
-            if isinstance(wire, SerialWire) and wire.device is old:
-                assert isinstance(new, EmulatedSerialDevice)
-                wire.device = new
-            elif isinstance(wire, SlcanWire | InterfaceWire) and old in wire.devices:
-                assert isinstance(new, EmulatedCanDevice)
-                wire.devices[wire.devices.index(old)] = new
+            wire.exchange(old, new)
 
     def inject(self, fault: PlannedFault) -> None:
         """Let a fault set in now."""
@@ -188,17 +183,24 @@ class Emulator:
             wire.close()
 
 
+def host_ports(file: RigFile, folder: Path) -> dict[str, str]:
+    """Where a host finds each bus: serial lines are pseudo-terminals, other buses are joined."""
+    return {
+        name: bus.channel
+        if isinstance(bus, CanSettings) and bus.interface != "slcan"
+        else str(folder / name)
+        for name, bus in file.sections.buses.items()
+    }
+
+
 def host_file(file: RigFile, folder: Path) -> str:
     """The rig file to run against the emulator: pseudo-terminals for ports, paths made whole."""
     import tomlkit
 
     document = tomlkit.parse(file.text)
-    for name, settings in file.sections.buses.items():
+    for name, port in host_ports(file, folder).items():
         bus = document["buses"][name]
-        if not isinstance(settings, CanSettings):
-            bus["port"] = str(folder / name)
-        elif settings.interface == "slcan":
-            bus["channel"] = str(folder / name)
+        bus["port" if bus["kind"] == "serial" else "channel"] = port
     for name, device in file.devices.items():
         for key, value in device:
             if isinstance(value, Path):

@@ -12,7 +12,11 @@ from pathlib import Path
 
 import can
 
-from sim_backend.wire.emulated import EmulatedCanDevice, EmulatedSerialDevice
+from sim_backend.wire.emulated import (
+    EmulatedCanDevice,
+    EmulatedDevice,
+    EmulatedSerialDevice,
+)
 from sim_backend.wire.slcan_adapter import SlcanAdapter
 from sim_backend.wire.wire_faults import WireFault
 
@@ -46,6 +50,10 @@ class Wire(ABC):
     @abstractmethod
     def serve(self, now: float) -> None:
         """Hand the devices what the host sent, and the host what is due by now [s]."""
+
+    @abstractmethod
+    def exchange(self, old: EmulatedDevice, new: EmulatedDevice) -> None:
+        """Put a device in the place of another, if that is on this wire."""
 
     @abstractmethod
     def close(self) -> None:
@@ -158,6 +166,12 @@ class SerialWire(Wire):
             data += self._line.popleft()[1]
         self.port.write(data)
 
+    def exchange(self, old: EmulatedDevice, new: EmulatedDevice) -> None:
+        """Put the new device behind the port."""
+        if old is self.device:
+            assert isinstance(new, EmulatedSerialDevice)
+            self.device = new
+
     def close(self) -> None:
         """Unplug it."""
         self.port.close()
@@ -178,6 +192,12 @@ class CanWire(Wire):
 
     def __init__(self, devices: Sequence[EmulatedCanDevice]) -> None:
         self.devices = list(devices)
+
+    def exchange(self, old: EmulatedDevice, new: EmulatedDevice) -> None:
+        """Put the new device on the bus."""
+        if old in self.devices:
+            assert isinstance(new, EmulatedCanDevice)
+            self.devices = [new if device is old else device for device in self.devices]
 
     @abstractmethod
     def from_host(self) -> list[can.Message]:

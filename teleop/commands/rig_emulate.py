@@ -60,7 +60,7 @@ def emulate(
     import shutil
     import tempfile
 
-    from sim_backend.wire.emulator import host_file
+    from sim_backend.wire.emulator import host_file, host_ports
     from teleop import console, rig_console
     from teleop.commands.run import read_depth
     from teleop.emulation import make_emulator, opened, read_fault
@@ -80,10 +80,7 @@ def emulate(
         emulator = make_emulator(rig, settings, folder, faults)
         with stop_signals() as stopped, opened(emulator), realtime(urgency, DEVICES_ARE_PUNCTUAL):
             write_text(out, host_file(rig, folder))
-            ports = {
-                name: bus.port if bus.kind == "serial" else bus.channel
-                for name, bus in load_rig_file(out).sections.buses.items()
-            }
+            ports = host_ports(rig, folder)
             if json:
                 console.print_json({"rig": rig.sections.name, "file": str(out), "ports": ports})
             else:
