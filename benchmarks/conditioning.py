@@ -62,8 +62,8 @@ def main() -> None:
             cube, x, v_true, f = signals(condition, name)
             for label, conditioner in CONDITIONERS.items():
                 conditioner.reset()
-                xc, v, fc = conditioner.run(x, f, 1e-3)
-                b, k = RecursiveLeastSquares(0.98, (100.0, 100.0)).run(xc, v, fc, 1e-3)
+                xc, v, fc, *_ = conditioner.run(x, f, 1e-3)
+                b, k, *_ = RecursiveLeastSquares(0.98, (100.0, 100.0)).run(xc, v, fc, 1e-3)
                 errors[label].append(
                     (
                         float(np.std(v - v_true) / np.std(v_true)),

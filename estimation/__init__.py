@@ -1,26 +1,35 @@
-"""Online estimation of a Kelvin-Voigt environment's damping and stiffness, f = b v + k x."""
+"""Online estimation of what a telemanipulator touches: damping and stiffness, f = b v + k x."""
 
-from estimation.adaptive_identification import AdaptiveIdentification
 from estimation.bank import Bank
 from estimation.conditioning import (
     Conditioner,
     FilteredDifference,
     FirstOrderAdaptiveWindowing,
     MatchedFilter,
+    Regression,
     StateVariableFilter,
 )
 from estimation.estimator import Estimate, Estimates, Estimator
 from estimation.excitation import Excitation
+from estimation.gate import Gate, GateSettings
+from estimation.identification import Identification, identify
 from estimation.least_squares import Fit, least_squares
-from estimation.metrics import estimated_force, force_error, predicted_force, rise_time
-from estimation.multi_estimator import Axis, Grid, MultiEstimator
-from estimation.presets import Preset, paper_preset, scaled_preset
-from estimation.recursive_least_squares import RecursiveLeastSquares
+from estimation.methods.adaptive_identification import AdaptiveIdentification
+from estimation.methods.batch_window import BatchWindow
+from estimation.methods.multi_estimator import Axis, Grid, MultiEstimator
+from estimation.methods.pooled_segments import PooledSegments
+from estimation.methods.recursive_least_squares import RecursiveLeastSquares
+from estimation.metrics import coverage, estimated_force, force_error, predicted_force, rise_time
+from estimation.model import MODELS, Model
+from estimation.presets import METHODS, Preset, paper_preset, scaled_preset
 
 __all__ = [
+    "METHODS",
+    "MODELS",
     "AdaptiveIdentification",
     "Axis",
     "Bank",
+    "BatchWindow",
     "Conditioner",
     "Estimate",
     "Estimates",
@@ -29,14 +38,22 @@ __all__ = [
     "FilteredDifference",
     "FirstOrderAdaptiveWindowing",
     "Fit",
+    "Gate",
+    "GateSettings",
     "Grid",
+    "Identification",
     "MatchedFilter",
+    "Model",
     "MultiEstimator",
+    "PooledSegments",
     "Preset",
     "RecursiveLeastSquares",
+    "Regression",
     "StateVariableFilter",
+    "coverage",
     "estimated_force",
     "force_error",
+    "identify",
     "least_squares",
     "paper_preset",
     "predicted_force",

@@ -2,38 +2,54 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 
+import numpy as np
 from numpy.typing import ArrayLike
 
-from estimation.estimator import Estimate, Estimates, Estimator, check_sample
+from estimation.compiled import Samples
+from estimation.estimator import Estimate, Estimates, Estimator, check_sample, checked_samples
+from estimation.gate import Gate
 
 
 class Bank(Mapping[str, Estimator]):
     """Named estimators that take in the same samples.
 
+    An estimator with a model of more regressors than Kelvin-Voigt takes all that a sample has,
+    one without takes v and x.
+
     Parameters
     ----------
     estimators
         The estimators by name, in the order in which they are reported.
+    gate
+        Where it is shut, estimates hold, but for those of estimators that are not `gated`,
+        such as the paper's.
 
     Raises
     ------
     ValueError
-        There is none.
+        There is none, or two have models of different further regressors.
 
     Examples
     --------
     >>> from estimation import paper_preset
     >>> bank = paper_preset("soft").bank()
-    >>> bank.update(x=2e-3, v=0.01, f=4.5, dt=1e-3)["me"]
-    Estimate(b=25.0, k=2100.0)
+    >>> bank.update(x=2e-3, v=0.01, f=4.5, dt=1e-3)["me"].k
+    2100.0
     """
 
-    def __init__(self, estimators: Mapping[str, Estimator]) -> None:
+    def __init__(self, estimators: Mapping[str, Estimator], gate: Gate | None = None) -> None:
         if not estimators:
             raise ValueError("a bank needs at least one estimator")
+        models = {e.model for e in estimators.values() if e.model.further}
+        if len(models) > 1:
+            raise ValueError(
+                f"a bank has one model, got {', '.join(sorted(model.name for model in models))}"
+            )
         self._estimators = dict(estimators)
+        self._further = len(models.pop().further) if models else 0
+        self.gate = gate
 
     def __getitem__(self, name: str) -> Estimator:
         return self._estimators[name]
@@ -48,13 +64,53 @@ class Bank(Mapping[str, Estimator]):
         """Let every estimator forget every sample."""
         for estimator in self._estimators.values():
             estimator.reset()
+        if self.gate:
+            self.gate.reset()
 
-    def update(self, x: float, v: float, f: float, dt: float) -> dict[str, Estimate]:
+    def update(
+        self, x: float, v: float, f: float, dt: float, further: Sequence[float] = ()
+    ) -> dict[str, Estimate]:
         """Take in one sample; arguments and errors as `Estimator.update`."""
         x, v, f, dt = float(x), float(v), float(f), float(dt)
-        check_sample(dt, x=x, v=v, f=f)
-        return {name: e.advance(x, v, f, dt) for name, e in self._estimators.items()}
+        further = [float(value) for value in further]
+        check_sample(dt, further, x=x, v=v, f=f)
+        self._check_further(len(further))
+        plain, phi = [v, x], [v, x, *further]
+        is_open = self.gate is None or self.gate.update(plain, f, dt)
+        return {
+            name: e.advance(phi if e.model.further else plain, f, dt)
+            if is_open or not e.gated
+            else e.hold()
+            for name, e in self._estimators.items()
+        }
 
-    def run(self, x: ArrayLike, v: ArrayLike, f: ArrayLike, dt: ArrayLike) -> dict[str, Estimates]:
+    def run(
+        self,
+        x: ArrayLike,
+        v: ArrayLike,
+        f: ArrayLike,
+        dt: ArrayLike,
+        further: ArrayLike | None = None,
+    ) -> dict[str, Estimates]:
         """Take in n samples; arguments and errors as `Estimator.run`."""
-        return {name: e.run(x, v, f, dt) for name, e in self._estimators.items()}
+        samples = checked_samples(x, v, f, dt, further)
+        self._check_further(samples.phi.shape[1] - 2)
+        plain = samples._replace(phi=np.ascontiguousarray(samples.phi[:, :2]))
+        is_open = self.gate.run(plain) if self.gate else samples.open
+        return {
+            name: e.advance_all(self._samples_of(e, samples, plain, is_open))
+            for name, e in self._estimators.items()
+        }
+
+    def _samples_of(
+        self, e: Estimator, samples: Samples, plain: Samples, is_open: np.ndarray
+    ) -> Samples:
+        chosen = samples if e.model.further else plain
+        return chosen._replace(open=is_open) if e.gated else chosen
+
+    def _check_further(self, count: int) -> None:
+        if count != self._further:
+            raise ValueError(
+                f"{count} regressors besides v and x were given, but the bank's model has "
+                f"{self._further}"
+            )

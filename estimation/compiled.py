@@ -5,89 +5,133 @@ from __future__ import annotations
 import hashlib
 import inspect
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, MutableSequence, Sequence
 from functools import cache
 from importlib.util import find_spec
 from types import FunctionType
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from estimation.unrolled import Helpers, unrolled
+
 Floats = NDArray[np.float64]
-State = tuple[float, ...]
-Step = Callable[[State, State, float, float, float, float], State]
-"""(parameters, state, v, x, f, dt) -> state; a state begins with (b, k)."""
-Helpers = tuple[Callable[..., Any], ...]
+State = MutableSequence[float]
+Parameters = Sequence[float]
+Regressors = Sequence[float]
+Step = Callable[[Parameters, State, Regressors, float, float], None]
+"""(parameters, state, phi, f, dt): moves the state on by one sample, in place.
+
+Before it, the state says that nothing is held; a step that holds the estimate says so.
+"""
 
 WORTH_COMPILING = 20_000
 """From this many samples on, loading numba costs less than interpreting."""
 
 
-def sweep(
-    step: Step,
-    helpers: Helpers,
-    parameters: State,
-    state: State,
-    samples: tuple[Floats, Floats, Floats, Floats],
-) -> Floats:
-    """The state after each sample of (v, x, f, dt), as rows of shape (n, len(state)).
+class Samples(NamedTuple):
+    """What a step takes in, sample by sample."""
+
+    phi: Floats
+    """Regressors, shape (n, regressors)."""
+    f: Floats
+    """Force [N], shape (n,)."""
+    dt: Floats
+    """Time since the sample before [s], shape (n,)."""
+    open: NDArray[np.bool_]
+    """Whether the sample is taken in, or the estimate held; shape (n,)."""
+
+
+class Law(NamedTuple):
+    """A step with all that it needs."""
+
+    step: Step
+    helpers: Helpers
+    parameters: list[float]
+    width: int
+    """How many entries of the state are its answer; the last of them says whether it holds."""
+
+
+def sweep(law: Law, state: list[float], samples: Samples) -> Floats:
+    """The answer after each sample, shape (n, width); the state is moved on in place.
 
     Compiled code gives the interpreter's numbers to the bit: both run the same operations in
     the same order, without fused multiply-add.
     """
-    n = len(samples[0])
-    if n >= WORTH_COMPILING and find_spec("numba"):
-        return compiled(step, helpers)(parameters, state, *samples)
-    return interpreted(step, parameters, state, samples)
+    if len(samples.f) >= WORTH_COMPILING and find_spec("numba"):
+        return compiled_sweep(law, state, samples)
+    return interpreted_sweep(law, state, samples)
 
 
-def interpreted(
-    step: Step, parameters: State, state: State, samples: tuple[Floats, Floats, Floats, Floats]
-) -> Floats:
+def interpreted_sweep(law: Law, state: list[float], samples: Samples) -> Floats:
     """`sweep` by the interpreter."""
-    states = np.empty((len(samples[0]), len(state)))
-    for n, sample in enumerate(zip(*(channel.tolist() for channel in samples), strict=True)):
-        state = step(parameters, state, *sample)
-        states[n] = state
-    return states
+    answers = np.empty((len(samples.f), law.width))
+    step, _ = unrolled(law.step, law.helpers, samples.phi.shape[1])
+    width, held = law.width, law.width - 1
+    columns = (column.tolist() for column in samples)
+    for n, (phi, f, dt, taken) in enumerate(zip(*columns, strict=True)):
+        state[held] = 0.0 if taken else 1.0
+        if taken:
+            step(law.parameters, state, phi, f, dt)
+        answers[n] = state[:width]
+    return answers
 
 
-@cache
-def compiled(step: Step, helpers: Helpers) -> Callable[..., Floats]:
-    """`sweep` of one step function as machine code: (parameters, state, v, x, f, dt) -> states.
+def compiled_sweep(law: Law, state: list[float], samples: Samples) -> Floats:
+    """`sweep` as machine code.
 
     Raises
     ------
     ImportError
         numba is not installed.
     """
+    loop = compiled(law.step, law.helpers, samples.phi.shape[1])
+    after = np.array(state)
+    answers: Floats = loop(np.array(law.parameters), after, *samples, law.width)
+    state[:] = after.tolist()
+    return answers
+
+
+@cache
+def compiled(step: Step, helpers: Helpers, regressors: int) -> Callable[..., Floats]:
+    """The loop over a step as machine code: (parameters, state, *samples, width) -> answers."""
     import numba
 
-    for helper in helpers:
+    plain, called = unrolled(step, helpers, regressors)
+    for helper in called:
         numba.extending.register_jitable(helper)
     # numba's disk cache looks neither into called functions nor past a closure. So the step
     # is a global of a copy of `_template`, and the copy's name carries the source of the
     # modules of the step and its helpers, their constants included.
-    modules = {function.__module__ for function in (step, *helpers)}
+    modules = {function.__module__ for function in (step, *helpers)} | {unrolled.__module__}
     source = "".join(inspect.getsource(sys.modules[module]) for module in sorted(modules))
-    loop = FunctionType(_template.__code__, {"np": np, "_step": numba.njit(step)})
+    digest = hashlib.sha256(source.encode()).hexdigest()[:16]
+    loop = FunctionType(_template.__code__, {"np": np, "_step": numba.njit(plain)})
     loop.__module__ = __name__
-    loop.__qualname__ = f"{step.__module__}.{hashlib.sha256(source.encode()).hexdigest()[:16]}"
+    loop.__qualname__ = f"{step.__module__}.{step.__name__}.{regressors}.{digest}"
     return numba.njit(cache=True)(loop)
 
 
-def _step(parameters: State, state: State, v: float, x: float, f: float, dt: float) -> State:
+def _step(parameters: Floats, state: Floats, phi: Floats, f: float, dt: float) -> None:
     """Stands for the estimator's step in `_template`."""
     raise NotImplementedError
 
 
 def _template(
-    parameters: State, state: State, v: Floats, x: Floats, f: Floats, dt: Floats
+    parameters: Floats,
+    state: Floats,
+    phi: Floats,
+    f: Floats,
+    dt: Floats,
+    taken: NDArray[np.bool_],
+    width: int,
 ) -> Floats:
-    states = np.empty((len(x), len(state)))
-    for n in range(len(x)):
-        state = _step(parameters, state, v[n], x[n], f[n], dt[n])
-        for column in range(len(state)):
-            states[n, column] = state[column]
-    return states
+    answers = np.empty((len(f), width))
+    for n in range(len(f)):
+        state[width - 1] = 0.0 if taken[n] else 1.0
+        if taken[n]:
+            _step(parameters, state, phi[n], f[n], dt[n])
+        for column in range(width):
+            answers[n, column] = state[column]
+    return answers

@@ -12,14 +12,39 @@ from numpy.typing import ArrayLike
 
 from estimation.compiled import Floats
 from estimation.estimator import check_sample, checked_samples
+from estimation.model import KELVIN_VOIGT, Model
 
 
 class Conditioned(NamedTuple):
-    """Displacement `x` [m], velocity `v` [m/s] and force `f` [N] of one sample."""
+    """One sample as estimators take it."""
 
     x: float
+    """Displacement [m]."""
     v: float
+    """Velocity [m/s]."""
     f: float
+    """Force [N]."""
+    further: tuple[float, ...] = ()
+    """The model's regressors besides v and x."""
+
+
+class Regression(NamedTuple):
+    """Samples as `Bank.run` takes them, arrays of shape (n,)."""
+
+    x: Floats
+    """Displacement [m]."""
+    v: Floats
+    """Velocity [m/s]."""
+    f: Floats
+    """Force [N]."""
+    dt: Floats
+    """Time since the sample before [s]."""
+    further: Floats
+    """The model's regressors besides v and x, shape (n, regressors - 2)."""
+
+    def part(self, samples: slice) -> Regression:
+        """Some of the samples."""
+        return Regression(*(channel[samples] for channel in self))
 
 
 class Conditioner(ABC):
@@ -45,18 +70,26 @@ class Conditioner(ABC):
     def _condition(self, x: float, f: float, dt: float) -> Conditioned:
         """What `update` gives for a sample that has been checked."""
 
-    def run(self, x: ArrayLike, f: ArrayLike, dt: ArrayLike) -> tuple[Floats, Floats, Floats]:
-        """Take in n samples as `update` would: arrays x, v, f of shape (n,).
+    def correlation(self, dt: float) -> float:
+        """Samples, `dt` [s] apart, for each one whose noise of the force is independent."""
+        return 1.0
+
+    def run(self, x: ArrayLike, f: ArrayLike, dt: ArrayLike) -> Regression:
+        """Take in n samples as `update` would.
 
         Raises
         ------
         ValueError
             The shapes differ, a value is not finite, or a `dt` is not positive.
         """
-        x, _, f, dt = checked_samples(x, x, f, dt)
-        rows = zip(x.tolist(), f.tolist(), dt.tolist(), strict=True)
-        out = np.array([self._condition(*row) for row in rows]).reshape(-1, 3)
-        return out[:, 0].copy(), out[:, 1].copy(), out[:, 2].copy()
+        samples = checked_samples(x, x, f, dt)
+        position = samples.phi[:, 1].tolist()
+        rows = zip(position, samples.f.tolist(), samples.dt.tolist(), strict=True)
+        out = np.array(
+            [(c.x, c.v, c.f, *c.further) for c in (self._condition(*row) for row in rows)]
+        ).reshape(len(position), -1 if position else 3)
+        columns = out.T.copy()
+        return Regression(columns[0], columns[1], columns[2], samples.dt, out[:, 3:].copy())
 
 
 class FilteredDifference(Conditioner):
@@ -164,6 +197,11 @@ class LowPass:
         self.rate = ramp + (slope - omega * (offset + slope * dt)) * decay
         self._u = u
 
+    @property
+    def acceleration(self) -> float:
+        """Y''."""
+        return self._omega * (self._omega * (self._u - self.y) - 2.0 * self.rate)
+
 
 class Lag:
     """First-order lag tau y' = u - y, exact for an input that runs straight between samples."""
@@ -226,6 +264,8 @@ class MatchedFilter(Conditioner):
         Natural frequency of the filter [Hz].
     force_lag
         Time constant of the force channel [s], 0 for none.
+    model
+        The regressors. Each is formed from position and force as measured, and filtered then.
 
     References
     ----------
@@ -233,21 +273,44 @@ class MatchedFilter(Conditioner):
     17(1), 1981 (state-variable filters).
     """
 
-    def __init__(self, bandwidth: float, force_lag: float = 0.0) -> None:
+    def __init__(
+        self, bandwidth: float, force_lag: float = 0.0, model: Model = KELVIN_VOIGT
+    ) -> None:
+        self.model = model
+        self._bandwidth = bandwidth
         self._lag = Lag(force_lag)
         self._position = LowPass(bandwidth)
         self._force = LowPass(bandwidth)
+        self._cube_lag = Lag(force_lag)
+        self._cube = LowPass(bandwidth)
 
     def reset(self) -> None:
         """Forget every sample."""
-        self._lag.reset()
-        self._position.reset()
-        self._force.reset()
+        for part in (self._lag, self._position, self._force, self._cube_lag, self._cube):
+            part.reset()
+
+    def correlation(self, dt: float) -> float:
+        """Samples, `dt` [s] apart, for each one whose noise of the force is independent.
+
+        The equivalent noise bandwidth of this filter is pi/4 of its natural frequency.
+        """
+        return max(1.0, 2.0 / (math.pi * self._bandwidth * dt))
 
     def _condition(self, x: float, f: float, dt: float) -> Conditioned:
-        self._position.update(self._lag.update(x, dt), dt)
+        position = self._position
+        position.update(self._lag.update(x, dt), dt)
         self._force.update(f, dt)
-        return Conditioned(self._position.y, self._position.rate, self._force.y)
+        if not self.model.further:
+            return Conditioned(position.y, position.rate, self._force.y)
+        self._cube.update(self._cube_lag.update(x * x * x, dt), dt)
+        regressors = {
+            "f0": 1.0,
+            "m": position.acceleration,
+            "k3": self._cube.y,
+            "tau": -self._force.rate,
+        }
+        further = tuple(regressors[parameter] for parameter in self.model.further)
+        return Conditioned(position.y, position.rate, self._force.y, further)
 
 
 def angular(bandwidth: float) -> float:

@@ -1,9 +1,12 @@
-"""How persistently exciting the motion is."""
+"""How persistently exciting the motion is, and how fast."""
 
 from __future__ import annotations
 
 import math
 from collections import deque
+
+import numpy as np
+from numpy.typing import ArrayLike
 
 from estimation.estimator import check_sample
 
@@ -76,3 +79,30 @@ class Excitation:
         mean = 0.5 * (self._xx + self._yy) / self._span
         half = math.hypot(0.5 * (self._xx - self._yy), self._xy) / self._span
         return max(0.0, mean - half) / (mean + half + self.resolution**2)
+
+
+def dominant_frequency(x: ArrayLike, dt: ArrayLike) -> float:
+    """Frequency [Hz] of the largest peak of a motion's spectrum, a drift taken off.
+
+    Parameters
+    ----------
+    x
+        Displacement [m], shape (n,).
+    dt
+        Time since the sample before [s], shape (n,), or one number for all.
+
+    Raises
+    ------
+    ValueError
+        There are fewer than four samples, or they do not move.
+    """
+    x = np.asarray(x, dtype=np.float64)
+    if x.ndim != 1 or len(x) < 4 or not np.ptp(x) > 0.0:
+        raise ValueError(f"a motion of at least four samples is needed, got shape {x.shape}")
+    t = np.cumsum(np.broadcast_to(np.asarray(dt, dtype=np.float64), x.shape))
+    even = np.linspace(t[0], t[-1], len(t))
+    motion = np.interp(even, t, x)
+    seconds = even - even.mean()
+    drift = (seconds @ motion) / (seconds @ seconds) * seconds
+    spectrum = np.abs(np.fft.rfft(motion - motion.mean() - drift))
+    return (int(np.argmax(spectrum[1:])) + 1) / float(t[-1] - t[0])

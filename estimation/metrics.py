@@ -2,27 +2,44 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from estimation.compiled import Floats
-from estimation.estimator import Estimates
+from estimation.conditioning import Regression
+from estimation.estimator import LEVEL_95, Estimates
+from estimation.model import SIZES
+
+ACTIVE_STATE = "p"
+"""Name of the force [N] that the active observer takes up besides the model's."""
 
 
-def estimated_force(x: ArrayLike, v: ArrayLike, estimates: Estimates) -> Floats:
-    """Force f_hat = b_hat v + k_hat x [N] of each sample by its own estimate, the paper's (5)."""
-    force: Floats = estimates.b * np.asarray(v) + estimates.k * np.asarray(x)
-    return force
+def estimated_force(regression: Regression, estimates: Estimates) -> Floats:
+    """Force f_hat = phi' theta_hat [N] of each sample by its own estimate, the paper's (5)."""
+    return _force(regression, estimates, lambda series: series)
 
 
-def predicted_force(x: ArrayLike, v: ArrayLike, estimates: Estimates) -> Floats:
+def predicted_force(regression: Regression, estimates: Estimates) -> Floats:
     """Force [N] of each sample by the estimate before it; zero for the first sample.
 
     The error of this one-step prediction is what an estimator has not yet seen, so unlike
     that of (5) it cannot be made small by following the noise.
     """
-    before = Estimates(*(np.concatenate(([0.0], series[:-1])) for series in estimates))
-    return estimated_force(x, v, before)
+    return _force(regression, estimates, lambda series: np.concatenate(([0.0], series[:-1])))
+
+
+def _force(
+    regression: Regression, estimates: Estimates, of_sample: Callable[[Floats], Floats]
+) -> Floats:
+    force: Floats = of_sample(estimates.b) * regression.v + of_sample(estimates.k) * regression.x
+    if ACTIVE_STATE in estimates.further:
+        force += of_sample(estimates.further[ACTIVE_STATE].value)
+    columns = [name for name in estimates.further if name in SIZES]
+    for name, regressor in zip(columns, regression.further.T, strict=False):
+        force += of_sample(estimates.further[name].value) * regressor
+    return force
 
 
 def force_error(f: ArrayLike, f_hat: ArrayLike) -> float:
@@ -33,6 +50,24 @@ def force_error(f: ArrayLike, f_hat: ArrayLike) -> float:
     it is the mean in newtons, and of the size of the force noise as in Table I.
     """
     return float(np.mean(np.abs(np.asarray(f) - np.asarray(f_hat))))
+
+
+def coverage(values: ArrayLike, std: ArrayLike, truth: ArrayLike) -> float:
+    """Share of the samples whose 95 % interval holds the truth; NaN where there is no interval.
+
+    Parameters
+    ----------
+    values, std
+        Estimates of a parameter and their standard deviations, each of shape (n,).
+    truth
+        What the parameter is, of shape (n,), or one number for all.
+    """
+    values, std = np.asarray(values), np.asarray(std)
+    told = np.isfinite(std)
+    if not told.any():
+        return float("nan")
+    off = np.abs(values - np.broadcast_to(np.asarray(truth), values.shape))
+    return float(np.mean(off[told] <= LEVEL_95 * std[told]))
 
 
 def rise_time(t: ArrayLike, estimate: ArrayLike) -> float:

@@ -24,8 +24,14 @@ from typing import NamedTuple
 import numpy as np
 
 from estimation.compiled import Floats
-from estimation.estimator import Estimate
-from estimation.multi_estimator import MultiEstimator
+from estimation.methods.multi_estimator import MultiEstimator
+
+
+class Candidate(NamedTuple):
+    """Damping `b` [N s/m] and stiffness `k` [N/m] of an estimator of the bank, or of the plant."""
+
+    b: float
+    k: float
 
 
 class Redundancy(NamedTuple):
@@ -37,7 +43,7 @@ class Redundancy(NamedTuple):
     """Else on x(t) = x_0 exp(-rate t) alone, for these rates [1/s]: (12), (14) and (16)."""
 
 
-def redundancy(gamma: Estimate, epsilon: Estimate, plant: Estimate) -> Redundancy:
+def redundancy(gamma: Candidate, epsilon: Candidate, plant: Candidate) -> Redundancy:
     """When two candidates cannot be told apart on a plant without noise, Lemmas 1 and 2.
 
     Parameters
@@ -98,8 +104,9 @@ def ambiguity(
     """
     b, k = estimator.grid.b.values, estimator.grid.k.values
     rows = []
-    for n, sample in enumerate(zip(x, v, f, dt, strict=True), start=1):
-        estimator.update(*map(float, sample))
+    samples = zip(x.tolist(), v.tolist(), f.tolist(), dt.tolist(), strict=True)
+    for n, (x_now, v_now, f_now, period) in enumerate(samples, start=1):
+        estimator.update(x_now, v_now, f_now, period)
         if n % every == 0:
             first, last = estimator.tied_rows(margin)
             held = np.flatnonzero(first <= last)

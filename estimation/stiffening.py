@@ -100,7 +100,8 @@ class MatchedSignals:
         bandwidth: float,
         part: slice = slice(None),
     ) -> None:
-        x, _, f, self.dt = checked_samples(position, position, force, dt)
+        samples = checked_samples(position, position, force, dt)
+        x, f, self.dt = samples.phi[:, 0], samples.f, samples.dt
         self.x, self.v = low_passed(x, self.dt, bandwidth)
         self.x3, _ = low_passed(x**3, self.dt, bandwidth)
         self.f = low_passed(f, self.dt, bandwidth)[0][part]

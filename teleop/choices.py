@@ -12,6 +12,8 @@ from estimation import (
     StateVariableFilter,
 )
 from estimation.conditioning import angular
+from estimation.model import KELVIN_VOIGT, Model, model_named
+from estimation.presets import named_estimators
 from teleop.admittance import Coupling
 from teleop.errors import InputError
 from teleop.injector import Chirp, Multisine, Signal, Sine
@@ -44,8 +46,28 @@ def make_coupling(name: CouplingName) -> Coupling:
     raise InputError(f"coupling {name!r}: expected one of {', '.join(get_args(CouplingName))}")
 
 
+def choose_estimators(names: str) -> tuple[str, ...]:
+    """Estimators named one after the other, with commas, or all; InputError for any other."""
+    try:
+        return named_estimators([name.strip() for name in names.split(",") if name.strip()])
+    except ValueError as error:
+        raise InputError(str(error)) from error
+
+
+def choose_model(name: str) -> Model:
+    """A model of the environment by its name; InputError if there is none."""
+    try:
+        return model_named(name)
+    except ValueError as error:
+        raise InputError(str(error)) from error
+
+
 def make_conditioner(
-    name: ConditioningName, bandwidth: float, resolution: float, force_lag: float
+    name: ConditioningName,
+    bandwidth: float,
+    resolution: float,
+    force_lag: float,
+    model: Model = KELVIN_VOIGT,
 ) -> Conditioner:
     """Signal conditioning.
 
@@ -59,6 +81,8 @@ def make_conditioner(
         Position of one encoder count [m], for FOAW.
     force_lag
         Time constant of the force channel [s], which only a matched filter makes up for.
+    model
+        The regressors; only a matched filter forms others than velocity and displacement.
 
     Raises
     ------
@@ -67,10 +91,12 @@ def make_conditioner(
     """
     if force_lag != 0.0 and name != "matched":
         raise InputError(f"force lag {force_lag:g} s: expected matched conditioning, not {name}")
+    if model.further and name != "matched":
+        raise InputError(f"model {model.name}: expected matched conditioning, not {name}")
     try:
         angular(bandwidth)
         if name == "matched":
-            return MatchedFilter(bandwidth, force_lag)
+            return MatchedFilter(bandwidth, force_lag, model)
         if name == "svf":
             return StateVariableFilter(bandwidth)
         if name == "difference":

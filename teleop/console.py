@@ -19,12 +19,8 @@ if TYPE_CHECKING:
 
 WIDEST = 110
 """Columns that a table may take; a narrower terminal wraps it and loses nothing."""
-GAP = 20.0
-"""A sample period this many times longer than the median is told as a gap."""
 STALL = 0.05
 """A gap between ticks [s] after which a trial is told to have stalled."""
-HEADINGS = ("", "k [N/m]", "b [N s/m]", "e_f [N]", "one-step rms [N]", "rise time [s]")
-"""Of the table of estimators."""
 
 
 def print_json(document: Mapping[str, Any]) -> None:
@@ -51,37 +47,10 @@ def small(value: float) -> str:
     return number(value, min(max(2 - math.floor(math.log10(abs(value))), 0), 9))
 
 
-def estimate_cells(rows: Mapping[str, Mapping[str, Any]]) -> list[list[str]]:
-    """The table of estimators as text, a row each, below `HEADINGS`."""
-    return [
-        [
-            name,
-            number(row["k"], 0),
-            number(row["b"], 1 if abs(row["b"]) < 1000.0 else 0),
-            small(row["e_f"]),
-            small(row["one_step_rms"]),
-            number(row.get("rise_time_s", math.nan), 3),
-        ]
-        for name, row in rows.items()
-    ]
-
-
-def print_estimates(rows: Mapping[str, Mapping[str, Any]], title: str) -> None:
-    """The table of estimators, and what to know of each."""
-    console = plain_console()
-    table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, title_style="bold")
-    for heading in HEADINGS:
-        table.add_column(heading, justify="right" if heading else "left", no_wrap=True)
-    for cells in estimate_cells(rows):
-        table.add_row(*cells)
-    console.print(table)
-    for name, row in rows.items():
-        if row.get("note"):
-            console.print(f"  {name}: {row['note']}", style="yellow")
-
-
 def print_trial(summary: Mapping[str, Any]) -> None:
     """A trial's tables."""
+    from teleop.estimate_console import print_estimated, print_estimates
+
     console = plain_console()
     if summary["estimates"]:
         print_estimates(
@@ -115,12 +84,6 @@ def palpated(summary: Mapping[str, Any]) -> str:
     """What a trial was on."""
     simulated = summary["rig"] == "simulated"
     return f"{summary['cube']} cube" if simulated else str(summary["rig"])
-
-
-def print_estimated(console: Console, summary: Mapping[str, Any]) -> None:
-    """Which channels no sensor measured."""
-    for name in summary.get("estimated_channels", ()):
-        console.print(f"  {name}: estimated by an observer, not measured", style="yellow")
 
 
 def print_truth(console: Console, truth: Mapping[str, Any]) -> None:
@@ -178,42 +141,7 @@ def print_safety(console: Console, safety: Mapping[str, Any]) -> None:
         console.print(f"  STOPPED for safety {moment(fault)}: {fault['text']}", style="bold red")
 
 
-def print_evaluation(summary: Mapping[str, Any], name: str) -> None:
-    """A recording's tables."""
-    console = plain_console()
-    print_estimates({**summary["estimates"], "batch": summary["batch"]}, name)
-    datum = summary["datum"]
-    console.print(
-        f"  {summary['samples_used']} of {summary['samples']} samples, "
-        f"{summary['from_s']:.3f} to {summary['to_s']:.3f} s, at {summary['rate_hz']:g} Hz, "
-        f"jitter {summary['jitter']:.1%}\n"
-        f"  datum: {datum['position_m'] * 1e3:.6g} mm, {datum['force_n']:.6g} N "
-        f"({datum['source']})\n"
-        f"  conditioning bandwidth {summary['bandwidth_hz']:.3g} Hz, "
-        f"memory of the estimators {summary['memory_s']:.3g} s\n"
-        f"  excitation: {summary['excitation']['mean']:.2f} (0 none, 1 a sine about the datum)"
-    )
-    print_estimated(console, summary)
-    if "as_online" in summary:
-        console.print(
-            "  the estimates are those that the run computed, to the bit"
-            if summary["as_online"]
-            else "  other settings than the run's: the estimates are not those that it computed"
-        )
-    if summary["jitter"] > GAP:
-        console.print(
-            f"  a gap of {summary['longest_gap_s']:.3g} s in the recording: what was estimated "
-            "before it is forgotten after it",
-            style="yellow",
-        )
-    if summary["batch"]["k"] < 0.0:
-        console.print(
-            "  stiffness is negative: is force positive in compression, as position is?",
-            style="yellow",
-        )
-
-
-def print_reproduction(summary: Mapping[str, Any], page: str) -> None:
+def print_reproduction(summary: Mapping[str, Any]) -> None:
     """Table I cube by cube, the paper's numbers beside ours, and what became of its claims."""
     console = plain_console()
     for cube in ("soft", "medium", "hard"):
@@ -243,7 +171,6 @@ def print_reproduction(summary: Mapping[str, Any], page: str) -> None:
         style = "green" if claim["holds"] else "yellow"
         console.print("holds:   " if claim["holds"] else "does not:", style=style, end=" ")
         console.print(f"{claim['claim']}\n          {claim['evidence']}")
-    console.print(f"\n{page}")
 
 
 def print_lag(summary: Mapping[str, Any]) -> None:

@@ -21,6 +21,7 @@ from teleop.safety.state import NO_REQUEST
 from teleop.tare import NO_TARE, Tare
 
 NO_PAIR = Pair(math.nan, math.nan, math.nan)
+NO_ESTIMATE = Estimate(math.nan, math.nan, math.nan, math.nan, held=False)
 
 
 class Timing(NamedTuple):
@@ -58,6 +59,8 @@ class Record(NamedTuple):
     """Velocity that the estimators were given [m/s]."""
     f: float
     """Force that the estimators were given [N]."""
+    further: tuple[float, ...]
+    """The model's regressors besides v and x."""
     estimates: dict[str, Estimate]
     """NaN where the estimators were given nothing."""
     excitation: float
@@ -130,7 +133,12 @@ class Controller:
         self._start = math.nan
         self._energised = False
         self._trip: Trip | None = None
-        self._no_estimates = dict.fromkeys(bank, Estimate(math.nan, math.nan))
+        self._no_estimates = {
+            name: NO_ESTIMATE._replace(further=(math.nan,) * (2 * len(e.names) - 4))
+            for name, e in bank.items()
+        }
+        further = max(len(e.model.further) for e in bank.values())
+        self._no_regressors = (math.nan,) * further
         self.error: Exception | None = None
         """The first exception that a tick raised."""
 
@@ -183,13 +191,13 @@ class Controller:
             self._admittance.follow(applied.master_velocity, dt)
 
         pair, x, v, f, excitation = NO_PAIR, math.nan, math.nan, math.nan, math.nan
-        estimates = self._no_estimates
+        estimates, further = self._no_estimates, self._no_regressors
         if mode is ACTIVE or mode is STOPPING:
             try:
                 if found := self._alignment.update(measurement, dt):
                     pair = found
-                    x, v, f = self._conditioner.update(*pair)
-                    estimates = self._bank.update(x, v, f, pair.dt)
+                    x, v, f, further = self._conditioner.update(*pair)
+                    estimates = self._bank.update(x, v, f, pair.dt, further)
                     excitation = self._excitation.update(x, v, pair.dt)
             except Exception as error:
                 self._fail(Fault.ESTIMATION_FAILURE, error, measurement.time)
@@ -210,6 +218,7 @@ class Controller:
             x,
             v,
             f,
+            further,
             estimates,
             excitation,
             mode,

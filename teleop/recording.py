@@ -10,12 +10,15 @@ from typing import Any
 
 import numpy as np
 
-from estimation import Estimates
+from estimation import Estimates, Regression
 from estimation.compiled import Floats
+from estimation.estimator import Series
 from teleop.errors import InputError
 from teleop.recorder.mcap_reader import read_intact
 from teleop.recorder.schema import CDR
 
+REGRESSOR = "regressor_"
+"""How the names of columns of further regressors begin."""
 FIELD = re.compile(r"float64 (\w+)(?:\s*#\s*\[([^]]*)\]\s*(.*))?")
 """A line of a tick's definition: name, unit, meaning."""
 
@@ -77,7 +80,35 @@ class Recording:
 
     def estimates(self) -> dict[str, Estimates]:
         """Each estimator's estimates."""
-        return {name: Estimates(self[f"{name}_b"], self[f"{name}_k"]) for name in self.estimators}
+        nothing = np.full(len(self), np.nan)
+        return {
+            name: Estimates(
+                self[f"{name}_b"],
+                self[f"{name}_k"],
+                self.columns.get(f"{name}_b_std", nothing),
+                self.columns.get(f"{name}_k_std", nothing),
+                self.columns.get(f"{name}_held", nothing) == 1.0,
+                self._further(name),
+            )
+            for name in self.estimators
+        }
+
+    def _further(self, estimator: str) -> dict[str, Series]:
+        """Its parameters besides b and k."""
+        start = f"{estimator}_"
+        names = [name.removeprefix(start) for name in self.columns if name.startswith(start)]
+        told = [name.removesuffix("_std") for name in names if name.endswith("_std")]
+        return {
+            name: Series(self[start + name], self[f"{start}{name}_std"])
+            for name in told
+            if name not in ("b", "k") and "_" not in name
+        }
+
+    def regression(self) -> Regression:
+        """What the estimators were given."""
+        further = [column for name, column in self.columns.items() if name.startswith(REGRESSOR)]
+        x, v, f, dt = (self[name] for name in ("x", "v", "f", "paired_dt"))
+        return Regression(x, v, f, dt, np.reshape(further, (len(further), len(self))).T)
 
 
 def from_messages(

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from html import escape
 
-from estimation import Estimates, MultiEstimator
+from estimation import MultiEstimator
 from estimation.redundancy import ambiguity
 from teleop.black_box import fault_of, fault_text
-from teleop.console import HEADINGS, estimate_cells
 from teleop.estimate import Evaluation
+from teleop.estimate_console import HEADINGS, estimate_cells
 from teleop.figure import ambiguity_figure, estimates_figure, fault_figure, timing_figure
 from teleop.recording import Recording
 from teleop.web_page import captioned, svg, table, web_page
@@ -40,7 +41,8 @@ def report_page(name: str, evaluation: Evaluation, recording: Recording | None =
         if row["note"]
     )
     datum = summary["datum"]
-    figure = svg(estimates_figure(name, e.t, e.x, e.v, e.estimates))
+    x, v, *_ = e.regression
+    figure = svg(estimates_figure(name, e.t, x, v, e.estimates))
     body = f"""<h1>{escape(name)}</h1>
 <p>{summary["samples_used"]} of {summary["samples"]} samples, {summary["from_s"]:.3f} to
 {summary["to_s"]:.3f} s, at {summary["rate_hz"]:g} Hz. Datum: {datum["position_m"] * 1e3:.6g} mm,
@@ -105,9 +107,9 @@ def ambiguity_drawing(evaluation: Evaluation) -> str:
     """The bands of tied candidates over time, as an SVG element."""
     e = evaluation
     every = max(1, len(e.t) // LOOKS)
-    fresh = e.preset.bank()["me"]
+    fresh = replace(e.preset, estimators=("me",)).bank()["me"]
     assert isinstance(fresh, MultiEstimator)
-    tied = ambiguity(fresh, e.x, e.v, e.f, e.dt, MARGIN, every)
+    tied = ambiguity(fresh, *e.regression[:4], MARGIN, every)
     looks = slice(every - 1, None, every)
-    winner = Estimates(*(series[looks] for series in e.estimates["me"]))
+    winner = e.estimates["me"].part(looks)
     return svg(ambiguity_figure(e.t[looks], tied, winner))

@@ -9,7 +9,9 @@ from typing import Any
 from drivers import Rig
 from drivers.rig_file import RigFile
 from drivers.wired_rig import WiredRig
-from estimation import Bank, Conditioner, Excitation, Preset, paper_preset
+from estimation import Bank, Conditioner, Excitation, Model, Preset, paper_preset
+from estimation.model import KELVIN_VOIGT
+from estimation.presets import PAPER
 from sim_backend import (
     CUBES,
     FreePalpation,
@@ -71,6 +73,10 @@ class TrialSettings:
     """Lag of the force channel that matched conditioning makes up for [s]."""
     preset: Preset | None = None
     """Settings of the estimators; None for the paper's, with the gain for this cube."""
+    estimators: tuple[str, ...] = PAPER
+    """Names of the estimators, where no preset gives them."""
+    model: Model = KELVIN_VOIGT
+    """Model of the estimators that take any, where no preset gives it."""
     custom_setup: Setup | None = None
     """What is palpated instead of the named cube, and how deep."""
     custom_limits: Limits | None = None
@@ -198,7 +204,11 @@ class TrialSettings:
     def make_conditioner(self) -> Conditioner:
         """Fresh signal conditioning."""
         return make_conditioner(
-            self.conditioning, self.bandwidth, self.encoder_resolution, self.force_lag
+            self.conditioning,
+            self.bandwidth,
+            self.encoder_resolution,
+            self.force_lag,
+            self.preset.model if self.preset else self.model,
         )
 
     @property
@@ -210,7 +220,16 @@ class TrialSettings:
 
     def make_bank(self) -> Bank:
         """A fresh bank of estimators."""
-        return (self.preset or paper_preset(self.cube)).bank()
+        return self.bank_preset().bank()
+
+    def bank_preset(self) -> Preset:
+        """Settings of the estimators."""
+        return self.preset or replace(
+            paper_preset(self.cube),
+            estimators=self.estimators,
+            model=self.model,
+            correlation=self.make_conditioner().correlation(1.0 / self.rate),
+        )
 
     def what_is_palpated(self) -> dict[str, Any]:
         """The simulated rig and its truth, or the rig file."""
@@ -233,7 +252,7 @@ class TrialSettings:
             "conditioning": self.conditioning,
             "bandwidth_hz": self.bandwidth,
             "force_lag_s": self.force_lag,
-            "preset": asdict(self.preset or paper_preset(self.cube)),
+            "preset": asdict(self.bank_preset()),
             "encoder_resolution_m": self.encoder_resolution,
             **self.what_is_palpated(),
             "limits": asdict(self.limits),

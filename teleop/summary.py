@@ -10,12 +10,14 @@ import numpy as np
 from estimation import (
     Estimates,
     Estimator,
+    Regression,
     estimated_force,
     force_error,
     predicted_force,
     rise_time,
 )
 from estimation.compiled import Floats
+from estimation.estimator import LEVEL_95
 from teleop.recording import Recording
 from teleop.safety.soft_limits import ACCELERATION, FORCE, POSITION, VELOCITY
 
@@ -37,21 +39,40 @@ class EstimatorSummary(NamedTuple):
     """Root mean square of the one-step prediction's force error [N]."""
     rise_time_s: float
     """Rise time of the stiffness [s], NaN if it never rises."""
+    b_end: float
+    """Damping at the end [N s/m]."""
+    k_end: float
+    """Stiffness at the end [N/m]."""
+    b_interval: float
+    """Half of the 95 % interval of the damping at the end [N s/m]; NaN where none is given."""
+    k_interval: float
+    """Half of the 95 % interval of the stiffness at the end [N/m]; NaN where none is given."""
+    held: float
+    """Share of the samples at which the estimate was held."""
+    further: dict[str, float]
+    """Further parameters at the end."""
     note: str | None
     """What to know of how the estimate came about."""
 
 
 def summarise(
-    t: Floats, x: Floats, v: Floats, f: Floats, estimates: Estimates, estimator: Estimator
+    t: Floats, regression: Regression, estimates: Estimates, estimator: Estimator
 ) -> EstimatorSummary:
     """Averages and errors of one estimator over the samples that it was given."""
-    one_step = f - predicted_force(x, v, estimates)
+    f = regression.f
+    one_step = f - predicted_force(regression, estimates)
     return EstimatorSummary(
         b=float(np.mean(estimates.b)),
         k=float(np.mean(estimates.k)),
-        e_f=force_error(f, estimated_force(x, v, estimates)),
+        e_f=force_error(f, estimated_force(regression, estimates)),
         one_step_rms=float(np.sqrt(np.mean(one_step**2))),
         rise_time_s=rise_time(t, estimates.k),
+        b_end=float(estimates.b[-1]),
+        k_end=float(estimates.k[-1]),
+        b_interval=LEVEL_95 * float(estimates.b_std[-1]),
+        k_interval=LEVEL_95 * float(estimates.k_std[-1]),
+        held=float(np.mean(estimates.held)),
+        further={name: float(series.value[-1]) for name, series in estimates.further.items()},
         note=estimator.note(estimates),
     )
 

@@ -69,7 +69,7 @@ class Trial:
     def summary(self) -> dict[str, Any]:
         """What the trial comes to, as `teleop run --json` prints it."""
         settings, active = self.settings, self.recording.estimated()
-        t, x, v, f = (active[name] for name in ("time", "x", "v", "f"))
+        t, regression = active["time"], active.regression()
         if len(t):
             depth = float(np.max(np.abs(active["slave_position"])))
             excitation = float(np.mean(active["excitation"])), float(active["excitation"][-1])
@@ -89,7 +89,7 @@ class Trial:
             "rejected": self.rejected,
             "interrupted": self.interrupted,
             "estimates": {
-                name: summarise(t, x, v, f, estimates, self.bank[name])._asdict()
+                name: summarise(t, regression, estimates, self.bank[name])._asdict()
                 for name, estimates in active.estimates().items()
                 if len(t)
             },

@@ -10,7 +10,7 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 ALLOWED = {
-    "estimation": {"numpy", "scipy", "numba"},
+    "estimation": {"numpy", "scipy", "numba", "pandas", "matplotlib"},
     "drivers": {"numpy", "serial", "can", "pydantic", "canopen", "cantools"},
     "sim_backend": {"drivers", "numpy", "scipy", "can", "cantools", "tomlkit"},
     "teleop": {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -9,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from teleop.commands.recording import BY_NAME, ColumnOptions
-from teleop.names import ConditioningName, CubeName, PresetName
+from teleop.names import ConditioningName, CubeName, ModelName, PresetName
 
 if TYPE_CHECKING:
     from teleop.estimate import EstimateSettings
@@ -19,8 +20,10 @@ if TYPE_CHECKING:
 def estimate(
     file: Path,
     /,
-    *,
+    *more: Path,
     columns: ColumnOptions = BY_NAME,
+    estimators: str | None = None,
+    model: ModelName | None = None,
     preset: PresetName | None = None,
     cube: CubeName = "soft",
     conditioning: ConditioningName | None = None,
@@ -36,15 +39,25 @@ def estimate(
     A recording of teleop run is evaluated with the settings of that run unless options give
     others, which gives the run's own estimates to the bit.
 
-    Example: `teleop estimate indentation.csv --force "Load [N]" --plot indentation.png`
+    Several files are evaluated one by one, and then taken together: whether one Kelvin-Voigt
+    body explains them all.
+
+    Example: `teleop estimate indentation.csv --force "Load [N]" --estimators all`
 
     Parameters
     ----------
     file
         A recording of teleop run (.mcap), or CSV or TSV with units in its header, such as
         `Time [s],Position [mm],Force [gf]`.
+    more
+        Further recordings of the same specimen.
     columns
         Which columns to take, and where they are zero.
+    estimators
+        Names of estimators, such as rls,kalman,rls_sift, or all, which compares them; by
+        default those of the run, and rls,ai,me for a table.
+    model
+        What the environment is taken for, by the estimators that take any model.
     preset
         Settings of the estimators: scaled from the data, or the paper's; by default those of
         the run, and scaled for a table.
@@ -68,57 +81,65 @@ def estimate(
         Print one JSON document instead of tables.
     """
     from teleop import console
-    from teleop.estimate import agrees, evaluate
+    from teleop.choices import choose_estimators, choose_model
+    from teleop.errors import InputError
+    from teleop.estimate import Evaluation, evaluate
+    from teleop.estimate_console import print_evaluation, print_together
     from teleop.files import check_outputs
+    from teleop.recorded_estimates import agrees
+    from teleop.recording_set import taken_together
     from teleop.table import write_table
 
+    if more and (out or plot):
+        raise InputError("--out and --plot take one recording: expected one file")
     check_outputs(out, picture=plot, source=file)
-    signals, recording = columns.read(file)
-    settings = chosen(recording, columns.datum, preset, cube, conditioning, bandwidth, force_lag)
-    if whole:
-        settings = replace(settings, whole=True)
-    evaluation = evaluate(signals, settings)
-    summary = {"file": str(file), **evaluation.summary()}
-    if recording:
-        summary["as_online"] = agrees(evaluation, recording)
-        summary["estimated_channels"] = recording.estimated_channels
+    given = {
+        "preset": preset,
+        "conditioning": conditioning,
+        "bandwidth": bandwidth,
+        "force_lag": force_lag,
+        "whole": whole or None,
+        "estimators": choose_estimators(estimators) if estimators else None,
+        "model": choose_model(model) if model else None,
+    }
+    evaluations: dict[str, Evaluation] = {}
+    summaries = []
+    for path in (file, *more):
+        signals, recording = columns.read(path)
+        evaluation = evaluate(signals, chosen(recording, columns.datum, cube, given))
+        summary = {"file": str(path), **evaluation.summary()}
+        if recording:
+            summary["as_online"] = agrees(evaluation, recording)
+            summary["estimated_channels"] = recording.estimated_channels
+        if not json:
+            print_evaluation(summary, path.name)
+        evaluations[str(path)] = evaluation
+        summaries.append(summary)
+    together = taken_together(evaluations) if len(evaluations) > 1 else None
     if json:
-        console.print_json(summary)
-    else:
-        console.print_evaluation(summary, file.name)
+        document = {"files": summaries, "together": together} if together else summaries[0]
+        console.print_json(document)
+    elif together:
+        print_together(together, summaries)
     if out:
         write_table(out, *evaluation.columns())
     if plot:
         from teleop.figure import estimates_figure, save
 
-        save(
-            estimates_figure(
-                file.name, evaluation.t, evaluation.x, evaluation.v, evaluation.estimates
-            ),
-            plot,
-        )
+        x, v, *_ = evaluation.regression
+        save(estimates_figure(file.name, evaluation.t, x, v, evaluation.estimates), plot)
     return 0
 
 
 def chosen(
-    recording: Recording | None,
-    datum: str,
-    preset: PresetName | None,
-    cube: str,
-    conditioning: ConditioningName | None,
-    bandwidth: float | None,
-    force_lag: float | None,
+    recording: Recording | None, datum: str, cube: str, given: Mapping[str, Any]
 ) -> EstimateSettings:
     """The settings of a recorded trial, or those for a table, with what the options change."""
-    from teleop.estimate import EstimateSettings, recorded_settings
+    from teleop.estimate import EstimateSettings
+    from teleop.recorded_estimates import recorded_settings
 
     settings = recorded_settings(recording) if recording else EstimateSettings()
-    given = {
-        "datum": None if datum == "auto" else datum,
-        "preset": preset,
-        "conditioning": conditioning,
-        "bandwidth": bandwidth,
-        "force_lag": force_lag,
-    }
+    if datum != "auto":
+        settings = replace(settings, datum=datum)
     changes: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
     return replace(settings, cube=cube, **changes)

@@ -42,8 +42,8 @@ def lag(
         Print one JSON document instead of a text.
     """
     from teleop import console
-    from teleop.estimate import find_datum
     from teleop.force_lag import measure_lag, measure_simulated_lag
+    from teleop.motion import find_datum
 
     summary: dict[str, Any]
     if file is None:

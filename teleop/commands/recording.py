@@ -42,7 +42,7 @@ class Columns:
             from teleop.table import read_signals
 
             return read_signals(file, self.position, self.force, self.time), None
-        from teleop.estimate import recorded_signals
+        from teleop.recorded_estimates import recorded_signals
         from teleop.recording import load
 
         for option in ("position", "force", "time"):

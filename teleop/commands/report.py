@@ -54,7 +54,9 @@ def report(
     if recording and fault and len(signals.t) < FEWEST:
         write_text(page, stop_page(file.name, recording))
     else:
-        settings = chosen(recording, columns.datum, preset, cube, None, None, force_lag)
+        settings = chosen(
+            recording, columns.datum, cube, {"preset": preset, "force_lag": force_lag}
+        )
         write_text(page, report_page(file.name, evaluate(signals, settings), recording))
     print(page)
     return 0

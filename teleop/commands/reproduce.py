@@ -13,6 +13,7 @@ def reproduce(
     *,
     out: Path = Path("reproduction"),
     seeds: int = 1,
+    estimators: str | None = None,
     json: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
     """Reproduce the paper's Table I and Figures 3 to 5 on the simulated rig.
@@ -29,6 +30,8 @@ def reproduce(
     seeds
         Repetitions of the nine trials; from 2 on, an analysis of variance asks which of cube,
         condition and estimator matter.
+    estimators
+        Further methods to compare on the same trials: names such as kalman,rls_sift, or all.
     json
         Print one JSON document instead of tables.
     """
@@ -36,20 +39,32 @@ def reproduce(
     from rich.progress import Progress
 
     from teleop import console
+    from teleop.choices import choose_estimators
     from teleop.errors import InputError
+    from teleop.estimate_console import print_table
+    from teleop.paper.page import METHOD_HEADINGS, method_cells
     from teleop.paper.reproduce import reproduce as run
     from teleop.paper.reproduce import write
 
+    methods = choose_estimators(estimators) if estimators else ()
     if out.exists() and not out.is_dir():
         raise InputError(f"{out}: expected a folder, this is a file")
     with Progress(
         console=Console(stderr=True), transient=True, disable=not sys.stderr.isatty()
     ) as progress:
         task = progress.add_task("palpating", total=9 * max(seeds, 0))
-        reproduction = run(seeds, lambda: progress.advance(task))
+        reproduction = run(seeds, methods, lambda: progress.advance(task))
     page = write(reproduction, out)
     if json:
         console.print_json({**reproduction.summary(), "page": str(page)})
     else:
-        console.print_reproduction(reproduction.summary(), str(page))
+        console.print_reproduction(reproduction.summary())
+        if methods:
+            print_table(
+                console.plain_console(),
+                "methods, on average over all trials",
+                METHOD_HEADINGS,
+                method_cells(reproduction.methods),
+            )
+        print(page)
     return 0

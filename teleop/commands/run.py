@@ -14,6 +14,7 @@ from teleop.names import (
     ConditionName,
     CouplingName,
     CubeName,
+    ModelName,
     RealtimeName,
     SignalName,
 )
@@ -35,6 +36,8 @@ def run(
     conditioning: ConditioningName = "matched",
     bandwidth: float = 20.0,
     force_lag: float = 0.0,
+    estimators: str = "rls,ai,me",
+    model: ModelName = "kelvin-voigt",
     realtime: RealtimeName = "try",
     tare: Path | None = None,
     record: Path | None = None,
@@ -87,6 +90,10 @@ def run(
     force_lag
         Lag of the force channel [s] that matched conditioning makes up for, as `teleop lag`
         measures it.
+    estimators
+        Names of estimators, such as rls,kalman,rls_sift, or all.
+    model
+        What the environment is taken for, by the estimators that take any model.
     realtime
         With the machine's clock: insist on real-time scheduling, locked memory and a processor
         of its own, take what the system permits, or leave all as it is.
@@ -106,7 +113,7 @@ def run(
 
     from teleop import console
     from teleop.black_box import moment
-    from teleop.choices import make_coupling, make_signal
+    from teleop.choices import choose_estimators, choose_model, make_coupling, make_signal
     from teleop.errors import InputError, SafetyStop
     from teleop.files import check_outputs
     from teleop.rig_file import load_rig_file
@@ -130,6 +137,8 @@ def run(
         conditioning=conditioning,
         bandwidth=bandwidth,
         force_lag=force_lag,
+        estimators=choose_estimators(estimators),
+        model=choose_model(model),
         tare=read_tare(tare) if tare else NO_TARE,
     )
     if record and no_record:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from html import escape
 from string import Template
@@ -9,6 +10,7 @@ from string import Template
 from sim_backend import CUBES
 from teleop.conditions import CONDITIONS
 from teleop.paper.claims import Claim
+from teleop.paper.methods import MethodResult
 from teleop.paper.study import RESPONSES, Effect, finding
 from teleop.paper.table1 import ESTIMATORS, is_calibrated, table1
 from teleop.paper.trials import Outcome, SlowTrial
@@ -128,6 +130,59 @@ def slow_table(slow: Sequence[SlowTrial]) -> str:
     )
 
 
+METHODS = """
+<h2>Other methods on the same trials</h2>
+<p>All had the same signals, matched, with the force channel's lag made up for, and one preset for
+all cubes. The truth is the cube's damping, and its stiffness against the displacement of each
+sample. Averages over all trials; the cost is that of the machine that made this page.</p>
+"""
+METHOD_HEADINGS = (
+    "",
+    "error of k",
+    "error of b [N s/m]",
+    "k within 95 %",
+    "b within 95 %",
+    "rise time [s]",
+    "e_f [N]",
+    "one-step rms / batch's",
+    "held",
+    "cost [us]",
+)
+
+
+def method_cells(methods: Mapping[str, MethodResult]) -> list[list[str]]:
+    """The table of methods as text, a row each, below `METHOD_HEADINGS`."""
+
+    def share(value: float, digits: int = 0) -> str:
+        return f"{value:.{digits}%}" if math.isfinite(value) else "-"
+
+    return [
+        [
+            name,
+            share(row.k_error, 1),
+            f"{row.b_error:.1f}",
+            share(row.k_coverage),
+            share(row.b_coverage),
+            f"{row.rise_time_s:.3f}" if math.isfinite(row.rise_time_s) else "-",
+            f"{row.e_f:.3f}",
+            f"{row.one_step_ratio:.2f}",
+            share(row.held),
+            f"{row.cost_us:.1f}",
+        ]
+        for name, row in methods.items()
+    ]
+
+
+def methods_section(methods: Mapping[str, MethodResult]) -> str:
+    """The table of methods, or how to get it."""
+    if not methods:
+        return (
+            "<h2>Other methods on the same trials</h2><p>Not asked: "
+            "<code>teleop reproduce --estimators all</code> compares them.</p>"
+        )
+    return METHODS + table(METHOD_HEADINGS, method_cells(methods))
+
+
 def study_section(study: Mapping[str, Sequence[Effect]], seeds: int) -> str:
     """The analysis of variance, or how to get it."""
     text = "<h2>Does only the estimator matter?</h2>"
@@ -166,6 +221,7 @@ def reproduction_page(
     slow: Sequence[SlowTrial],
     study: Mapping[str, Sequence[Effect]],
     seeds: int,
+    methods: Mapping[str, MethodResult],
 ) -> str:
     """The whole page.
 
@@ -183,6 +239,8 @@ def reproduction_page(
         Effects by response; empty where there is one seed.
     seeds
         Repetitions of the nine trials.
+    methods
+        Further methods on average over the trials; empty where none were asked for.
     """
     first = slow[0]
     lag_text = Template(SLOW).substitute(b=f"{first.true_b:g}", lag=f"{first.true_lag * 1e3:g}")
@@ -194,5 +252,5 @@ def reproduction_page(
 <h2>What the paper says</h2>{claims_table(claims)}
 <h2>Figures</h2>{drawings}
 <h2>Why the damping is negative</h2>{DAMPING}{damping_table(outcomes)}{lag_text}{slow_table(slow)}
-{study_section(study, seeds)}"""
+{methods_section(methods)}{study_section(study, seeds)}"""
     return web_page(title, body)

@@ -6,6 +6,7 @@ import csv
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from teleop.errors import InputError
 from teleop.figure import estimates_figure, save, stiffness_figure
 from teleop.files import unwritable
 from teleop.paper.claims import Claim, check_claims
+from teleop.paper.methods import MethodResult, averages
 from teleop.paper.page import reproduction_page
 from teleop.paper.study import RESPONSES, Effect, responses, split_plot
 from teleop.paper.table1 import table1
@@ -53,6 +55,11 @@ class Reproduction:
         """Repetitions of the nine trials."""
         return len(self.outcomes) // (len(CONDITIONS) * len(CUBES))
 
+    @property
+    def methods(self) -> dict[str, MethodResult]:
+        """Each method on average over all trials; empty where none were asked for."""
+        return averages([outcome.methods for outcome in self.outcomes])
+
     def summary(self) -> dict[str, Any]:
         """What was found, as `teleop reproduce --json` prints it."""
         return {
@@ -63,6 +70,12 @@ class Reproduction:
                 {"condition": o.condition, "cube": o.cube, **o.damping._asdict()}
                 for o in self.first
             ],
+            "methods": {name: row._asdict() for name, row in self.methods.items()},
+            "methods_by_trial": [
+                {"condition": o.condition, "cube": o.cube, "estimator": name, **row._asdict()}
+                for o in self.first
+                for name, row in o.methods.items()
+            ],
             "study": {
                 name: [effect._asdict() for effect in effects]
                 for name, effects in self.study.items()
@@ -70,13 +83,17 @@ class Reproduction:
         }
 
 
-def reproduce(seeds: int, on_done: Callable[[], None] = lambda: None) -> Reproduction:
+def reproduce(
+    seeds: int, methods: tuple[str, ...] = (), on_done: Callable[[], None] = lambda: None
+) -> Reproduction:
     """Run the nine trials for a number of seeds, on all cores.
 
     Parameters
     ----------
     seeds
         Repetitions, with the seeds 0, 1, ...
+    methods
+        Names of estimators that are compared on the trials besides.
     on_done
         Called after each trial.
 
@@ -91,7 +108,7 @@ def reproduce(seeds: int, on_done: Callable[[], None] = lambda: None) -> Reprodu
     outcomes = []
     with ProcessPoolExecutor() as pool:
         slow = pool.map(lag_and_damping, SLOW_FREQUENCIES)
-        for outcome in pool.map(palpate, trials):
+        for outcome in pool.map(partial(palpate, methods=methods), trials):
             outcomes.append(outcome)
             on_done()
         slow_trials = list(slow)
@@ -124,6 +141,7 @@ def write(reproduction: Reproduction, folder: Path) -> Path:
                 reproduction.slow,
                 reproduction.study,
                 reproduction.seeds,
+                reproduction.methods,
             ),
             encoding="utf-8",
         )

@@ -12,6 +12,7 @@ from estimation import Estimates
 from estimation.compiled import Floats
 from estimation.stiffening import Interval, MatchedSignals
 from teleop.injector import Sine
+from teleop.paper.methods import MethodResult, compare_methods
 from teleop.paper.table1 import is_calibrated, table1
 from teleop.settings import TrialSettings
 from teleop.trial import Trial, run_trial
@@ -54,6 +55,8 @@ class Outcome(NamedTuple):
     v: Floats
     series: dict[str, Estimates]
     """Estimates over time, thinned out like t, x and v for drawing."""
+    methods: dict[str, MethodResult]
+    """What other methods made of the same trial; empty where none were asked for."""
 
 
 class SlowTrial(NamedTuple):
@@ -104,8 +107,8 @@ def damping_steps(trial: Trial) -> Damping:
     )
 
 
-def palpate(trial: tuple[str, str, int]) -> Outcome:
-    """Run one trial (condition, cube, seed)."""
+def palpate(trial: tuple[str, str, int], methods: tuple[str, ...] = ()) -> Outcome:
+    """Run one trial (condition, cube, seed), and further methods over it."""
     condition, cube, seed = trial
     run = run_trial(paper_trial(condition, cube, seed))
     thin = slice(None, None, DRAWN)
@@ -118,7 +121,8 @@ def palpate(trial: tuple[str, str, int]) -> Outcome:
         run.columns["time"][thin],
         run.columns["x"][thin],
         run.columns["v"][thin],
-        {name: Estimates(e.b[thin], e.k[thin]) for name, e in run.estimates.items()},
+        {name: e.part(thin) for name, e in run.estimates.items()},
+        compare_methods(run, methods) if methods else {},
     )
 
 

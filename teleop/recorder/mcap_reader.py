@@ -138,6 +138,8 @@ def read_chunk(chunk: Chunk, contents: Contents, channels: dict[int, Source]) ->
             channels.setdefault(record.id, Source(record.topic))
         elif isinstance(record, Message) and channels[record.channel_id].topic == EVENTS:
             event = json.loads(record.data)
+            if not isinstance(event, dict) or not isinstance(event.get("time"), int | float):
+                raise ValueError("an event that does not tell its time")
             shown = EVENT_SCHEMA["properties"]
             contents.events.append({k: v for k, v in event.items() if k not in shown})
             contents.start = record.log_time - round(event["time"] * 1e9)

@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from teleop.recorder.mcap_file import McapFile
-from teleop.recorder.schema import TIME
+from teleop.recorder.schema import CDR, TIME
 
 FRAME = struct.Struct("<cH")
 """Head of a frame: its kind and the length of what follows."""
@@ -36,6 +36,9 @@ FLUSH = 0.05
 REDRAW = 0.1
 """Time between two drawings of the progress line [s]."""
 BULK = 1 << 16
+PAIR = struct.Struct("<2d")
+SHOWN = 4
+"""Most estimators on the progress line."""
 
 
 class Progress:
@@ -51,9 +54,8 @@ class Progress:
         self._shown = session["show"]
         self._duration = session["duration"]
         self._names = session["estimators"]
-        doubles = len(session["columns"])
-        self._estimates = struct.Struct(f"<{2 * len(self._names)}d")
-        self._place = 4 + 8 * (doubles - 2 * len(self._names))
+        columns = [name for name, _, _ in session["columns"]]
+        self._places = [len(CDR) + 8 * columns.index(f"{name}_b") for name in self._names]
         self._due = 0.0
 
     def show(self, message: bytes, t: float) -> None:
@@ -62,9 +64,11 @@ class Progress:
         if not self._shown or now < self._due or t < 0.0:
             return
         self._due = now + REDRAW
-        values = self._estimates.unpack_from(message, self._place)
-        pairs = zip(self._names, values[::2], values[1::2], strict=True)
-        estimates = "".join(f"  {name} {k:6.0f} {b:+5.0f}" for name, b, k in pairs)
+        told = []
+        for name, place in zip(self._names, self._places, strict=True):
+            b, k = PAIR.unpack_from(message, place)
+            told.append(f"  {name} {k:6.0f} {b:+5.0f}")
+        estimates = "".join(told[:SHOWN])
         self._draw(f"{t:4.1f} of {self._duration:g} s  k [N/m], b [N s/m]:{estimates}")
 
     def tell(self, text: str) -> None:

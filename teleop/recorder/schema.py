@@ -7,13 +7,15 @@ it without a plug-in, and so that numpy reads a whole recording in one step.
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterable
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, NamedTuple
 
 from teleop.safety import Mode
 from teleop.safety.soft_limits import ACCELERATION, FORCE, POSITION, VELOCITY
 
 if TYPE_CHECKING:
+    from estimation import Estimates, Estimator
+    from estimation.compiled import Floats
     from teleop.controller import Record
 
 CDR = b"\0\1\0\0"
@@ -77,13 +79,27 @@ COLUMNS = (
 )
 
 
-def estimate_columns(estimators: Iterable[str]) -> tuple[Column, ...]:
-    """The columns of each estimator's b and k."""
-    return tuple(
-        Column(f"{name}_{parameter}", unit, f"{quantity}, estimated by {name}")
-        for name in estimators
-        for parameter, unit, quantity in (("b", "N s/m", "damping"), ("k", "N/m", "stiffness"))
-    )
+def estimate_columns(bank: Mapping[str, Estimator]) -> list[Column]:
+    """The columns of each estimator's answer: b, k, deviations, held, and what it has more."""
+    columns = []
+    for name, estimator in bank.items():
+        parameters = list(zip(estimator.names, estimator.units, strict=True))
+        values = [Column(f"{name}_{p}", unit, f"{p}, by {name}") for p, unit in parameters]
+        deviations = [
+            Column(f"{name}_{p}_std", unit, f"standard deviation of {p}, NaN for none")
+            for p, unit in parameters
+        ]
+        held = Column(f"{name}_held", "-", "1 while the estimate is held")
+        columns += [*values[:2], *deviations[:2], held, *values[2:], *deviations[2:]]
+    return columns
+
+
+def answers(estimates: Mapping[str, Estimates]) -> Iterator[Floats]:
+    """What stands in the columns of `estimate_columns`, arrays of shape (n,)."""
+    for e in estimates.values():
+        yield from (e.b, e.k, e.b_std, e.k_std, e.held.astype(float))
+        yield from (series.value for series in e.further.values())
+        yield from (series.std for series in e.further.values())
 
 
 class Layout:
@@ -91,13 +107,19 @@ class Layout:
 
     Parameters
     ----------
-    estimators
-        Names of the estimators, in the bank's order.
+    bank
+        The estimators by name.
     """
 
-    def __init__(self, estimators: Iterable[str]) -> None:
-        self.estimators = tuple(estimators)
-        self.columns = COLUMNS + estimate_columns(self.estimators)
+    def __init__(self, bank: Mapping[str, Estimator]) -> None:
+        self.estimators = tuple(bank)
+        regressors_of = (e.model.further_regressors for e in bank.values())
+        model = max(regressors_of, key=len, default=())
+        regressors = tuple(
+            Column(f"regressor_{name}", unit, f"regressor of {name}, as the estimators were given")
+            for name, unit in model
+        )
+        self.columns = (*COLUMNS, *regressors, *estimate_columns(bank))
         self._struct = struct.Struct(f"<4s{len(self.columns)}d")
         self.size = self._struct.size
 
@@ -129,7 +151,9 @@ class Layout:
             *r.timing,
             r.tick.busy,
             dropped,
+            *r.further,
         ]
         for estimate in r.estimates.values():
-            row += estimate
+            row += estimate[:5]
+            row += estimate.further
         return self._struct.pack(CDR, *row)

@@ -7,6 +7,7 @@ import pytest
 
 from estimation import (
     Estimates,
+    Regression,
     estimated_force,
     force_error,
     least_squares,
@@ -20,10 +21,14 @@ def test_force_error_is_the_mean_of_the_absolute_error():
 
 
 def test_estimated_force_takes_each_samples_own_estimate_and_prediction_the_one_before():
-    estimates = Estimates(b=np.array([1.0, 2.0]), k=np.array([10.0, 20.0]))
-    x, v = [0.5, 0.25], [1.0, -1.0]
-    assert list(estimated_force(x, v, estimates)) == [6.0, 3.0]
-    assert list(predicted_force(x, v, estimates)) == [0.0, 1.5]
+    unknown = np.full(2, np.nan)
+    estimates = Estimates(
+        np.array([1.0, 2.0]), np.array([10.0, 20.0]), unknown, unknown, np.zeros(2, bool)
+    )
+    x, v = np.array([0.5, 0.25]), np.array([1.0, -1.0])
+    regression = Regression(x, v, np.zeros(2), np.ones(2), np.empty((2, 0)))
+    assert list(estimated_force(regression, estimates)) == [6.0, 3.0]
+    assert list(predicted_force(regression, estimates)) == [0.0, 1.5]
 
 
 def test_rise_time_of_a_first_order_lag_is_its_time_constant_times_log_9():

@@ -5,17 +5,17 @@ import pytest
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
-from estimation import Axis, Estimate, Grid, MultiEstimator, paper_preset
-from estimation.redundancy import ambiguity, redundancy
+from estimation import Axis, Grid, MultiEstimator, paper_preset
+from estimation.redundancy import Candidate, ambiguity, redundancy
 
 GRID = paper_preset().grid
 B, K = GRID.b.values, GRID.k.values
 t = np.linspace(0.0, 0.5, 101)
 
 candidates = st.builds(
-    lambda i, j: Estimate(float(B[i]), float(K[j])), st.integers(0, 40), st.integers(0, 192)
+    lambda i, j: Candidate(float(B[i]), float(K[j])), st.integers(0, 40), st.integers(0, 192)
 )
-plants = st.builds(Estimate, st.floats(-450.0, 450.0), st.floats(1600.0, 39_000.0))
+plants = st.builds(Candidate, st.floats(-450.0, 450.0), st.floats(1600.0, 39_000.0))
 
 
 def exponential(rate):
@@ -51,7 +51,7 @@ def same(gamma, epsilon, plant, x, v):
 
 def moved(candidate):
     """The candidate one grid step away."""
-    return Estimate(candidate.b, candidate.k + 200.0)
+    return Candidate(candidate.b, candidate.k + 200.0)
 
 
 @given(plant=candidates, other=candidates)
@@ -73,7 +73,7 @@ def test_lemma_1_an_estimator_beside_the_true_one_is_redundant_on_its_exponentia
 @given(plant=candidates, other=candidates)
 def test_lemma_1_equal_damping_is_never_redundant(plant, other):
     assume(other.k != plant.k)
-    other = Estimate(plant.b, other.k)
+    other = Candidate(plant.b, other.k)
     assert redundancy(other, plant, plant) == (False, ())
     for motion in (exponential(3.0), exponential(-3.0), sine(2.0)):
         assert not same(other, plant, plant, *motion)
@@ -81,8 +81,8 @@ def test_lemma_1_equal_damping_is_never_redundant(plant, other):
 
 @settings(max_examples=200)
 @given(plant=plants, gamma=candidates, epsilon=candidates)
-@example(Estimate(0.0, 1600.0), Estimate(-500.0, 1500.0), Estimate(500.0, 1500.0))
-@example(Estimate(0.0, 2000.0), Estimate(50.0, 2400.0), Estimate(25.0, 3000.0))
+@example(Candidate(0.0, 1600.0), Candidate(-500.0, 1500.0), Candidate(500.0, 1500.0))
+@example(Candidate(0.0, 2000.0), Candidate(50.0, 2400.0), Candidate(25.0, 3000.0))
 def test_lemma_2_two_wrong_estimators_are_redundant_on_two_exponentials_alone(
     plant, gamma, epsilon
 ):
@@ -104,8 +104,8 @@ def test_lemma_2_two_wrong_estimators_are_redundant_on_two_exponentials_alone(
 
 @given(plant=candidates, i=st.integers(1, 10), j=st.integers(-10, 10))
 def test_lemma_2_a_mirrored_pair_is_redundant_on_every_motion(plant, i, j):
-    gamma = Estimate(plant.b + 25.0 * i, plant.k + 200.0 * j)
-    epsilon = Estimate(plant.b - 25.0 * i, plant.k - 200.0 * j)
+    gamma = Candidate(plant.b + 25.0 * i, plant.k + 200.0 * j)
+    epsilon = Candidate(plant.b - 25.0 * i, plant.k - 200.0 * j)
     assert redundancy(gamma, epsilon, plant).mirrored
     for motion in (exponential(7.0), sine(1.0), sine(9.0)):
         assert same(gamma, epsilon, plant, *motion)
@@ -113,7 +113,7 @@ def test_lemma_2_a_mirrored_pair_is_redundant_on_every_motion(plant, i, j):
 
 
 def test_the_papers_further_condition_to_16_is_not_needed():
-    plant, gamma, epsilon = Estimate(0.0, 2000.0), Estimate(50.0, 2400.0), Estimate(25.0, 3000.0)
+    plant, gamma, epsilon = Candidate(0.0, 2000.0), Candidate(50.0, 2400.0), Candidate(25.0, 3000.0)
     errors = ((50.0, 400.0), (25.0, 1000.0))
     assert errors[0][0] * errors[1][1] != errors[1][0] * errors[0][1]
     rate = (400.0 + 1000.0) / (50.0 + 25.0)
@@ -123,7 +123,7 @@ def test_the_papers_further_condition_to_16_is_not_needed():
 
 def test_the_same_candidate_twice_is_refused():
     with pytest.raises(ValueError, match="distinct"):
-        redundancy(Estimate(0.0, 1.0), Estimate(0.0, 1.0), Estimate(0.0, 2.0))
+        redundancy(Candidate(0.0, 1.0), Candidate(0.0, 1.0), Candidate(0.0, 2.0))
 
 
 def test_a_recordings_ambiguity_shrinks_with_excitation(palpation):

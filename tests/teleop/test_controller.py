@@ -132,10 +132,9 @@ def test_every_stage_gets_its_channel_and_the_measured_dt():
     force = np.array([c["contact_force"] for c in channels]) - TARE.contact_force
     hand = np.array([c["master_force"] for c in channels]) - TARE.master_force
     x, v, f = (np.full(len(TIMES), math.nan) for _ in range(3))
-    x[armed:], v[armed:], f[armed:] = MatchedFilter(20.0).run(
-        position[armed:], force[armed:], dt[armed:]
-    )
-    estimates = paper_preset().bank().run(x[armed:], v[armed:], f[armed:], dt[armed:])
+    regression = MatchedFilter(20.0).run(position[armed:], force[armed:], dt[armed:])
+    x[armed:], v[armed:], f[armed:] = regression[:3]
+    estimates = paper_preset().bank().run(*regression)
     measure = Excitation()
     excitation = [
         measure.update(*sample) for sample in zip(x[armed:], v[armed:], dt[armed:], strict=True)
@@ -186,8 +185,10 @@ def test_every_stage_gets_its_channel_and_the_measured_dt():
         "limited": np.zeros(len(TIMES)),
         "excitation": idle + excitation,
     }
-    for name, (b, k) in estimates.items():
-        expected |= {f"{name}_b": idle + list(b), f"{name}_k": idle + list(k)}
+    for name, e in estimates.items():
+        expected |= {f"{name}_b": idle + list(e.b), f"{name}_k": idle + list(e.k)}
+        expected |= {f"{name}_b_std": idle + list(e.b_std), f"{name}_k_std": idle + list(e.k_std)}
+        expected[f"{name}_held"] = np.zeros(len(TIMES))
     assert set(recording.columns) == {*expected, "mode"}
     for name, column in expected.items():
         np.testing.assert_allclose(recording[name], column, rtol=1e-9, atol=1e-12, err_msg=name)

@@ -5,8 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from estimation.excitation import dominant_frequency
 from teleop.errors import InputError
-from teleop.estimate import EstimateSettings, dominant_frequency, evaluate, moving_part
+from teleop.estimate import EstimateSettings, evaluate
+from teleop.motion import moving_part
 from teleop.table import Signals, periods, read_signals
 
 VENDORED = Path(__file__).parents[1] / "data" / "mach1"
@@ -108,7 +110,7 @@ def test_a_glitch_of_the_sensor_does_not_discard_the_recording():
 def test_a_drift_does_not_hide_the_motion():
     recording = preloaded()
     drift = recording.x + 0.5e-3 * recording.t
-    assert dominant_frequency(recording.t, drift) == pytest.approx(1.0, rel=0.1)
+    assert dominant_frequency(drift, recording.dt) == pytest.approx(1.0, rel=0.1)
 
 
 def test_too_few_moving_samples_are_told():
@@ -120,7 +122,7 @@ def test_too_few_moving_samples_are_told():
 def test_dominant_frequency_is_that_of_the_motion():
     recording = preloaded()
     motion = moving_part(recording.x)
-    assert dominant_frequency(recording.t[motion], recording.x[motion]) == pytest.approx(
+    assert dominant_frequency(recording.x[motion], recording.dt[motion]) == pytest.approx(
         1.0, rel=0.05
     )
 

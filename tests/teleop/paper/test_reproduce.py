@@ -45,7 +45,7 @@ def test_calibrated_are_the_rls_cells_of_free_and_autonomous():
 def test_a_trial_has_the_papers_settings():
     settings = paper_trial("mimic", "hard")
     assert (settings.duration, settings.rate) == (10.0, 1000.0)
-    assert settings.make_bank()["ai"].parameters == (50_000.0, 1e7, 1.0)
+    assert settings.make_bank()["ai"].parameters[2:] == [1.0, 50_000.0, 1e7]
 
 
 def outcomes(change=None):
@@ -61,7 +61,7 @@ def outcomes(change=None):
                 estimates[change[2]][change[3]] = change[4]
             rls = estimates["rls"]["b"]
             damping = Damping(10.0, table1()[condition, cube, "rls"].b, rls, 5.0, 10.0)
-            made.append(Outcome(condition, cube, 0, estimates, damping, *([None] * 4)))
+            made.append(Outcome(condition, cube, 0, estimates, damping, *([None] * 4), {}))
     return made
 
 

@@ -47,7 +47,7 @@ def test_an_observer_in_place_of_the_contact_sensor_gives_the_stiffness(stepped)
 )
 def test_a_recording_names_the_channels_that_an_observer_estimated(stepped, name, channels):
     metadata = session_metadata(TrialSettings(rig=stepped(name).file))
-    recording = from_messages(Layout(()).definition, b"", [], metadata)
+    recording = from_messages(Layout({}).definition, b"", [], metadata)
     assert recording.estimated_channels == channels
     page = not_measured(recording)
     assert page.count("not measured") == len(channels)

@@ -5,40 +5,50 @@ from __future__ import annotations
 import math
 from typing import Literal
 
-from estimation.compiled import State
-from estimation.estimator import Estimates, Estimator, positive_pair
+from estimation.compiled import Parameters, Regressors, State
+from estimation.estimator import Estimates, positive_values
+from estimation.linear_gain import LinearGainEstimator, correct, own
+from estimation.model import KELVIN_VOIGT, Model
 
 RK4_LIMIT = 2.785293563405282
 """RK4 of y' = -r y diverges beyond this r dt: the root of |1 - z + z^2/2 - z^3/6 + z^4/24| = 1."""
 
+GUESS = 1e-5
+"""Variance of the first guess, as `LinearGainEstimator` takes it, by gain [s]."""
 
-def step(parameters: State, state: State, v: float, x: float, f: float, dt: float) -> State:
-    """(8) over one period with phi = [v, x] and f held, where it is a flow of rank one.
+
+def step(parameters: Parameters, state: State, phi: Regressors, f: float, dt: float) -> None:
+    """(8) over one period with phi and f held, where it is a flow of rank one.
 
     The force error decays along it as Delta f' = -r Delta f, r = phi' Gamma phi, so that
     theta moves by -Gamma phi Delta f times the integral of the decay: (1 - e^-z) / r with
     z = r dt, or what the four stages of RK4 make of it, its Taylor series to z^4.
     """
-    gain_b, gain_k, rk4 = parameters
-    b, k, beyond = state
-    rate = gain_b * v * v + gain_k * x * x
+    m = len(phi)
+    gain = 2 * m + 3
+    beyond = 4 * m + 3 + m * m
+    rate = 0.0
+    for i in range(m):
+        state[gain + i] = parameters[3 + i] * phi[i]
+        rate += phi[i] * state[gain + i]
     z = rate * dt
-    if rk4 > 0.0 and z <= RK4_LIMIT:
+    if parameters[2] > 0.0 and z <= RK4_LIMIT:
         held = dt * (1.0 - z * (0.5 - z * (1.0 / 6.0 - z / 24.0)))
     else:
         held = -math.expm1(-z) / rate if rate > 0.0 else dt
-        beyond += rk4
-    held_error = held * (b * v + k * x - f)
-    return b - gain_b * v * held_error, k - gain_k * x * held_error, beyond
+        state[beyond] += parameters[2]
+    for i in range(m):
+        state[gain + i] *= held
+    correct(parameters, state, phi, f, dt)
 
 
-class AdaptiveIdentification(Estimator):
+class AdaptiveIdentification(LinearGainEstimator):
     """Adaptive identification by the gradient law, the paper's (5)-(8).
 
     Parameters
     ----------
     gain
-        Diagonal of Gamma, for b and for k.
+        Diagonal of Gamma, for b, k and what else the model has.
     method
         How (8) is integrated over a sample period:
 
@@ -47,6 +57,10 @@ class AdaptiveIdentification(Estimator):
           in `beyond_rk4`. The paper's gain for the hard cube gets there at 1 kHz with
           17 mm of displacement.
         - `exact`: the closed form, stable for every gain and every `dt`.
+    model
+        The regressors.
+    correlation
+        Samples for each independent one, see `LinearGainEstimator`.
 
     Raises
     ------
@@ -55,19 +69,30 @@ class AdaptiveIdentification(Estimator):
     """
 
     step = staticmethod(step)
+    gated = False
 
     def __init__(
-        self, gain: tuple[float, float], method: Literal["rk4", "exact"] = "exact"
+        self,
+        gain: tuple[float, ...],
+        method: Literal["rk4", "exact"] = "exact",
+        model: Model = KELVIN_VOIGT,
+        correlation: float = 1.0,
     ) -> None:
-        gain_b, gain_k = positive_pair("adaptation gain", gain)
+        gain = positive_values("adaptation gain", gain, model)
         if method not in ("rk4", "exact"):
             raise ValueError(f"method must be 'rk4' or 'exact', got {method!r}")
-        super().__init__((gain_b, gain_k, float(method == "rk4")), (0.0, 0.0, 0.0))
+        super().__init__(
+            (float(method == "rk4"), *gain),
+            guess_variance=[GUESS * value for value in gain],
+            own_state=[0.0],
+            model=model,
+            correlation=correlation,
+        )
 
     @property
     def beyond_rk4(self) -> int:
         """How many samples RK4 would have diverged on and the exact update was taken instead."""
-        return int(self.state[2])
+        return int(self.state[own(self.model.regressors)])
 
     def note(self, estimates: Estimates) -> str | None:
         """Whether RK4 was left for the exact update."""

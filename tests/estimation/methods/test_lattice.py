@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from estimation.lattice import least_in_box
+from estimation.methods.lattice import least_in_box
 
 numbers = st.integers(-200, 200)
 

@@ -1,0 +1,160 @@
+"""What all estimators of the form theta <- theta + L (f - phi' theta) share: an honest interval.
+
+The gain L of such an estimator depends on the regressors alone, not on the noise. So if the
+environment is theta_0 and its force comes with white noise of variance s, the error e of the
+estimate goes as e <- (I - L phi') e + L noise, and its covariance as
+
+    s C,    C <- (I - L phi') C (I - L phi')' + L L',
+
+whatever the method makes of its gain: forgetting, a bounded trace, a gradient. A Riccati
+covariance P holds for one method under its own assumptions; C holds for each of them (P. S.
+Maybeck, "Stochastic Models, Estimation, and Control", vol. 1, 1979, section 6.8, performance of
+a filter of any gain).
+
+The force error then has the variance s (1 + phi' C phi), from which s is had. An error that tells
+of the first guess more than of noise weighs less by as much, and so does one that moves nothing.
+Where noise is correlated over so many samples that only one of `correlation` counts, C is larger
+by as much.
+
+A state of m regressors is
+
+    theta (m), standard deviations (m), held, evidence, noise variance, L (m), C (m x m), C phi (m)
+
+and from `own(m)` on what the method itself needs.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from math import inf, sqrt
+from typing import ClassVar
+
+from estimation.compiled import Parameters, Regressors, State
+from estimation.estimator import Estimator
+from estimation.model import KELVIN_VOIGT, Model
+from estimation.unrolled import Helpers
+
+DIFFUSE = 1e10
+"""Variance of the first guess of a parameter, in units of what the method takes it for."""
+NOISE_MEMORY = 1.0
+"""Memory [s] of the noise variance."""
+LEAST = 1e-100
+"""A sample that weighs less tells nothing of the noise."""
+
+
+def gain_at(regressors: int) -> int:
+    """Index of L in the state."""
+    return 2 * regressors + 3
+
+
+def own(regressors: int) -> int:
+    """Index from which on the state is the method's own."""
+    return 4 * regressors + 3 + regressors * regressors
+
+
+def correct(parameters: Parameters, state: State, phi: Regressors, f: float, dt: float) -> None:
+    """Move theta by L, which stands in the state, times the force error; C and deviations too.
+
+    The first two parameters are the rate [1/s] at which noise is forgotten and `correlation`.
+    """
+    m = len(phi)
+    gain = 2 * m + 3
+    c = gain + m
+    u = c + m * m
+    error = f
+    for i in range(m):
+        error -= phi[i] * state[i]
+    spread = 1.0
+    learned = 0.0
+    for i in range(m):
+        total = 0.0
+        for j in range(m):
+            total += state[c + i * m + j] * phi[j]
+        state[u + i] = total
+        spread += phi[i] * total
+        learned += phi[i] * state[gain + i]
+    spread = max(spread, 1.0)  # which rounding can miss
+    if learned > LEAST * spread:
+        weight = learned / spread
+        share = parameters[0] * dt
+        share /= 1.0 + share
+        state[2 * m + 1] += share * (weight - state[2 * m + 1])
+        share = min(share * (weight / state[2 * m + 1]), 1.0)
+        state[2 * m + 2] += share * (error * error / spread - state[2 * m + 2])
+    noise = state[2 * m + 2] * parameters[1]
+    for i in range(m):
+        state[i] += state[gain + i] * error
+        for j in range(i):
+            total = (
+                state[c + i * m + j]
+                - state[gain + i] * state[u + j]
+                - state[gain + j] * state[u + i]
+                + spread * state[gain + i] * state[gain + j]
+            )
+            state[c + i * m + j] = total
+            state[c + j * m + i] = total
+        # (I - L phi') C (I - L phi')' is not negative, and neither may it be by rounding
+        total = state[gain + i] * (spread * state[gain + i] - 2.0 * state[u + i])
+        state[c + i * m + i] = max(state[c + i * m + i] + total, state[gain + i] * state[gain + i])
+        state[m + i] = sqrt(noise * state[c + i * m + i])
+
+
+class LinearGainEstimator(Estimator):
+    """An estimator theta <- theta + L (f - phi' theta), whose step ends with `correct`.
+
+    Parameters
+    ----------
+    parameters
+        The method's own.
+    guess_variance
+        Variance of the first guess, zero, of each parameter, as the method takes it, per N^2
+        of force variance; shape (regressors,).
+    own_state
+        What the method itself needs of a state.
+    model
+        The regressors.
+    correlation
+        Samples for each one that is independent, >= 1: white noise of the force has 1, and
+        noise behind a filter of bandwidth B sampled at a rate of r has r / 2B.
+
+    Raises
+    ------
+    ValueError
+        The correlation is below 1.
+    """
+
+    helpers: ClassVar[Helpers] = (correct,)
+
+    def __init__(
+        self,
+        parameters: Parameters,
+        guess_variance: Parameters,
+        own_state: Parameters = (),
+        model: Model = KELVIN_VOIGT,
+        correlation: float = 1.0,
+    ) -> None:
+        if not 1.0 <= correlation < inf:
+            raise ValueError(f"correlation must be at least 1, got {correlation}")
+        m = model.regressors
+        covariance = [0.0] * (m * m)
+        covariance[:: m + 1] = [DIFFUSE * variance for variance in guess_variance]
+        super().__init__(
+            (1.0 / NOISE_MEMORY, correlation, *parameters),
+            (*[0.0] * gain_at(m), *[0.0] * m, *covariance, *[0.0] * m, *own_state),
+            model,
+        )
+
+    @staticmethod
+    @abstractmethod
+    def step(parameters: Parameters, state: State, phi: Regressors, f: float, dt: float) -> None:
+        """Find L, put it into the state, and `correct`."""
+
+    @property
+    def covariance(self) -> list[list[float]]:
+        """Covariance of the estimate, m x m, for constant parameters."""
+        m = len(self.names)
+        c = gain_at(m) + m
+        noise = self.state[2 * m + 2] * self.parameters[1]
+        return [
+            [noise * value for value in self.state[c + i * m : c + i * m + m]] for i in range(m)
+        ]

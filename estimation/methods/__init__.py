@@ -1,0 +1,1 @@
+"""Online estimators, one a file."""

@@ -1,0 +1,119 @@
+"""Subspace of information forgetting recursive least squares (SIFt-RLS)."""
+
+from __future__ import annotations
+
+import math
+
+from estimation.compiled import Parameters, Regressors, State
+from estimation.methods.ud_factors import (
+    FactoredEstimator,
+    add,
+    kept,
+    learn,
+    project,
+    scale,
+    take_in,
+)
+from estimation.model import KELVIN_VOIGT, Model
+
+LEAST = 1e-100
+"""Least square of a threshold."""
+
+
+def information(state: State, phi: Regressors) -> float:
+    """Z' P^-1 z = |D^-1/2 U^-1 z|^2, with y = z; uses the place of the gain."""
+    m = len(phi)
+    gain = 2 * m + 3
+    u = 4 * m + 3 + m * m
+    d = u + m * m
+    y = d + m
+    total = 0.0
+    for n in range(m):
+        i = m - 1 - n
+        state[gain + i] = state[y + i]
+        for j in range(i + 1, m):
+            state[gain + i] -= state[u + i * m + j] * state[gain + j]
+        total += state[gain + i] * state[gain + i] / state[d + i]
+    return total
+
+
+def step(parameters: Parameters, state: State, phi: Regressors, f: float, dt: float) -> None:
+    """With R = P^-1, R <- R - (1 - beta) R z z' R / z' R z + z z'; gain P z, P the new one.
+
+    The forgetting is P <- P + (1 - beta) / beta z z' / z' R z. Where |z| is below the threshold,
+    nothing changes.
+    """
+    m = len(phi)
+    y = 5 * m + 3 + 2 * m * m
+    scale(parameters, state, phi)
+    square = 0.0
+    for i in range(m):
+        square += state[y + i] * state[y + i]
+    if square < parameters[4 + m]:
+        state[2 * m] = 1.0
+    else:
+        beta = kept(parameters, state, phi, dt)
+        add(state, phi, (1.0 - beta) / (beta * information(state, phi)))
+        scale(parameters, state, phi)
+        project(state, phi)
+        spread = take_in(state, phi, 1.0)
+        learn(parameters, state, phi, f, dt, spread)
+
+
+class SubspaceForgetting(FactoredEstimator):
+    """Recursive least squares that forgets in the subspace of the sample's information, SIFt-RLS.
+
+    Information on a direction is forgotten only as new information on it comes, and a sample
+    too small to count is filtered out (B. Lai and D. S. Bernstein, "SIFt-RLS: Subspace of
+    Information Forgetting Recursive Least Squares", arXiv:2404.10844, 2024, its Algorithm 1
+    for one measurement a sample; the forgetting is that of L. Cao and H. Schwartz, "A
+    directional forgetting algorithm based on the decomposition of the information matrix",
+    Automatica 36(11), 1725-1731, 2000). P is bounded below and above whatever the motion: it
+    never exceeds P0 by more than (1 - beta) / threshold^2, if that is above 1.
+
+    Parameters
+    ----------
+    forgetting
+        The forgetting factor beta, 0 < beta <= 1.
+    initial_covariance
+        Diagonal of P0, for b [(N s/m)^2] and k [(N/m)^2] and what else the model has, per N^2
+        of force variance.
+    sample_period
+        Time [s] over which the information in a sample's direction falls by beta; without,
+        it does so each sample whatever the `dt`.
+    threshold
+        Least sqrt(phi' P0 phi) of a sample that counts: the deviation of the force that the
+        first guess predicts, by that of the noise. The paper's sqrt(epsilon).
+    model
+        The regressors.
+    correlation
+        Samples for each independent one, see `LinearGainEstimator`.
+
+    Raises
+    ------
+    ValueError
+        A parameter is out of its range.
+    """
+
+    step = staticmethod(step)
+    helpers = (*FactoredEstimator.helpers, information)
+
+    def __init__(
+        self,
+        forgetting: float,
+        initial_covariance: tuple[float, ...],
+        sample_period: float | None = None,
+        threshold: float = 1.0,
+        model: Model = KELVIN_VOIGT,
+        correlation: float = 1.0,
+    ) -> None:
+        if not 0.0 < threshold < math.inf:
+            raise ValueError(f"threshold must be positive and finite, got {threshold}")
+        super().__init__(
+            forgetting,
+            initial_covariance,
+            sample_period,
+            (max(threshold * threshold, LEAST),),
+            model,
+            correlation,
+        )

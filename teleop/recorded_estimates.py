@@ -1,0 +1,56 @@
+"""A recorded trial as input of the estimators, and whether they give again what it computed."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from estimation import Preset
+from teleop.errors import InputError
+from teleop.estimate import EstimateSettings, Evaluation
+from teleop.recording import Recording
+from teleop.table import Signals
+
+
+def recorded_signals(recording: Recording) -> Signals:
+    """What the estimators were given in a recorded trial, before conditioning."""
+    r = recording.estimated()
+    return Signals(
+        r["time"], r["paired_position"], r["paired_force"], r["paired_dt"], "slave_position"
+    )
+
+
+def recorded_settings(recording: Recording) -> EstimateSettings:
+    """The settings with which a recorded trial estimated; they give its estimates to the bit.
+
+    Raises
+    ------
+    InputError
+        The recording does not tell them.
+    """
+    from pydantic import TypeAdapter, ValidationError
+
+    settings = recording.settings
+    try:
+        return EstimateSettings(
+            datum="file",
+            preset=TypeAdapter(Preset).validate_python(settings["preset"]),
+            conditioning=settings["conditioning"],
+            bandwidth=settings["bandwidth_hz"],
+            force_lag=settings["force_lag_s"],
+            whole=True,
+            resolution=settings["encoder_resolution_m"],
+        )
+    except (KeyError, TypeError, ValidationError) as error:
+        raise InputError(
+            f"the recording does not tell the settings of its estimators: {error}"
+        ) from error
+
+
+def agrees(evaluation: Evaluation, recording: Recording) -> bool:
+    """Whether the estimates are those that the trial computed online, to the bit."""
+    online = recording.estimated().estimates()
+    return list(online) == list(evaluation.estimates) and all(
+        np.array_equal(ours, theirs, equal_nan=True)
+        for name, estimates in evaluation.estimates.items()
+        for ours, theirs in zip(estimates[:2], online[name][:2], strict=True)
+    )
