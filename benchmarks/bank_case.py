@@ -58,7 +58,7 @@ def hunt_crossley_force(x: np.ndarray, v: np.ndarray, b: float, k: np.ndarray | 
 def show(title: str, rows: Sequence[Sequence[str]], headings: Sequence[str]) -> None:
     table = Table(title=title, title_justify="left")
     for i, heading in enumerate(headings):
-        table.add_column(heading, justify="right" if i else "left", no_wrap=True)
+        table.add_column(heading, justify="right" if i else "left")
     for row in rows:
         table.add_row(*row)
-    Console(markup=False, width=140).print(table)
+    Console(markup=False, width=130).print(table)

@@ -3,8 +3,6 @@
 The loop reads a rig, moves it, conditions the sample and updates the bank. Out of contact and at
 rest a sample tells nothing of the tissue and the gate is shut: a gated estimator holds and says
 so, while the paper's RLS, which has no gate, takes air for a body without stiffness.
-
-    python examples/live_loop.py [folder for the figure]
 """
 
 # %%
@@ -20,24 +18,24 @@ from estimation import GateSettings, MatchedFilter, paper_preset
 from sim_backend import Cube, SimulatedRig
 from teleop.clock import VirtualClock
 
-ARGUMENTS = [] if "ipykernel" in sys.modules else sys.argv[1:]  # those of a notebook are its own
+ARGUMENTS = [] if "ipykernel" in sys.modules else sys.argv[1:]  # [folder for the figure]
 FOLDER = Path(*ARGUMENTS[:1])
 
 # %% Where the slave is to go: to and fro in the air, in contact, at rest, in contact, in the air.
 t = np.arange(0.0, 12.0, 1e-3)
-middle = np.interp(t, (1.5, 2.5, 9.5, 10.5), (-6e-3, 6e-3, 6e-3, -6e-3))
+middle = np.interp(t, (1.5, 2.0, 9.5, 10.0), (-6e-3, 6e-3, 6e-3, -6e-3))
 swing = np.interp(t, (5.0, 5.5, 7.5, 8.0), (4e-3, 0.0, 0.0, 4e-3))
 wanted = middle + swing * np.sin(2.0 * np.pi * t)  # [m]
 
 # %% The loop, in virtual time; with a `RealClock` and a rig of devices it is the same.
 clock, conditioner = VirtualClock(rate=1000.0), MatchedFilter(bandwidth=20.0)
-preset = replace(
+bank = replace(
     paper_preset("soft"),
     estimators=("rls", "kalman"),
     gate=GateSettings(force=2.0, speed=2e-3, window=0.02),
     correlation=conditioner.correlation(clock.period),
-)
-bank, log = preset.bank(), []
+).bank()
+log = []
 with SimulatedRig(Cube(k1=2100.0, k3=0.0, b=15.0, glued=False), clock.now, start=-6e-3) as rig:
     rig.enable()
     for target in wanted:
@@ -48,23 +46,21 @@ with SimulatedRig(Cube(k1=2100.0, k3=0.0, b=15.0, glued=False), clock.now, start
         estimates = bank.update(x, v, f, clock.period)
         rls, kalman = estimates["rls"], estimates["kalman"]
         if not log or kalman.held != log[-1][-1]:
-            print(f"{clock.now():6.3f} s: {f'holds {kalman.k:.0f} N/m' if kalman.held else 'learns'}")
-        log.append((x, f, rls.k, kalman.k, kalman.k_std, kalman.held))
+            doing = "holds" if kalman.held else "learns"
+            print(f"{sample.time:6.3f} s: {doing}, {kalman.k:.0f} N/m")
+        log.append((x, f, rls.k, kalman.k, kalman.held))
 
 # %%
-x, f, rls, k, std, held = np.array(log).T
-print(f"in the air again: kalman k = {k[-1]:.0f} N/m, held; rls k = {rls[-1]:.0f} N/m")
+x, f, rls, k, held = np.array(log).T
+print(f"in the air again: kalman has {k[-1]:.0f} N/m, rls has {rls[-1]:.0f} N/m")
 figure = Figure(figsize=(8.0, 5.0), layout="constrained")
 signals, stiffness = figure.subplots(2, 1, sharex=True)
-signals.plot(t, x * 1e3, label="displacement [mm]")
-signals.plot(t, f, label="force [N]")
-signals.set(ylim=(-12.0, 32.0))
-stiffness.plot(t, rls, linewidth=0.8, label="rls, not gated")
-stiffness.plot(t, k, label="kalman, gated")
-stiffness.fill_between(t, k - 1.96 * std, k + 1.96 * std, color="tab:orange", alpha=0.2, lw=0)
-stiffness.set(xlabel="time [s]", ylabel="k [N/m]", ylim=(-300.0, 3300.0), xlim=(0.0, 12.0))
+signals.plot(t, np.column_stack((x * 1e3, f)), label=("displacement [mm]", "force [N]"))
+stiffness.plot(t, np.column_stack((rls, k)), label=("rls, not gated", "kalman, gated"))
+signals.set(ylim=(-12.0, 32.0), xlim=(0.0, 12.0))
+stiffness.set(xlabel="time [s]", ylabel="k [N/m]", ylim=(-300.0, 3300.0))
 for axes in (signals, stiffness):
-    span = axes.get_xaxis_transform()
-    axes.fill_between(t, 0, 1, held > 0, transform=span, color="0.9", lw=0, label="held")
+    across = axes.get_xaxis_transform()
+    axes.fill_between(t, 0, 1, held > 0, transform=across, fc="0.93", ec="0.6", label="held")
     axes.legend(ncols=3, frameon=False, loc="upper right")
 figure.savefig(FOLDER / "live_loop.png", dpi=150)

@@ -7,16 +7,18 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from estimation import Estimates
 from estimation.compiled import Floats
+from estimation.estimator import LEVEL_95
 from estimation.redundancy import Ambiguity
 from teleop.files import unwritable
 from teleop.recording import Recording
 
-STYLES = {
+STYLES: dict[str, dict[str, Any]] = {
     "rls": {"color": "#0072B2", "linewidth": 2.4, "alpha": 0.55},
     "ai": {"color": "#D55E00", "linewidth": 1.2},
     "me": {"color": "#000000", "linewidth": 1.0, "linestyle": (0, (4, 2))},
@@ -42,10 +44,13 @@ def estimates_figure(
     figure = Figure(figsize=(8.0, 6.0), layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True)
     scale, prefix = (1e-6, "MN/m") if largest_k(estimates) >= 1e6 else (1e-3, "kN/m")
-    for name, series in estimates.items():
-        style: dict[str, Any] = STYLES.get(name, {})
-        upper.plot(t, series.k * scale, label=name.upper(), **style)
+    for i, (name, series) in enumerate(estimates.items()):
+        style = STYLES.get(name, {"color": colormaps["tab20"](i % 20), "linewidth": 1.0})
+        upper.plot(t, series.k * scale, label=label(name), **style)
         lower.plot(t, series.b, **style)
+    first = next(iter(estimates.values()))
+    interval(upper, t, first.k * scale, first.k_std * scale)
+    interval(lower, t, first.b, first.b_std)
     upper.set_title(plain(title), loc="left", fontsize=11)
     upper.set_ylabel(f"stiffness $\\hat k$ [{prefix}]")
     lower.set_ylabel("damping $\\hat b$ [N s/m]")
@@ -57,7 +62,8 @@ def estimates_figure(
     figure.legend(
         *upper.get_legend_handles_labels(),
         loc="outside upper right",
-        ncols=len(estimates),
+        ncols=min(len(estimates), 6),
+        fontsize="medium" if len(estimates) <= 6 else "x-small",
         frameon=False,
     )
     lower.set_xlim(t[0], t[-1])
@@ -190,6 +196,17 @@ def stiffness_figure(
         *axes[0].get_legend_handles_labels(), loc="outside upper right", ncols=4, frameon=False
     )
     return figure
+
+
+def label(name: str) -> str:
+    """An estimator's name as a legend has it."""
+    return name.replace("_", " ").upper()
+
+
+def interval(axes: Axes, t: Floats, values: Floats, std: Floats) -> None:
+    """A shade over the 95 % interval, where there is one."""
+    half = LEVEL_95 * std
+    axes.fill_between(t, values - half, values + half, color="#0072B2", alpha=0.12, linewidth=0)
 
 
 def largest_k(estimates: Mapping[str, Estimates]) -> float:

@@ -2,7 +2,37 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+
+import pytest
 from hypothesis import settings
 
 settings.register_profile("shared machine", deadline=None)
 settings.load_profile("shared machine")
+
+COMPILER = pytest.StashKey[subprocess.Popen]()
+
+
+def pytest_collection_finish(session):
+    """Compile the estimators on the other processor until their tests come."""
+    wanted = any(item.path.name == "test_contract.py" for item in session.items)
+    if wanted and find_spec("numba") and not session.config.option.collectonly:
+        script = Path(__file__).parent / "estimation" / "compile_all.py"
+        session.config.stash[COMPILER] = subprocess.Popen([sys.executable, script])
+
+
+def pytest_sessionfinish(session):
+    """Leave nothing behind."""
+    if process := session.config.stash.get(COMPILER, None):
+        process.terminate()
+        process.wait()
+
+
+@pytest.fixture(scope="session")
+def compiled_estimators(request):
+    """Waits until every estimator has been compiled."""
+    if process := request.config.stash.get(COMPILER, None):
+        assert process.wait() == 0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from estimation.compiled import Parameters, Regressors, State
-from estimation.estimator import Estimator
+from estimation.estimator import Estimates, Estimator
 from estimation.methods.multi_estimator import (
     TIE,
     Grid,
@@ -43,7 +43,6 @@ def step(parameters: Parameters, state: State, phi: Regressors, f: float, dt: fl
     state[2], state[3] = deviations(
         parameters[9], state, parameters[2] * parameters[3], parameters[6] * parameters[7], dt
     )
-    state[4] = 0.0
 
 
 def signal(state: State, b: float, k: float) -> float:
@@ -125,3 +124,9 @@ class SwitchingMultiEstimator(MultiEstimator):
     def switches(self) -> int:
         """How often sigma has changed; the first sample's choice counts."""
         return int(self.state[SWITCHES])
+
+    def note(self, estimates: Estimates) -> str | None:
+        """How often sigma changed and where it is, and what the multi-estimator says."""
+        told = f"{self.switches} switches, at candidate {self.sigma}"
+        edge = super().note(estimates)
+        return f"{told}; {edge}" if edge else told

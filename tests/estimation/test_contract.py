@@ -64,6 +64,7 @@ def test_online_and_batch_give_the_same_numbers_to_the_bit(make, palpation):
     assert repr(batch.state) == repr(online.state)
 
 
+@pytest.mark.usefixtures("compiled_estimators")
 def test_compiled_and_interpreted_give_the_same_numbers_to_the_bit(make, palpation):
     pytest.importorskip("numba", reason="needs the `fast` extra")
     fast, slow = make(), make()
@@ -76,6 +77,7 @@ def test_compiled_and_interpreted_give_the_same_numbers_to_the_bit(make, palpati
     assert np.array_equal(fast.state, slow.state, equal_nan=True)
 
 
+@pytest.mark.usefixtures("compiled_estimators")
 def test_a_long_batch_is_the_same_as_its_pieces(make, palpation):
     s = palpation(seconds=WORTH_COMPILING / 1000 + 1.0, noise=0.1)
     whole, pieces = make(), make()
