@@ -66,16 +66,16 @@ def sweep(law: Law, state: list[float], samples: Samples) -> Floats:
 
 def interpreted_sweep(law: Law, state: list[float], samples: Samples) -> Floats:
     """`sweep` by the interpreter."""
-    answers = np.empty((len(samples.f), law.width))
     step, _ = unrolled(law.step, law.helpers, samples.phi.shape[1])
     width, held = law.width, law.width - 1
     columns = (column.tolist() for column in samples)
-    for n, (phi, f, dt, taken) in enumerate(zip(*columns, strict=True)):
+    answers = []
+    for phi, f, dt, taken in zip(*columns, strict=True):
         state[held] = 0.0 if taken else 1.0
         if taken:
             step(law.parameters, state, phi, f, dt)
-        answers[n] = state[:width]
-    return answers
+        answers.append(state[:width])
+    return np.array(answers, dtype=np.float64).reshape(-1, width)
 
 
 def compiled_sweep(law: Law, state: list[float], samples: Samples) -> Floats:

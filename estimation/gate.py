@@ -23,11 +23,16 @@ class GateSettings(NamedTuple):
 
 
 def step(parameters: Parameters, state: State, phi: Regressors, f: float, dt: float) -> None:
-    """Mean squares of velocity and force, and whether either is too small."""
+    """Mean squares of velocity and force, and whether either is too small.
+
+    Contact ends with the sample that has no force, not once the mean has forgotten it.
+    """
     share = dt / (parameters[0] + dt)
+    square = f * f
     state[0] += share * (phi[0] * phi[0] - state[0])
-    state[1] += share * (f * f - state[1])
-    state[2] = 0.0 if state[0] > parameters[1] and state[1] > parameters[2] else 1.0
+    state[1] += share * (square - state[1])
+    contact = min(state[1], square)
+    state[2] = 0.0 if state[0] > parameters[1] and contact > parameters[2] else 1.0
 
 
 class Gate:

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from estimation.bank import Bank
 from estimation.compiled import Floats
 from estimation.conditioning import MatchedFilter, Regression
-from estimation.estimator import LEVEL_95, Estimates
+from estimation.estimator import LEVEL_95, Estimates, checked_samples
 from estimation.excitation import dominant_frequency
 from estimation.model import model_named
 from estimation.presets import PAPER, Preset, named_estimators, scaled_preset
@@ -90,7 +90,7 @@ def identify(
     position: ArrayLike,
     force: ArrayLike,
     dt: ArrayLike,
-    estimators: Sequence[str] = PAPER,
+    estimators: str | Sequence[str] = PAPER,
     model: str = "kelvin-voigt",
     bandwidth: float | None = None,
     force_lag: float = 0.0,
@@ -107,7 +107,7 @@ def identify(
     dt
         Time since the sample before [s], shape (n,), or one number for all.
     estimators
-        Names out of `METHODS`, or `["all"]`.
+        Names out of `METHODS`, in a sequence or with commas between, or `all`.
     model
         Name of the model for the estimators that take any, out of `MODELS`.
     bandwidth
@@ -135,9 +135,9 @@ def identify(
     """
     names = named_estimators(estimators)
     chosen = model_named(model)
-    position = np.asarray(position, dtype=np.float64)
+    samples = checked_samples(position, position, force, dt)
     if bandwidth is None:
-        bandwidth = 10.0 * dominant_frequency(position, dt)
+        bandwidth = 10.0 * dominant_frequency(samples.phi[:, 0], samples.dt)
     conditioner = MatchedFilter(bandwidth, force_lag, chosen)
     regression = conditioner.run(position, force, dt)
     x, v, f, periods, _ = regression

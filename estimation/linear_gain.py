@@ -34,7 +34,7 @@ from estimation.estimator import Estimator
 from estimation.model import KELVIN_VOIGT, Model
 from estimation.unrolled import Helpers
 
-DIFFUSE = 1e10
+DIFFUSE = 1e4
 """Variance of the first guess of a parameter, in units of what the method takes it for."""
 NOISE_MEMORY = 1.0
 """Memory [s] of the noise variance."""
@@ -73,30 +73,39 @@ def correct(parameters: Parameters, state: State, phi: Regressors, f: float, dt:
         state[u + i] = total
         spread += phi[i] * total
         learned += phi[i] * state[gain + i]
-    spread = max(spread, 1.0)  # which rounding can miss
+    if spread < 1.0:  # which is rounding
+        spread = 1.0
+    noise = state[2 * m + 2]
     if learned > LEAST * spread:
-        weight = learned / spread
+        certainty = 1.0 / spread
+        weight = learned * certainty
         share = parameters[0] * dt
-        share /= 1.0 + share
-        state[2 * m + 1] += share * (weight - state[2 * m + 1])
-        share = min(share * (weight / state[2 * m + 1]), 1.0)
-        state[2 * m + 2] += share * (error * error / spread - state[2 * m + 2])
-    noise = state[2 * m + 2] * parameters[1]
+        if share > 1.0:
+            share = 1.0
+        evidence = state[2 * m + 1]
+        evidence += share * (weight - evidence)
+        state[2 * m + 1] = evidence
+        share *= weight / evidence
+        if share > 1.0:
+            share = 1.0
+        noise += share * (error * error * certainty - noise)
+        state[2 * m + 2] = noise
+    noise *= parameters[1]
     for i in range(m):
-        state[i] += state[gain + i] * error
+        move = state[gain + i]
+        state[i] += move * error
+        change = spread * move - state[u + i]
         for j in range(i):
-            total = (
-                state[c + i * m + j]
-                - state[gain + i] * state[u + j]
-                - state[gain + j] * state[u + i]
-                + spread * state[gain + i] * state[gain + j]
-            )
-            state[c + i * m + j] = total
-            state[c + j * m + i] = total
+            value = state[c + i * m + j] - move * state[u + j] + change * state[gain + j]
+            state[c + i * m + j] = value
+            state[c + j * m + i] = value
         # (I - L phi') C (I - L phi')' is not negative, and neither may it be by rounding
-        total = state[gain + i] * (spread * state[gain + i] - 2.0 * state[u + i])
-        state[c + i * m + i] = max(state[c + i * m + i] + total, state[gain + i] * state[gain + i])
-        state[m + i] = sqrt(noise * state[c + i * m + i])
+        variance = state[c + i * m + i] + move * (change - state[u + i])
+        least = move * move
+        if variance < least:
+            variance = least
+        state[c + i * m + i] = variance
+        state[m + i] = sqrt(noise * variance)
 
 
 class LinearGainEstimator(Estimator):

@@ -122,6 +122,7 @@ def rls(preset: Preset) -> Estimator:
         preset.sample_period,
         preset.model,
         preset.correlation,
+        guess_variance=preset.covariance,
     )
 
 
@@ -152,7 +153,7 @@ METHODS: dict[str, Callable[[Preset], Estimator]] = {
         p.forgetting, p.covariance, p.sample_period, 1.0, p.model, p.correlation
     ),
     "rls_trace": lambda p: ConstantTrace(
-        2e-4 * p.model.regressors * (1.0 - p.forgetting),
+        2.2e-4 * p.model.regressors * (1.0 - p.forgetting),
         p.covariance,
         model=p.model,
         correlation=p.correlation,
@@ -175,7 +176,7 @@ METHODS: dict[str, Callable[[Preset], Estimator]] = {
         p.correlation,
     ),
     "passive": lambda p: PassiveLeastSquares(
-        p.forgetting, p.covariance, p.sample_period, p.model, p.correlation
+        p.forgetting**1.25, p.covariance, p.sample_period, p.model, p.correlation
     ),
     "window": lambda p: BatchWindow(2.0 * p.memory, p.sample_period, p.model, p.correlation),
     "ai_normalised": lambda p: NormalisedIdentification(
@@ -190,16 +191,18 @@ METHODS: dict[str, Callable[[Preset], Estimator]] = {
     ),
     "spectral": lambda p: SpectralRatio(motion=0.02 * p.x_size),
     "hc_double": lambda p: DoubleStage(p.memory, p.x_size, p.v_size, 0.003 * p.f_size),
-    "hc_log": lambda p: Logarithmic(p.memory, p.x_size, p.v_size, 0.003 * p.f_size, p.correlation),
+    "hc_log": lambda p: Logarithmic(
+        0.3 * p.memory, p.x_size, p.v_size, 0.003 * p.f_size, p.correlation
+    ),
     "me_switching": lambda p: SwitchingMultiEstimator(
         p.grid,
-        p.forgetting_rate,
+        1.4 * p.forgetting_rate,
         hysteresis=0.1,
         dwell=0.5 * p.memory,
         correlation=p.correlation,
     ),
     "me_moving": lambda p: CoarseToFine(
-        p.forgetting_rate,
+        1.25 * p.forgetting_rate,
         patience=0.5 * p.memory,
         spacing=(p.f_size / p.v_size / 40.0, p.f_size / p.x_size / 4.0),
         correlation=p.correlation,
@@ -209,14 +212,16 @@ METHODS: dict[str, Callable[[Preset], Estimator]] = {
 """Every method by name, made with the settings of a preset."""
 
 
-def named_estimators(names: Sequence[str]) -> tuple[str, ...]:
-    """Names of `METHODS`; `all` stands for all of them.
+def named_estimators(names: str | Sequence[str]) -> tuple[str, ...]:
+    """Names of `METHODS`, in a sequence or with commas between; `all` stands for all of them.
 
     Raises
     ------
     ValueError
         A name is unknown or there twice, or there is none.
     """
+    if isinstance(names, str):
+        names = [name.strip() for name in names.split(",") if name.strip()]
     if list(names) == ["all"]:
         return tuple(METHODS)
     for name in names:

@@ -14,7 +14,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from drivers import Command
-from estimation import GateSettings, MatchedFilter, paper_preset
+from estimation import MatchedFilter, paper_preset
 from sim_backend import Cube, SimulatedRig
 from teleop.clock import VirtualClock
 
@@ -32,7 +32,6 @@ clock, conditioner = VirtualClock(rate=1000.0), MatchedFilter(bandwidth=20.0)
 bank = replace(
     paper_preset("soft"),
     estimators=("rls", "kalman"),
-    gate=GateSettings(force=2.0, speed=2e-3, window=0.02),
     correlation=conditioner.correlation(clock.period),
 ).bank()
 log = []

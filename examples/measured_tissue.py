@@ -12,13 +12,12 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-import estimation
 from estimation import MODELS, MatchedFilter, PooledSegments, identify
 
 ARGUMENTS = [] if "ipykernel" in sys.modules else sys.argv[1:]  # [figure's folder [data's folder]]
 FOLDER = Path(*ARGUMENTS[:1])
-SHARED = Path(estimation.__file__).parents[2] / "shared" / "data" / "mach1"  # beside the checkout
-DATA = Path(*ARGUMENTS[1:2] or [SHARED])
+HERE = Path(globals().get("__file__", "measured_tissue.py")).resolve()  # a notebook has no file
+DATA = Path(*ARGUMENTS[1:2] or [HERE.parents[2] / "shared" / "data" / "mach1"])
 MM, GF = 1e-3, 9.80665e-3  # [m], [N]
 DT, BANDWIDTH = 0.01, 5.0  # [s], [Hz]
 

@@ -49,7 +49,7 @@ def make_coupling(name: CouplingName) -> Coupling:
 def choose_estimators(names: str) -> tuple[str, ...]:
     """Estimators named one after the other, with commas, or all; InputError for any other."""
     try:
-        return named_estimators([name.strip() for name in names.split(",") if name.strip()])
+        return named_estimators(names)
     except ValueError as error:
         raise InputError(str(error)) from error
 

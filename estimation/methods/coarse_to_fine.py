@@ -125,6 +125,7 @@ class CoarseToFine(Estimator):
     """
 
     step = staticmethod(step)
+    gated = True
     helpers = (*MultiEstimator.helpers, follow)
     gated = False
 

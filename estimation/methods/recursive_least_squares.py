@@ -22,8 +22,9 @@ def step(parameters: Parameters, state: State, phi: Regressors, f: float, dt: fl
     scale(parameters, state, phi)
     project(state, phi)
     spread = take_in(state, phi, beta)
+    growth = 1.0 / beta
     for i in range(m):
-        state[d + i] /= beta
+        state[d + i] *= growth
     learn(parameters, state, phi, f, dt, spread)
 
 
@@ -52,6 +53,9 @@ class RecursiveLeastSquares(FactoredEstimator):
         The regressors.
     correlation
         Samples for each independent one, see `LinearGainEstimator`.
+    guess_variance
+        Variance of the first guess, zero, that the interval begins with, in the units of
+        the initial covariance, where that is smaller than the guess deserves.
 
     Raises
     ------
@@ -69,5 +73,8 @@ class RecursiveLeastSquares(FactoredEstimator):
         sample_period: float | None = None,
         model: Model = KELVIN_VOIGT,
         correlation: float = 1.0,
+        guess_variance: tuple[float, ...] | None = None,
     ) -> None:
-        super().__init__(forgetting, initial_covariance, sample_period, (), model, correlation)
+        super().__init__(
+            forgetting, initial_covariance, sample_period, (), model, correlation, guess_variance
+        )

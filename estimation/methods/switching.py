@@ -94,6 +94,7 @@ class SwitchingMultiEstimator(MultiEstimator):
     """
 
     step = staticmethod(step)
+    gated = True
     helpers = (*MultiEstimator.helpers, signal)
 
     def __init__(

@@ -49,7 +49,7 @@ def kept(parameters: Parameters, state: State, phi: Regressors, dt: float) -> fl
             variance += state[u + i * m + j] * state[u + i * m + j] * state[d + j]
         if variance > beta * WINDUP:
             beta = variance / WINDUP
-    return min(beta, 1.0)
+    return beta if beta < 1.0 else 1.0
 
 
 def scale(parameters: Parameters, state: State, phi: Regressors) -> None:
@@ -127,8 +127,9 @@ def learn(
     """`correct` with the gain P z / spread, where `take_in` left P z."""
     m = len(phi)
     gain = 2 * m + 3
+    certainty = 1.0 / spread
     for i in range(m):
-        state[gain + i] *= parameters[2 + i] / spread
+        state[gain + i] *= parameters[2 + i] * certainty
     correct(parameters, state, phi, f, dt)
 
 
@@ -150,6 +151,8 @@ class FactoredEstimator(LinearGainEstimator):
         The regressors.
     correlation
         Samples for each independent one, see `LinearGainEstimator`.
+    guess_variance
+        Variance of the first guess; the initial covariance unless given.
 
     Raises
     ------
@@ -167,6 +170,7 @@ class FactoredEstimator(LinearGainEstimator):
         settings: Parameters = (),
         model: Model = KELVIN_VOIGT,
         correlation: float = 1.0,
+        guess_variance: tuple[float, ...] | None = None,
     ) -> None:
         if not 0.0 < forgetting <= 1.0:
             raise ValueError(f"forgetting factor must be in (0, 1], got {forgetting}")
@@ -177,7 +181,7 @@ class FactoredEstimator(LinearGainEstimator):
         rate = -math.log(forgetting) / sample_period if sample_period else 0.0
         super().__init__(
             (*map(math.sqrt, p0), forgetting, rate, *settings),
-            guess_variance=p0,
+            guess_variance=guess_variance or p0,
             own_state=[*np.eye(m).flat, *[1.0] * m, *[0.0] * m],
             model=model,
             correlation=correlation,

@@ -131,7 +131,6 @@ SAMPLES = [
     ((X, F, 0.0), r"dt\[0\] is 0.0, expected a positive number"),
     ((X, F, np.append(np.full(499, DT), -1.0)), r"dt\[499\] is -1.0, expected a positive number"),
 ]
-BEFORE_CHECKS = "the default bandwidth is found from samples that are not yet checked"
 
 
 def refused(message, *arguments, **settings):
@@ -146,16 +145,7 @@ def test_a_bad_sample_is_named(samples, message):
     refused(message, *samples, bandwidth=20.0)
 
 
-@pytest.mark.parametrize(
-    ("samples", "message"),
-    [
-        case
-        if case[0][1] is not F
-        else pytest.param(*case, marks=pytest.mark.xfail(reason=BEFORE_CHECKS, strict=True))
-        for case in SAMPLES
-    ],
-)
-@pytest.mark.filterwarnings("ignore:invalid value")
+@pytest.mark.parametrize(("samples", "message"), SAMPLES)
 def test_a_bad_sample_is_named_without_a_bandwidth_too(samples, message):
     refused(message, *samples)
 
