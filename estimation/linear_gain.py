@@ -29,7 +29,9 @@ from abc import abstractmethod
 from math import inf, sqrt
 from typing import ClassVar
 
-from estimation.compiled import Parameters, Regressors, State
+import numpy as np
+
+from estimation.compiled import Floats, Parameters, Regressors, State
 from estimation.estimator import Estimator
 from estimation.model import KELVIN_VOIGT, Model
 from estimation.unrolled import Helpers
@@ -38,6 +40,8 @@ DIFFUSE = 1e4
 """Variance of the first guess of a parameter, in units of what the method takes it for."""
 NOISE_MEMORY = 1.0
 """Memory [s] of the noise variance."""
+CORRELATED = 1.0 - 1e-12
+"""Two parameters correlate no more than that; rounding may have it that they do."""
 LEAST = 1e-100
 """A sample that weighs less tells nothing of the noise."""
 
@@ -159,11 +163,13 @@ class LinearGainEstimator(Estimator):
         """Find L, put it into the state, and `correct`."""
 
     @property
-    def covariance(self) -> list[list[float]]:
-        """Covariance of the estimate, m x m, for constant parameters."""
+    def covariance(self) -> Floats:
+        """Covariance of the estimate for constant parameters, shape (m, m)."""
         m = len(self.names)
         c = gain_at(m) + m
+        matrix = np.reshape(self.state[c : c + m * m], (m, m))
+        deviations = np.sqrt(np.diag(matrix))
+        most = CORRELATED * np.outer(deviations, deviations)
+        np.fill_diagonal(most, np.diag(matrix))
         noise = self.state[2 * m + 2] * self.parameters[1]
-        return [
-            [noise * value for value in self.state[c + i * m : c + i * m + m]] for i in range(m)
-        ]
+        return np.asarray(noise * np.clip(matrix, -most, most))

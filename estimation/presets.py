@@ -196,9 +196,9 @@ METHODS: dict[str, Callable[[Preset], Estimator]] = {
     ),
     "me_switching": lambda p: SwitchingMultiEstimator(
         p.grid,
-        1.4 * p.forgetting_rate,
-        hysteresis=0.1,
-        dwell=0.5 * p.memory,
+        1.5 * p.forgetting_rate,
+        hysteresis=0.05,
+        dwell=0.25 * p.memory,
         correlation=p.correlation,
     ),
     "me_moving": lambda p: CoarseToFine(

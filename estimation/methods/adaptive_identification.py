@@ -13,7 +13,7 @@ from estimation.model import KELVIN_VOIGT, Model
 RK4_LIMIT = 2.785293563405282
 """RK4 of y' = -r y diverges beyond this r dt: the root of |1 - z + z^2/2 - z^3/6 + z^4/24| = 1."""
 
-GUESS = 100.0
+GUESS = 1.0
 """Variance of the first guess, as `LinearGainEstimator` takes it, by gain [s]."""
 
 

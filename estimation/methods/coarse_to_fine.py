@@ -127,7 +127,6 @@ class CoarseToFine(Estimator):
     step = staticmethod(step)
     gated = True
     helpers = (*MultiEstimator.helpers, follow)
-    gated = False
 
     def __init__(
         self,
