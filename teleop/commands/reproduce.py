@@ -8,12 +8,15 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from teleop.names import ModelName
+
 
 def reproduce(
     *,
     out: Path = Path("reproduction"),
     seeds: int = 1,
     estimators: str | None = None,
+    model: ModelName = "kelvin-voigt",
     json: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
     """Reproduce the paper's Table I and Figures 3 to 5 on the simulated rig.
@@ -32,6 +35,8 @@ def reproduce(
         condition and estimator matter.
     estimators
         Further methods to compare on the same trials: names such as kalman,rls_sift, or all.
+    model
+        What these take the cubes for, where they take any model.
     json
         Print one JSON document instead of tables.
     """
@@ -39,14 +44,16 @@ def reproduce(
     from rich.progress import Progress
 
     from teleop import console
-    from teleop.choices import choose_estimators
+    from teleop.choices import choose_estimators, choose_model
     from teleop.errors import InputError
     from teleop.estimate_console import print_table
+    from teleop.paper.methods import Methods
     from teleop.paper.page import METHOD_HEADINGS, method_cells
     from teleop.paper.reproduce import reproduce as run
     from teleop.paper.reproduce import write
 
-    methods = choose_estimators(estimators) if estimators else ()
+    names = choose_estimators(estimators) if estimators else ()
+    methods = Methods(names, choose_model(model))
     if out.exists() and not out.is_dir():
         raise InputError(f"{out}: expected a folder, this is a file")
     with Progress(
@@ -59,10 +66,10 @@ def reproduce(
         console.print_json({**reproduction.summary(), "page": str(page)})
     else:
         console.print_reproduction(reproduction.summary())
-        if methods:
+        if names:
             print_table(
                 console.plain_console(),
-                "methods, on average over all trials",
+                f"{model}, on average over all trials",
                 METHOD_HEADINGS,
                 method_cells(reproduction.methods),
             )

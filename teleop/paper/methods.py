@@ -8,8 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from estimation import MatchedFilter, estimated_force, force_error, paper_preset, rise_time
-from teleop.comparison import compare
+from estimation import MatchedFilter, Model, estimated_force, force_error, paper_preset, rise_time
+from estimation.model import KELVIN_VOIGT
+from teleop.comparison import Comparison, compare
 from teleop.trial import Trial
 
 BANDWIDTH = 20.0
@@ -39,26 +40,41 @@ class MethodResult(NamedTuple):
     """Time that a sample takes, interpreted [us]."""
 
 
-def compare_methods(trial: Trial, estimators: tuple[str, ...]) -> dict[str, MethodResult]:
+class Methods(NamedTuple):
+    """What is compared on the trials."""
+
+    estimators: tuple[str, ...] = ()
+    """Names out of `METHODS`."""
+    model: Model = KELVIN_VOIGT
+    """Of the estimators that take any."""
+
+
+def compare_methods(trial: Trial, methods: Methods) -> dict[str, MethodResult]:
     """Run methods over a trial's measured position and force.
 
     All have the paper's preset and the same signals, matched, with the force channel's lag made
     up for. The truth is the cube's damping, and its stiffness against the displacement of each
-    sample (the secant k1 + k3 x^2), which Kelvin-Voigt has for its k.
+    sample (the secant k1 + k3 x^2), which Kelvin-Voigt has for its k; for a stiffening model it
+    is the stiffness at the surface, k1.
     """
     settings, columns = trial.settings, trial.columns
-    conditioner = MatchedFilter(BANDWIDTH, settings.setup.force_lag)
+    model = methods.model
+    conditioner = MatchedFilter(BANDWIDTH, settings.setup.force_lag, model)
     regression = conditioner.run(columns["slave_position"], columns["contact_force"], columns["dt"])
     preset = replace(
         paper_preset(settings.cube),
-        estimators=estimators,
+        estimators=methods.estimators,
+        model=model,
         correlation=conditioner.correlation(1.0 / settings.rate),
     )
     bank = preset.bank()
     estimates = bank.run(*regression)
     cube = settings.setup.cube
-    k = cube.k1 + cube.k3 * regression.x**2
-    compared = compare(regression, bank, estimates, cube.b, k)
+    secant = cube.k1 + cube.k3 * regression.x**2
+    compared: dict[str, Comparison] = {}
+    for k, at_surface in ((secant, False), (np.full_like(secant, cube.k1), True)):
+        group = {n: estimates[n] for n, e in bank.items() if ("k3" in e.names) is at_surface}
+        compared |= compare(regression, bank, group, cube.b, k)
     return {
         name: MethodResult(
             k_error=compared[name].k_error,

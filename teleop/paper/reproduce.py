@@ -16,11 +16,11 @@ from teleop.errors import InputError
 from teleop.figure import estimates_figure, save, stiffness_figure
 from teleop.files import unwritable
 from teleop.paper.claims import Claim, check_claims
-from teleop.paper.methods import MethodResult, averages
+from teleop.paper.methods import MethodResult, Methods, averages
 from teleop.paper.page import reproduction_page
 from teleop.paper.study import RESPONSES, Effect, responses, split_plot
 from teleop.paper.table1 import table1
-from teleop.paper.trials import Outcome, SlowTrial, as_rows, lag_and_damping, palpate
+from teleop.paper.trials import NO_METHODS, Outcome, SlowTrial, as_rows, lag_and_damping, palpate
 from teleop.web_page import svg
 
 SLOW_FREQUENCIES = (0.1, 1.0)
@@ -84,7 +84,7 @@ class Reproduction:
 
 
 def reproduce(
-    seeds: int, methods: tuple[str, ...] = (), on_done: Callable[[], None] = lambda: None
+    seeds: int, methods: Methods = NO_METHODS, on_done: Callable[[], None] = lambda: None
 ) -> Reproduction:
     """Run the nine trials for a number of seeds, on all cores.
 
@@ -93,7 +93,7 @@ def reproduce(
     seeds
         Repetitions, with the seeds 0, 1, ...
     methods
-        Names of estimators that are compared on the trials besides.
+        What else is compared on the trials.
     on_done
         Called after each trial.
 

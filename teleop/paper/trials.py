@@ -12,7 +12,7 @@ from estimation import Estimates
 from estimation.compiled import Floats
 from estimation.stiffening import Interval, MatchedSignals
 from teleop.injector import Sine
-from teleop.paper.methods import MethodResult, compare_methods
+from teleop.paper.methods import MethodResult, Methods, compare_methods
 from teleop.paper.table1 import is_calibrated, table1
 from teleop.settings import TrialSettings
 from teleop.trial import Trial, run_trial
@@ -23,6 +23,7 @@ BANDWIDTH = 50.0
 """Bandwidth of the filtered difference that gives velocity [Hz]; the paper tells none."""
 MATCHED_BANDWIDTH = 20.0
 """Bandwidth of the matched filter that removes the causes of negative damping [Hz]."""
+NO_METHODS = Methods()
 DRAWN = 10
 """Every so many ticks are drawn in figures."""
 
@@ -107,7 +108,7 @@ def damping_steps(trial: Trial) -> Damping:
     )
 
 
-def palpate(trial: tuple[str, str, int], methods: tuple[str, ...] = ()) -> Outcome:
+def palpate(trial: tuple[str, str, int], methods: Methods = NO_METHODS) -> Outcome:
     """Run one trial (condition, cube, seed), and further methods over it."""
     condition, cube, seed = trial
     run = run_trial(paper_trial(condition, cube, seed))
@@ -122,7 +123,7 @@ def palpate(trial: tuple[str, str, int], methods: tuple[str, ...] = ()) -> Outco
         run.columns["x"][thin],
         run.columns["v"][thin],
         {name: e.part(thin) for name, e in run.estimates.items()},
-        compare_methods(run, methods) if methods else {},
+        compare_methods(run, methods) if methods.estimators else {},
     )
 
 

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from estimation import Regression, paper_preset
+from estimation import MODELS, Regression, paper_preset
 from teleop.comparison import compare
-from teleop.paper.methods import averages, compare_methods
+from teleop.paper.methods import Methods, averages, compare_methods
 from teleop.settings import TrialSettings
 from teleop.trial import run_trial
 
@@ -51,10 +51,19 @@ def test_the_yardstick_beside_itself_is_one():
 
 def test_methods_are_held_against_the_cube_that_was_palpated():
     settings = TrialSettings(condition="autonomous", duration=4.0, clock="virtual")
-    results = compare_methods(run_trial(settings), ("rls", "me", "reference"))
+    results = compare_methods(run_trial(settings), Methods(("rls", "me", "reference")))
     assert results["rls"].k_error < 0.15  # the cube stiffens
     assert results["rls"].b_error < 30.0
     assert np.isnan(results["reference"].k_coverage)
     mean = averages([results, results])
     assert mean["rls"] == pytest.approx(results["rls"])
     assert mean["me"].k_error == pytest.approx(results["me"].k_error)
+
+
+def test_a_model_that_is_true_of_the_cube_errs_less():
+    settings = TrialSettings(condition="autonomous", duration=4.0, clock="virtual")
+    trial = run_trial(settings)
+    plain = compare_methods(trial, Methods(("rls",)))["rls"]
+    stiffening = compare_methods(trial, Methods(("rls",), MODELS["stiffening"]))["rls"]
+    assert stiffening.k_error < 0.5 * plain.k_error
+    assert stiffening.one_step_ratio < 0.5 * plain.one_step_ratio
