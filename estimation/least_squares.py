@@ -11,11 +11,16 @@ from estimation.compiled import Floats
 
 
 class Fit(NamedTuple):
-    """Damping `b` [N s/m] and stiffness `k` [N/m] of all samples together, and the residual [N]."""
+    """The parameters of all samples together, and the residual."""
 
     b: float
+    """Damping [N s/m]."""
     k: float
+    """Stiffness [N/m]."""
     residual: Floats
+    """Force that is left [N], shape (n,)."""
+    further: tuple[float, ...] = ()
+    """The model's parameters besides b and k."""
 
     @property
     def rms(self) -> float:
@@ -23,17 +28,23 @@ class Fit(NamedTuple):
         return float(np.sqrt(np.mean(self.residual**2)))
 
 
-def least_squares(x: ArrayLike, v: ArrayLike, f: ArrayLike) -> Fit:
-    """The (b, k) with the least sum of (f - b v - k x)^2; the shortest of several.
+def least_squares(
+    x: ArrayLike, v: ArrayLike, f: ArrayLike, further: ArrayLike | None = None
+) -> Fit:
+    """The parameters with the least sum of (f - phi' theta)^2; the shortest of several.
 
     Parameters
     ----------
     x, v, f
         Displacement [m], velocity [m/s], force [N], each of shape (n,).
+    further
+        The model's regressors besides v and x, shape (n, regressors - 2).
     """
-    regressors = np.column_stack((v, x))
+    columns = [v, x] if further is None else [v, x, *np.asarray(further).T]
+    regressors = np.column_stack(columns)
     scale = np.sqrt(np.mean(regressors**2, axis=0))
     scale[scale == 0.0] = 1.0
     scaled, *_ = np.linalg.lstsq(regressors / scale, np.asarray(f), rcond=None)
-    b, k = scaled / scale
-    return Fit(float(b), float(k), np.asarray(f) - regressors @ (b, k))
+    theta = scaled / scale
+    b, k, *more = theta.tolist()
+    return Fit(b, k, np.asarray(f) - regressors @ theta, tuple(more))

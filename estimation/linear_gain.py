@@ -37,7 +37,10 @@ from estimation.model import KELVIN_VOIGT, Model
 from estimation.unrolled import Helpers
 
 DIFFUSE = 1e4
-"""Variance of the first guess of a parameter, in units of what the method takes it for."""
+"""Variance of the first guess of a parameter, in units of what the method takes it for.
+
+Before the first sample the noise is not known, and 1 N stands for it.
+"""
 NOISE_MEMORY = 1.0
 """Memory [s] of the noise variance."""
 CORRELATED = 1.0 - 1e-12
@@ -153,7 +156,14 @@ class LinearGainEstimator(Estimator):
         covariance[:: m + 1] = [DIFFUSE * variance for variance in guess_variance]
         super().__init__(
             (1.0 / NOISE_MEMORY, correlation, *parameters),
-            (*[0.0] * gain_at(m), *[0.0] * m, *covariance, *[0.0] * m, *own_state),
+            (
+                *[0.0] * m,
+                *[sqrt(DIFFUSE * variance) for variance in guess_variance],
+                *[0.0] * (gain_at(m) - m),
+                *covariance,
+                *[0.0] * m,
+                *own_state,
+            ),
             model,
         )
 

@@ -93,10 +93,16 @@ class Evaluation:
             for name, series in self.estimates.items()
         }
         if not set(estimates) <= set(PAPER):
-            batch = self.batch
-            rows = compare(self.regression, self.bank, self.estimates, batch.b, batch.k)
-            for name, row in rows.items():
-                estimates[name] |= row._asdict()
+            x, v, f, *_ = self.regression
+            for batch, modelled in ((least_squares(x, v, f), False), (self.batch, True)):
+                group = {
+                    name: series
+                    for name, series in self.estimates.items()
+                    if bool(self.bank[name].model.further) is modelled
+                }
+                rows = compare(self.regression, self.bank, group, batch.b, batch.k)
+                for name, row in rows.items():
+                    estimates[name] |= row._asdict()
         return {
             "samples": self.samples,
             "samples_used": len(self.t),
@@ -110,6 +116,10 @@ class Evaluation:
                 "force_n": self.datum.f,
                 "source": self.datum.source,
             },
+            "model": self.preset.model.name,
+            "own_model": [
+                name for name, e in self.bank.items() if e.model is not self.preset.model
+            ],
             "bandwidth_hz": self.bandwidth,
             "memory_s": 0.5 / self.preset.forgetting_rate,
             "excitation": {
@@ -122,6 +132,7 @@ class Evaluation:
                 "k": self.batch.k,
                 "e_f": force_error(self.batch.residual, np.zeros_like(self.batch.residual)),
                 "one_step_rms": self.batch.rms,
+                "further": dict(zip(self.preset.model.further, self.batch.further, strict=True)),
             },
         }
 
@@ -194,7 +205,7 @@ def evaluate(signals: Signals, settings: EstimateSettings) -> Evaluation:
         regression=regression,
         estimates=estimates,
         bank=bank,
-        batch=least_squares(x, v, f),
+        batch=least_squares(x, v, f, regression.further),
         datum=datum,
         preset=preset,
         bandwidth=bandwidth,

@@ -67,11 +67,24 @@ def print_estimates(rows: Mapping[str, Mapping[str, Any]], title: str) -> None:
 
 
 def print_intervals(rows: Mapping[str, Mapping[str, Any]]) -> None:
-    """What each estimator says at the end, and how far it can be trusted.
+    """What each estimator says at the end, how far it can be trusted, and what to know of it."""
+    console = plain_console()
+    print_table(console, "", *interval_table(rows))
+    for name, row in rows.items():
+        further = [f"{parameter} {value:.4g}" for parameter, value in row["further"].items()]
+        if further:
+            console.print(f"  {name}: {', '.join(further)} at the end")
+        if row["held"] == 1.0:
+            console.print(f"  {name}: held throughout, for want of contact or motion", style="red")
+        if row["note"]:
+            console.print(f"  {name}: {row['note']}", style="yellow")
+
+
+def interval_table(rows: Mapping[str, Mapping[str, Any]]) -> tuple[list[str], list[list[str]]]:
+    """Headings and cells: the estimates at the end with their intervals, and how often held.
 
     With a comparison, that too: see `teleop.comparison.Comparison`.
     """
-    console = plain_console()
     compared = any("one_step_ratio" in row for row in rows.values())
     headings = ["at the end", "k [N/m]", "b [N s/m]", "held"]
     if compared:
@@ -93,13 +106,7 @@ def print_intervals(rows: Mapping[str, Mapping[str, Any]]) -> None:
                 percent(row["b_coverage"]),
                 number(row["cost_us"], 1),
             ]
-    print_table(console, "", headings, cells)
-    for name, row in rows.items():
-        further = [f"{parameter} {value:.4g}" for parameter, value in row["further"].items()]
-        if further:
-            console.print(f"  {name}: {', '.join(further)} at the end")
-        if row["note"]:
-            console.print(f"  {name}: {row['note']}", style="yellow")
+    return headings, cells
 
 
 def percent(share: float) -> str:
@@ -131,6 +138,7 @@ def print_evaluation(summary: Mapping[str, Any], name: str) -> None:
         f"  excitation: {summary['excitation']['mean']:.2f} (0 none, 1 a sine about the datum)"
     )
     print_estimated(console, summary)
+    print_model(console, summary)
     if "as_online" in summary:
         console.print(
             "  the estimates are those that the run computed, to the bit"
@@ -146,6 +154,22 @@ def print_evaluation(summary: Mapping[str, Any], name: str) -> None:
     if summary["batch"]["k"] < 0.0:
         console.print(
             "  stiffness is negative: is force positive in compression, as position is?",
+            style="yellow",
+        )
+
+
+def print_model(console: Console, summary: Mapping[str, Any]) -> None:
+    """What the model needs, and who does not take it."""
+    names = [*summary["estimates"]]
+    from_contact = [name for name in names if name.startswith("hc_")]
+    if summary["own_model"]:
+        console.print(f"  model {summary['model']}, but for {', '.join(summary['own_model'])}")
+    if summary["model"] == "stiffening":
+        from_contact.append("the model stiffening")
+    if from_contact and summary["datum"]["source"] == "mean of the motion":
+        console.print(
+            f"  {', '.join(from_contact)}: position must be measured from the contact, and zero "
+            "is the mean of the motion here: expected --datum",
             style="yellow",
         )
 

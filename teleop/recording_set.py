@@ -31,7 +31,7 @@ def taken_together(evaluations: Mapping[str, Evaluation]) -> dict[str, Any]:
     regressions = [e.regression for e in evaluations.values()]
     x, v, f = (np.concatenate([r[channel] for r in regressions]) for channel in range(3))
     fit = least_squares(x, v, f)
-    alone = np.concatenate([e.batch.residual for e in evaluations.values()])
+    alone = np.concatenate([least_squares(*r[:3]).residual for r in regressions])
     last = segments.estimate
     return {
         "b": fit.b,

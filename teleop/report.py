@@ -9,7 +9,7 @@ from estimation import MultiEstimator
 from estimation.redundancy import ambiguity
 from teleop.black_box import fault_of, fault_text
 from teleop.estimate import Evaluation
-from teleop.estimate_console import HEADINGS, estimate_cells
+from teleop.estimate_console import HEADINGS, estimate_cells, interval_table
 from teleop.figure import ambiguity_figure, estimates_figure, fault_figure, timing_figure
 from teleop.recording import Recording
 from teleop.web_page import captioned, svg, table, web_page
@@ -49,7 +49,7 @@ def report_page(name: str, evaluation: Evaluation, recording: Recording | None =
 {datum["force_n"]:.6g} N ({escape(datum["source"])}). Excitation {summary["excitation"]["mean"]:.2f}
 (0 none, 1 a sine about the datum).</p>
 {not_measured(recording)}{black_box(recording)}<h2>Estimates</h2>
-{table(HEADINGS, rows)}{notes}
+{table(HEADINGS, rows)}{table(*interval_table(summary["estimates"]))}{notes}
 {
         captioned(
             figure,
@@ -107,9 +107,10 @@ def ambiguity_drawing(evaluation: Evaluation) -> str:
     """The bands of tied candidates over time, as an SVG element."""
     e = evaluation
     every = max(1, len(e.t) // LOOKS)
-    fresh = replace(e.preset, estimators=("me",)).bank()["me"]
+    alone = replace(e.preset, estimators=("me",))
+    fresh = alone.bank()["me"]
     assert isinstance(fresh, MultiEstimator)
     tied = ambiguity(fresh, *e.regression[:4], MARGIN, every)
     looks = slice(every - 1, None, every)
-    winner = e.estimates["me"].part(looks)
+    winner = alone.bank()["me"].run(*e.regression[:4]).part(looks)
     return svg(ambiguity_figure(e.t[looks], tied, winner))

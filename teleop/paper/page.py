@@ -135,22 +135,22 @@ METHODS = """
 <p>All had the same signals, matched, with the force channel's lag made up for, and one preset for
 all cubes. The truth is the cube's damping, and its stiffness against the displacement of each
 sample, or at the surface for a stiffening model. Averages over all trials from the end of the first
-second on: root mean square errors, how often the 95 % interval held the truth, rise time of the
-stiffness, force error, the one-step force error over that of batch least squares over the last
-second, how often the estimate was held, and what a sample cost on the machine that made this
-page.</p>
+second on: root mean square errors (b in N s/m), how often the 95 % interval held the truth, rise
+time of the stiffness, force error, the one-step force error over that of batch least squares over
+the last second, how often the estimate was held, and what a sample cost on the machine that made
+this page.</p>
 """
 METHOD_HEADINGS = (
     "",
-    "error of k",
-    "of b [N s/m]",
+    "k error",
+    "b error",
     "k within",
     "b within",
     "rise [s]",
     "e_f [N]",
     "rms/batch",
     "held",
-    "cost [us]",
+    "us",
 )
 
 
