@@ -17,6 +17,8 @@ from estimation.unrolled import Helpers, unrolled
 
 LARGEST = 1e30
 """A sample at least this large is refused; the square of a sum of such would soon overflow."""
+UNKNOWN = 1e12
+"""A standard deviation from here on says that nothing has been learned."""
 LEVEL_95 = 1.959963984540054
 """Standard deviations to either side that hold 95 % of a normal distribution."""
 

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from estimation.compiled import Floats
 from estimation.conditioning import Regression
-from estimation.estimator import LEVEL_95, Estimates
+from estimation.estimator import LEVEL_95, UNKNOWN, Estimates
 from estimation.model import SIZES
 
 ACTIVE_STATE = "p"
@@ -53,7 +53,7 @@ def force_error(f: ArrayLike, f_hat: ArrayLike) -> float:
 
 
 def coverage(values: ArrayLike, std: ArrayLike, truth: ArrayLike) -> float:
-    """Share of the samples whose 95 % interval holds the truth; NaN where there is no interval.
+    """Share of the samples whose 95 % interval holds the truth; NaN where there is none.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ def coverage(values: ArrayLike, std: ArrayLike, truth: ArrayLike) -> float:
         What the parameter is, of shape (n,), or one number for all.
     """
     values, std = np.asarray(values), np.asarray(std)
-    told = np.isfinite(std)
+    told = std < UNKNOWN
     if not told.any():
         return float("nan")
     off = np.abs(values - np.broadcast_to(np.asarray(truth), values.shape))

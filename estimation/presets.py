@@ -108,10 +108,15 @@ class Preset:
             raise ValueError(
                 f"estimator {unknown[0]!r}: expected all, or some of {', '.join(METHODS)}"
             )
-        return Bank(
-            {name: METHODS[name](self) for name in self.estimators},
-            Gate(self.gate) if self.gate else None,
-        )
+        made = {}
+        for name in self.estimators:
+            try:
+                made[name] = METHODS[name](self)
+            except ValueError as error:
+                raise ValueError(f"{name}: {error}") from error
+        if self.model.further and not any(e.model.further for e in made.values()):
+            raise ValueError(f"model {self.model.name}: none of {', '.join(made)} takes it")
+        return Bank(made, Gate(self.gate) if self.gate else None)
 
 
 def rls(preset: Preset) -> Estimator:
@@ -189,7 +194,7 @@ METHODS: dict[str, Callable[[Preset], Estimator]] = {
     "composite": lambda p: CompositeAdaptive(
         2.0 / p.memory, p.sizes, 5.0 / p.memory, model=p.model
     ),
-    "spectral": lambda p: SpectralRatio(motion=0.02 * p.x_size),
+    "spectral": lambda p: SpectralRatio(motion=max(0.02 * p.x_size, 1e-9)),
     "hc_double": lambda p: DoubleStage(p.memory, p.x_size, p.v_size, 0.003 * p.f_size),
     "hc_log": lambda p: Logarithmic(
         0.3 * p.memory, p.x_size, p.v_size, 0.003 * p.f_size, p.correlation

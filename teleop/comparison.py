@@ -14,9 +14,12 @@ from numpy.typing import ArrayLike
 from estimation import BatchWindow, Estimates, Estimator, Regression, coverage, predicted_force
 from estimation.compiled import Floats, interpreted_sweep
 from estimation.estimator import checked_samples
+from estimation.model import KELVIN_VOIGT
 
 YARDSTICK = 1.0
 """Window of batch least squares that one-step errors are held against [s]."""
+ROUNDING = 1e-9
+"""A yardstick below this share of the force is rounding, and nothing is held against it."""
 TIMED = 2000
 """Samples over which an estimator's cost is measured."""
 
@@ -58,11 +61,16 @@ def compare(
     b, k
         The reference: damping [N s/m] and stiffness [N/m], of shape (n,) or one number for all.
     """
-    x, v, f, dt, _ = regression
+    x, v, f, dt, further = regression
     settled = np.cumsum(dt) > min(YARDSTICK, 0.5 * float(dt.sum()))
     true_b, true_k = (np.broadcast_to(np.asarray(truth), x.shape)[settled] for truth in (b, k))
-    window = BatchWindow(YARDSTICK, sample_period=float(np.median(dt)))
-    yardstick = rms((f - predicted_force(regression, window.run(x, v, f, dt)))[settled])
+    models = (bank[name].model for name in estimates)
+    model = next((m for m in models if m.further), KELVIN_VOIGT)
+    window = BatchWindow(YARDSTICK, sample_period=float(np.median(dt)), model=model)
+    batch = window.run(x, v, f, dt, further if model.further else None)
+    yardstick = rms((f - predicted_force(regression, batch))[settled])
+    if yardstick < ROUNDING * rms(f):
+        yardstick = math.nan
     found = {}
     for name, series in estimates.items():
         b_now, k_now, b_std, k_std = (column[settled] for column in series[:4])

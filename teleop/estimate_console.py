@@ -15,6 +15,10 @@ from teleop.console import number, plain_console, small
 
 GAP = 20.0
 """A sample period this many times longer than the median is told as a gap."""
+MEANINGLESS = 1e6
+"""An interval this many times its value is not shown: nothing has been learned."""
+WORSE = 1.2
+"""A residual of a fit to all recordings this many times that of the fits to each is told."""
 HEADINGS = ("", "k [N/m]", "b [N s/m]", "e_f [N]", "one-step rms [N]", "rise time [s]")
 """Of the table of estimators."""
 
@@ -41,7 +45,7 @@ def digits(value: float) -> int:
 
 def with_interval(value: float, half: float, decimals: int) -> str:
     """A value with half of its 95 % interval, where there is one."""
-    if not math.isfinite(half):
+    if not half < MEANINGLESS * max(abs(value), 1.0):
         return number(value, decimals)
     if 0.0 < half < 1.0:
         decimals = max(decimals, min(1 - math.floor(math.log10(half)), 4))
@@ -57,6 +61,7 @@ def print_table(console: Console, title: str, headings: Sequence[str], rows: Any
         table.add_column(heading, justify="right" if i else "left", no_wrap=True)
     for cells in rows:
         table.add_row(*cells)
+    console.width = max(console.width, console.measure(table).maximum)
     console.print(table)
 
 
@@ -177,21 +182,31 @@ def print_model(console: Console, summary: Mapping[str, Any]) -> None:
 def print_together(together: Mapping[str, Any], files: Sequence[Mapping[str, Any]]) -> None:
     """One batch fit for each file, and one for all of them."""
     console = plain_console()
-    rows = {
-        Path(row["file"]).name: row["batch"] | {"rms": row["batch"]["one_step_rms"]}
-        for row in files
-    }
-    rows["all together"] = together
+    names = [Path(row["file"]).name for row in files]
+    if len(set(names)) < len(names):
+        names = [row["file"] for row in files]
+    rows = [
+        (name, row["batch"] | {"rms": row["batch"]["one_step_rms"]})
+        for name, row in zip(names, files, strict=True)
+    ]
+    rows.append(("all together", dict(together)))
     print_table(
         console,
         "batch least squares, one by one and together",
         ("", "k [N/m]", "b [N s/m]", "residual [N rms]"),
         (
             [name, number(row["k"], 0), number(row["b"], digits(row["b"])), small(row["rms"])]
-            for name, row in rows.items()
+            for name, row in rows
         ),
     )
     if together["note"]:
         console.print(f"  {together['note']}", style="bold red")
+    elif together["segments"] < 2:
+        console.print("  the motion is too short to compare segments of it", style="yellow")
+    elif together["rms"] > WORSE * together["rms_alone"]:
+        console.print(
+            "  the fit to all is worse than those to each, though segments agree within noise",
+            style="yellow",
+        )
     else:
         console.print(f"  one Kelvin-Voigt body explains all {together['segments']} segments")

@@ -21,9 +21,9 @@ def taken_together(evaluations: Mapping[str, Evaluation]) -> dict[str, Any]:
         At least two, by the name of their file.
     """
     length = max(e.preset.segment for e in evaluations.values())
-    correlation = max(e.preset.correlation for e in evaluations.values())
-    segments = PooledSegments(length, correlation)
+    segments = PooledSegments(length)
     for evaluation in evaluations.values():
+        segments.parameters[1] = evaluation.preset.correlation
         x, v, f, dt, _ = evaluation.regression
         apart = dt.copy()
         apart[0] = 2.0 * length

@@ -109,6 +109,10 @@ class TrialSettings:
                 f"{DEEPEST * 1e3:g} mm"
             )
         self.make_conditioner()
+        try:
+            self.make_bank()
+        except ValueError as error:
+            raise InputError(str(error)) from error
         if not 1.0 / self.rate <= self.duration <= LONGEST:
             raise InputError(
                 f"duration {self.duration:g} s: expected at least one tick, {1.0 / self.rate:g} s, "

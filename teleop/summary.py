@@ -17,7 +17,7 @@ from estimation import (
     rise_time,
 )
 from estimation.compiled import Floats
-from estimation.estimator import LEVEL_95
+from estimation.estimator import LEVEL_95, UNKNOWN
 from teleop.recording import Recording
 from teleop.safety.soft_limits import ACCELERATION, FORCE, POSITION, VELOCITY
 
@@ -69,12 +69,18 @@ def summarise(
         rise_time_s=rise_time(t, estimates.k),
         b_end=float(estimates.b[-1]),
         k_end=float(estimates.k[-1]),
-        b_interval=LEVEL_95 * float(estimates.b_std[-1]),
-        k_interval=LEVEL_95 * float(estimates.k_std[-1]),
+        b_interval=interval(estimates, estimates.b_std),
+        k_interval=interval(estimates, estimates.k_std),
         held=float(np.mean(estimates.held)),
         further={name: float(series.value[-1]) for name, series in estimates.further.items()},
         note=estimator.note(estimates),
     )
+
+
+def interval(estimates: Estimates, std: Floats) -> float:
+    """Half of the 95 % interval at the end; NaN where none is given or nothing was learned."""
+    known = not estimates.held.all() and std[-1] < UNKNOWN
+    return LEVEL_95 * float(std[-1]) if known else math.nan
 
 
 def loop_timing(rate: float, t: Floats, lateness: Floats, overruns: Floats) -> dict[str, Any]:

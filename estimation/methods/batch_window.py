@@ -8,7 +8,7 @@ from estimation.compiled import Parameters, Regressors, State
 from estimation.estimator import LARGEST, Estimator
 from estimation.model import KELVIN_VOIGT, Model
 
-SINGULAR = 1e-12
+SINGULAR = 1e-10
 """A regressor of which a smaller share is its own, not the others', says nothing."""
 NOTHING = 1e-60
 """So small a sum of squares of a regressor says nothing."""

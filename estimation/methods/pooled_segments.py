@@ -10,7 +10,7 @@ from estimation.estimator import Estimates, Estimator
 SIGNIFICANT = 3.090232306167813
 """Standard deviations that a normal number exceeds once in a thousand times."""
 TELLING = 0.1
-"""A spread of this share of the mean between segments is told."""
+"""A spread between segments of this share of their root mean square is told."""
 FEWEST = 8
 """Fewest samples of a segment."""
 
@@ -41,9 +41,9 @@ def step(parameters: Parameters, state: State, phi: Regressors, f: float, dt: fl
             noise = max(ff - b * fv - k * fx, 1e-12 * ff) * correlation
             noise /= max(state[11] - 2.0 * correlation, 1.0)
             pool(state, 13, b, noise * xx / determinant)
-            pool(state, 18, k, noise * vv / determinant)
+            pool(state, 20, k, noise * vv / determinant)
             state[0], state[2] = pooled(state, 13)
-            state[1], state[3] = pooled(state, 18)
+            state[1], state[3] = pooled(state, 20)
         for i in range(5, 13):
             state[i] = 0.0
     if state[13] == 0.0:
@@ -51,14 +51,21 @@ def step(parameters: Parameters, state: State, phi: Regressors, f: float, dt: fl
 
 
 def pool(state: State, at: int, value: float, variance: float) -> None:
-    """Add a segment: count, sum of weights, their mean, spread about it, sum of squared weights."""
+    """Add a segment.
+
+    From state[at] on: count, sum of weights, weighted mean, weighted squares about it, and,
+    all of one weight, mean, squares about it, and mean variance.
+    """
     weight = 1.0 / (variance + 1e-300)
     state[at] += 1.0
     state[at + 1] += weight
     change = value - state[at + 2]
     state[at + 2] += weight / state[at + 1] * change
     state[at + 3] += weight * change * (value - state[at + 2])
-    state[at + 4] += weight * weight
+    change = value - state[at + 4]
+    state[at + 4] += change / state[at]
+    state[at + 5] += change * (value - state[at + 4])
+    state[at + 6] += (variance - state[at + 6]) / state[at]
 
 
 def pooled(state: State, at: int) -> tuple[float, float]:
@@ -80,11 +87,10 @@ def disagree(state: State, at: int) -> bool:
 
 
 def spread(state: State, at: int) -> float:
-    """Variance between the segments, by DerSimonian and Laird."""
-    scale = state[at + 1] - state[at + 4] / state[at + 1]
-    if not scale > 1e-12 * state[at + 1]:
+    """Variance between the segments, by Hedges and Olkin: theirs, less what noise makes of it."""
+    if state[at] < 2.0:
         return 0.0
-    return max((state[at + 3] - state[at] + 1.0) / scale, 0.0)
+    return max(state[at + 5] / (state[at] - 1.0) - state[at + 6], 0.0)
 
 
 class PooledSegments(Estimator):
@@ -95,7 +101,7 @@ class PooledSegments(Estimator):
     the weighted sum of their squared deviations from the mean, follows chi-squared. Where Q
     exceeds its 99.9 % quantile, one (b, k) does not explain them all: the standard deviation
     then has the spread between segments in it, and `misfit` tells it, once it is a tenth of
-    the mean.
+    their size.
 
     Parameters
     ----------
@@ -112,8 +118,8 @@ class PooledSegments(Estimator):
     References
     ----------
     W. G. Cochran, "The combination of estimates from different experiments", Biometrics 10(1),
-    1954; R. DerSimonian, N. Laird, "Meta-analysis in clinical trials", Controlled Clinical
-    Trials 7(3), 1986.
+    1954; L. V. Hedges, I. Olkin, "Statistical Methods for Meta-Analysis", Academic Press, 1985
+    (chapter 9, variance between studies).
     """
 
     step = staticmethod(step)
@@ -124,7 +130,7 @@ class PooledSegments(Estimator):
             raise ValueError(f"a segment's length must be positive, got {length} s")
         if not 1.0 <= correlation < math.inf:
             raise ValueError(f"correlation must be at least 1, got {correlation}")
-        super().__init__((length, correlation), (0.0, 0.0, math.nan, math.nan, 1.0, *[0.0] * 18))
+        super().__init__((length, correlation), (0.0, 0.0, math.nan, math.nan, 1.0, *[0.0] * 22))
 
     @property
     def segments(self) -> int:
@@ -133,15 +139,17 @@ class PooledSegments(Estimator):
 
     @property
     def misfit(self) -> dict[str, float]:
-        """Parameters on which the segments disagree: spread between them, as a share of the mean.
+        """Parameters on which the segments disagree: spread between them, as a share of their size.
 
         Empty where one Kelvin-Voigt body explains all segments.
         """
         found = {}
-        for name, at in (("b", 13), ("k", 18)):
-            share = math.sqrt(spread(self.state, at)) / max(abs(self.state[at + 2]), 1e-300)
-            if disagree(self.state, at) and share > TELLING:
-                found[name] = share
+        for name, at in (("b", 13), ("k", 20)):
+            if disagree(self.state, at):
+                between = math.sqrt(spread(self.state, at))
+                share = between / math.hypot(self.state[at + 4], between)
+                if share > TELLING:
+                    found[name] = share
         return found
 
     def note(self, estimates: Estimates) -> str | None:

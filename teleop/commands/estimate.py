@@ -93,20 +93,26 @@ def estimate(
     if more and (out or plot):
         raise InputError("--out and --plot take one recording: expected one file")
     check_outputs(out, picture=plot, source=file)
+    for i, path in enumerate(more):
+        if path.resolve() in [other.resolve() for other in (file, *more[:i])]:
+            raise InputError(f"{path} is named twice: expected different recordings")
     given = {
         "preset": preset,
         "conditioning": conditioning,
         "bandwidth": bandwidth,
         "force_lag": force_lag,
         "whole": whole or None,
-        "estimators": choose_estimators(estimators) if estimators else None,
+        "estimators": None if estimators is None else choose_estimators(estimators),
         "model": choose_model(model) if model else None,
     }
     evaluations: dict[str, Evaluation] = {}
     summaries = []
     for path in (file, *more):
         signals, recording = columns.read(path)
-        evaluation = evaluate(signals, chosen(recording, columns.datum, cube, given))
+        try:
+            evaluation = evaluate(signals, chosen(recording, columns.datum, cube, given))
+        except InputError as error:
+            raise InputError(f"{path}: {error}" if more else str(error)) from error
         summary = {"file": str(path), **evaluation.summary()}
         if recording:
             summary["as_online"] = agrees(evaluation, recording)

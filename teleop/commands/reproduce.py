@@ -52,7 +52,9 @@ def reproduce(
     from teleop.paper.reproduce import reproduce as run
     from teleop.paper.reproduce import write
 
-    names = choose_estimators(estimators) if estimators else ()
+    names = () if estimators is None else choose_estimators(estimators)
+    if model != "kelvin-voigt" and not names:
+        raise InputError(f"model {model}: expected --estimators, since the paper's have none")
     methods = Methods(names, choose_model(model))
     if out.exists() and not out.is_dir():
         raise InputError(f"{out}: expected a folder, this is a file")

@@ -100,7 +100,7 @@ def test_is_finite_whatever_the_signals(seed, size, name):
     assert not np.isinf(estimator.state).any()
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=80, deadline=None)
 @given(
     seed=st.integers(0, 2**32 - 1),
     gap=st.floats(0.1, 1e5),

@@ -66,4 +66,4 @@ def test_a_model_that_is_true_of_the_cube_errs_less():
     plain = compare_methods(trial, Methods(("rls",)))["rls"]
     stiffening = compare_methods(trial, Methods(("rls",), MODELS["stiffening"]))["rls"]
     assert stiffening.k_error < 0.5 * plain.k_error
-    assert stiffening.one_step_ratio < 0.5 * plain.one_step_ratio
+    assert stiffening.e_f < 0.5 * plain.e_f

@@ -13,7 +13,7 @@ from estimation.presets import PAPER
 from teleop.cli import main
 
 MEASURED = Path(__file__).parents[3] / "shared" / "data" / "mach1"
-RUN = ["run", "--clock", "virtual", "--duration", "1", "--condition", "autonomous"]
+RUN = ["run", "--clock", "virtual", "--duration", "0.6", "--condition", "autonomous"]
 
 
 def run_json(capsys, *arguments):
@@ -22,13 +22,13 @@ def run_json(capsys, *arguments):
     return json.loads(capsys.readouterr().out)
 
 
-def write_table(path, frequency, b, k, seed=0):
+def write_table(path, frequency, b, k, seed=0, noise=1e-3):
     """Twelve periods of a sine on a Kelvin-Voigt body, with noise."""
     t = np.arange(0.0, 12.0 / frequency, 0.01 / frequency)
     w = 2.0 * np.pi * frequency
     x = 2e-3 * np.sin(w * t)
     f = k * x + b * 2e-3 * w * np.cos(w * t)
-    f += np.random.default_rng(seed).normal(0.0, 1e-3 * np.abs(f).max(), t.size)
+    f += np.random.default_rng(seed).normal(0.0, noise * np.abs(f).max(), t.size)
     rows = "".join(f"{a:.6f},{p:.9f},{q:.9f}\n" for a, p, q in zip(t, x * 1e3, f, strict=True))
     path.write_text("Time [s],Displacement [mm],Force [N]\n" + rows)
     return path
@@ -134,3 +134,43 @@ def test_on_measured_tissue_the_best_beats_batch_and_the_set_is_told_apart(capsy
         ratios = {name: row["one_step_ratio"] for name, row in file["estimates"].items()}
         assert min(ratios.values()) <= 1.0, file["file"]
     assert "b" in document["together"]["misfit"]
+
+
+def test_motion_too_short_for_a_segment_is_no_defect(capsys, tmp_path):
+    files = [write_table(tmp_path / f"{i}.csv", 1.0, 20.0, 2100.0) for i in range(2)]
+    for file in files:
+        lines = file.read_text().splitlines(keepends=True)
+        file.write_text("".join(lines[:40]))
+    assert main(["estimate", *map(str, files), "--estimators", "all"]) == 0
+    assert "too short to compare" in capsys.readouterr().out
+
+
+def test_a_model_that_no_estimator_takes_is_refused_before_anything_moves(capsys, tmp_path):
+    table = write_table(tmp_path / "sine.csv", 1.0, 20.0, 2100.0)
+    for command in ([*RUN, "--no-record"], ["estimate", str(table)]):
+        assert main([*command, "--estimators", "me,segments", "--model", "datum"]) == 2
+        assert "model datum: none of me, segments takes it" in capsys.readouterr().err
+
+
+def test_a_file_named_twice_is_refused(capsys, tmp_path):
+    table = str(write_table(tmp_path / "sine.csv", 1.0, 20.0, 2100.0))
+    assert main(["estimate", table, table]) == 2
+    assert "is named twice" in capsys.readouterr().err
+
+
+def test_of_several_files_the_bad_one_is_named(capsys, tmp_path):
+    good = write_table(tmp_path / "good.csv", 1.0, 20.0, 2100.0)
+    still = tmp_path / "still.csv"
+    still.write_text(
+        "Time [s],Position [mm],Force [N]\n" + "".join(f"{i},{i},1\n" for i in range(50))
+    )
+    assert main(["estimate", str(good), str(still)]) == 2
+    assert f"{still}: nothing to estimate from" in capsys.readouterr().err
+
+
+def test_two_bodies_are_told_apart_however_unlike_the_noise(capsys, tmp_path):
+    files = [
+        write_table(tmp_path / "quiet.csv", 1.0, 20.0, 2000.0),
+        write_table(tmp_path / "loud.csv", 1.0, 20.0, 4000.0, noise=0.03),
+    ]
+    assert "k" in run_json(capsys, "estimate", *files)["together"]["misfit"]
