@@ -17,8 +17,8 @@ from bank_case import bank_of, show
 from bank_peers import peers
 
 from estimation import METHODS, Axis, Bank, Estimator, Grid, paper_preset
+from estimation.checks import checked_samples
 from estimation.compiled import compiled_sweep, interpreted_sweep
-from estimation.estimator import checked_samples
 
 RATE = 1000.0
 ROUNDS = 3

@@ -16,7 +16,8 @@ from estimation.identification import Identification, identify
 from estimation.least_squares import Fit, least_squares
 from estimation.methods.adaptive_identification import AdaptiveIdentification
 from estimation.methods.batch_window import BatchWindow
-from estimation.methods.multi_estimator import Axis, Grid, MultiEstimator
+from estimation.methods.grid import Axis, Grid
+from estimation.methods.multi_estimator import MultiEstimator
 from estimation.methods.pooled_segments import PooledSegments
 from estimation.methods.recursive_least_squares import RecursiveLeastSquares
 from estimation.metrics import coverage, estimated_force, force_error, predicted_force, rise_time

@@ -7,8 +7,9 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
+from estimation.checks import check_sample, checked_samples
 from estimation.compiled import Samples
-from estimation.estimator import Estimate, Estimates, Estimator, check_sample, checked_samples
+from estimation.estimator import Estimate, Estimates, Estimator
 from estimation.gate import Gate
 
 

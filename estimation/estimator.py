@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
@@ -11,12 +10,11 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from estimation.checks import check_sample, checked_samples
 from estimation.compiled import Floats, Law, Parameters, Regressors, Samples, State, Step, sweep
 from estimation.model import KELVIN_VOIGT, UNITS, Model
 from estimation.unrolled import Helpers, unrolled
 
-LARGEST = 1e30
-"""A sample at least this large is refused; the square of a sum of such would soon overflow."""
 UNKNOWN = 1e12
 """A standard deviation from here on says that nothing has been learned."""
 LEVEL_95 = 1.959963984540054
@@ -172,8 +170,8 @@ class Estimator(ABC):
         Raises
         ------
         ValueError
-            A value is not finite or absurdly large (`LARGEST`), `dt` is not positive, or there
-            are not as many regressors as the model has. The estimator stays as it was.
+            A value is not finite or absurdly large, `dt` is not positive, or there are not as many
+            regressors as the model has. The estimator stays as it was.
         """
         x, v, f, dt = float(x), float(v), float(f), float(dt)
         further = [float(value) for value in further]
@@ -262,59 +260,3 @@ class Estimator(ABC):
                 f"{count} regressors besides v and x were given, but the model "
                 f"{self.model.name} has {expected}"
             )
-
-
-def check_sample(dt: float, further: Sequence[float] = (), **values: float) -> None:
-    """Raise ValueError unless the values are finite and not absurdly large, and dt is positive."""
-    size = sum(map(abs, values.values())) + sum(map(abs, further))
-    if not (size < LARGEST and 0.0 < dt < math.inf):
-        values |= {f"further[{i}]": value for i, value in enumerate(further)}
-        got = ", ".join(f"{name}={value!r}" for name, value in values.items())
-        raise ValueError(
-            f"a sample must be finite, below {LARGEST:g}, with dt > 0, got {got}, dt={dt!r}"
-        )
-
-
-def checked_samples(
-    x: ArrayLike, v: ArrayLike, f: ArrayLike, dt: ArrayLike, further: ArrayLike | None = None
-) -> Samples:
-    """The samples as contiguous float64 arrays.
-
-    Raises
-    ------
-    ValueError
-        The shapes differ, a value is not finite, or a `dt` is not positive.
-    """
-    shape = np.shape(x)
-    if len(shape) != 1:
-        raise ValueError(f"samples must be one-dimensional, x has shape {shape}")
-    if np.ndim(dt) == 0:
-        dt = np.full(shape, dt, dtype=np.float64)
-    more = np.empty((*shape, 0)) if further is None else np.asarray(further, dtype=np.float64)
-    if more.ndim != 2:
-        raise ValueError(f"further regressors must be of shape (n, regressors), not {more.shape}")
-    channels = {"x": x, "v": v, "f": f, "dt": dt}
-    channels |= {f"further {i}": column for i, column in enumerate(more.T)}
-    checked = {}
-    for name, channel in channels.items():
-        array = np.ascontiguousarray(channel, dtype=np.float64)
-        if array.shape != shape:
-            raise ValueError(f"{name} has shape {array.shape}, but x has {shape}")
-        good = (array > 0.0) & (array < np.inf) if name == "dt" else np.abs(array) < LARGEST
-        if not good.all():
-            n = int(np.argmin(good))
-            expected = "a positive number" if name == "dt" else f"a finite number below {LARGEST:g}"
-            raise ValueError(f"{name}[{n}] is {array[n]}, expected {expected}")
-        checked[name] = array
-    phi = np.column_stack((checked["v"], checked["x"], more))
-    return Samples(phi, checked["f"], checked["dt"], np.ones(shape, dtype=np.bool_))
-
-
-def positive_values(name: str, values: Sequence[float], model: Model) -> tuple[float, ...]:
-    """A setting's value for each parameter, or ValueError unless all are positive and finite."""
-    if len(values) != model.regressors or not all(0.0 < value < math.inf for value in values):
-        raise ValueError(
-            f"{name} must be {model.regressors} positive numbers, for "
-            f"{', '.join(model.parameters)}, got {tuple(values)}"
-        )
-    return tuple(values)

@@ -8,7 +8,7 @@ from collections import deque
 import numpy as np
 from numpy.typing import ArrayLike
 
-from estimation.estimator import check_sample
+from estimation.checks import check_sample
 
 
 class Excitation:

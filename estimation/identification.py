@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from estimation.bank import Bank
+from estimation.checks import checked_samples
 from estimation.compiled import Floats
 from estimation.conditioning import MatchedFilter, Regression
-from estimation.estimator import LEVEL_95, Estimates, checked_samples
+from estimation.estimator import LEVEL_95, Estimates
 from estimation.excitation import dominant_frequency
 from estimation.model import model_named
 from estimation.presets import PAPER, Preset, named_estimators, scaled_preset

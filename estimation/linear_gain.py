@@ -26,11 +26,12 @@ and from `own(m)` on what the method itself needs.
 from __future__ import annotations
 
 from abc import abstractmethod
-from math import inf, sqrt
+from math import sqrt
 from typing import ClassVar
 
 import numpy as np
 
+from estimation.checks import check_correlation
 from estimation.compiled import Floats, Parameters, Regressors, State
 from estimation.estimator import Estimator
 from estimation.model import KELVIN_VOIGT, Model
@@ -89,8 +90,7 @@ def correct(parameters: Parameters, state: State, phi: Regressors, f: float, dt:
         share = parameters[0] * dt
         if share > 1.0:
             share = 1.0
-        evidence = state[2 * m + 1]
-        evidence += share * (weight - evidence)
+        evidence = (1.0 - share) * state[2 * m + 1] + share * weight
         state[2 * m + 1] = evidence
         share *= weight / evidence
         if share > 1.0:
@@ -149,8 +149,7 @@ class LinearGainEstimator(Estimator):
         model: Model = KELVIN_VOIGT,
         correlation: float = 1.0,
     ) -> None:
-        if not 1.0 <= correlation < inf:
-            raise ValueError(f"correlation must be at least 1, got {correlation}")
+        check_correlation(correlation)
         m = model.regressors
         covariance = [0.0] * (m * m)
         covariance[:: m + 1] = [DIFFUSE * variance for variance in guess_variance]

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from estimation.bank import Bank
-from estimation.estimator import Estimator, checked_samples
+from estimation.checks import checked_samples
+from estimation.estimator import Estimator
 from estimation.gate import Gate, GateSettings
 from estimation.methods.active_observer import ActiveObserver
 from estimation.methods.adaptive_identification import AdaptiveIdentification
@@ -21,11 +22,12 @@ from estimation.methods.composite_adaptive import CompositeAdaptive
 from estimation.methods.conditional_update import ConditionalUpdate
 from estimation.methods.constant_trace import ConstantTrace
 from estimation.methods.directional_forgetting import DirectionalForgetting
+from estimation.methods.grid import Axis, Grid
 from estimation.methods.hunt_crossley_double_stage import DoubleStage
 from estimation.methods.hunt_crossley_logarithmic import Logarithmic
 from estimation.methods.indirect_adaptive import IndirectAdaptive
 from estimation.methods.kalman_filter import RandomWalkKalman, process_noise
-from estimation.methods.multi_estimator import Axis, Grid, MultiEstimator
+from estimation.methods.multi_estimator import MultiEstimator
 from estimation.methods.normalised_identification import NormalisedIdentification
 from estimation.methods.passive_least_squares import PassiveLeastSquares
 from estimation.methods.pooled_segments import PooledSegments

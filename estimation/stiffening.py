@@ -14,9 +14,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from estimation.checks import checked_samples
 from estimation.compiled import Floats
-from estimation.conditioning import Lag, LowPass
-from estimation.estimator import checked_samples
+from estimation.filters import Lag, LowPass
 
 CHI2_95 = 3.841458820694124
 """95 % quantile of chi-squared with one degree of freedom."""

@@ -15,7 +15,7 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
 from estimation import MODELS, identify, predicted_force
-from estimation.conditioning import Lag
+from estimation.filters import Lag
 
 ARGUMENTS = [] if "ipykernel" in sys.modules else sys.argv[1:]  # [folder for the figure]
 FOLDER = Path(*ARGUMENTS[:1])

@@ -11,7 +11,7 @@ from estimation import (
     MatchedFilter,
     StateVariableFilter,
 )
-from estimation.conditioning import angular
+from estimation.filters import angular
 from estimation.model import KELVIN_VOIGT, Model, model_named
 from estimation.presets import named_estimators
 from teleop.admittance import Coupling

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from estimation import BatchWindow, Estimates, Estimator, Regression, coverage, predicted_force
+from estimation.checks import checked_samples
 from estimation.compiled import Floats, interpreted_sweep
-from estimation.estimator import checked_samples
 from estimation.model import KELVIN_VOIGT
 
 YARDSTICK = 1.0

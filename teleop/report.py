@@ -6,6 +6,7 @@ from dataclasses import replace
 from html import escape
 
 from estimation import MultiEstimator
+from estimation.model import KELVIN_VOIGT
 from estimation.redundancy import ambiguity
 from teleop.black_box import fault_of, fault_text
 from teleop.estimate import Evaluation
@@ -54,7 +55,7 @@ def report_page(name: str, evaluation: Evaluation, recording: Recording | None =
         captioned(
             figure,
             "Estimated stiffness with the displacement profile (grey), estimated damping "
-            "with the velocity profile (grey).",
+            "with the velocity profile (grey); shaded, the 95 % interval of the first.",
         )
     }
 <h2>What the data could not tell apart</h2>
@@ -107,7 +108,7 @@ def ambiguity_drawing(evaluation: Evaluation) -> str:
     """The bands of tied candidates over time, as an SVG element."""
     e = evaluation
     every = max(1, len(e.t) // LOOKS)
-    alone = replace(e.preset, estimators=("me",))
+    alone = replace(e.preset, estimators=("me",), model=KELVIN_VOIGT)
     fresh = alone.bank()["me"]
     assert isinstance(fresh, MultiEstimator)
     tied = ambiguity(fresh, *e.regression[:4], MARGIN, every)

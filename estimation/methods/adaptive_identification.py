@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from typing import Literal
 
+from estimation.checks import positive_values
 from estimation.compiled import Parameters, Regressors, State
-from estimation.estimator import Estimates, positive_values
+from estimation.estimator import Estimates
 from estimation.linear_gain import LinearGainEstimator, correct, own
 from estimation.model import KELVIN_VOIGT, Model
 

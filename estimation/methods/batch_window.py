@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from math import inf, sqrt
 
+from estimation.checks import LARGEST, check_correlation
 from estimation.compiled import Parameters, Regressors, State
-from estimation.estimator import LARGEST, Estimator
+from estimation.estimator import Estimator
 from estimation.model import KELVIN_VOIGT, Model
 
 SINGULAR = 1e-10
@@ -179,8 +180,7 @@ class BatchWindow(Estimator):
             raise ValueError(
                 f"window and sample period must be positive, got {window} and {sample_period}"
             )
-        if not 1.0 <= correlation < inf:
-            raise ValueError(f"correlation must be at least 1, got {correlation}")
+        check_correlation(correlation)
         if not m < round(min(window / sample_period, 2.0 * LONGEST)) <= LONGEST:
             raise ValueError(
                 f"a window must have more than {m} samples and at most {LONGEST}, got "

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 
+from estimation.checks import check_correlation
 from estimation.compiled import Parameters, Regressors, State
 from estimation.estimator import Estimator
+from estimation.methods.grid import Axis, Grid
 from estimation.methods.multi_estimator import (
     FASTEST,
-    Axis,
-    Grid,
     MultiEstimator,
     decay_and_add,
     deviations,
@@ -146,8 +146,7 @@ class CoarseToFine(Estimator):
             raise ValueError(f"spacing must be two positive numbers, for b and k, got {spacing}")
         if not 2 <= half <= 10_000 or half != int(half):
             raise ValueError(f"half the grid must be 2 to 10000 candidates, got {half}")
-        if not 1.0 <= correlation < math.inf:
-            raise ValueError(f"correlation must be at least 1, got {correlation}")
+        check_correlation(correlation)
         b_step, k_step = spacing
         super().__init__(
             (

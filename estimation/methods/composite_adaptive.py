@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 
+from estimation.checks import positive_values
 from estimation.compiled import Parameters, Regressors, State
-from estimation.estimator import Estimator, positive_values
+from estimation.estimator import Estimator
 from estimation.model import KELVIN_VOIGT, Model
 
 LARGEST = 10.0

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from math import exp, inf, log, log1p, sqrt
+from math import exp, log, log1p, sqrt
 
+from estimation.checks import check_correlation
 from estimation.compiled import Parameters, Regressors, State
 from estimation.estimator import Estimator
 from estimation.linear_gain import NOISE_MEMORY
@@ -201,8 +202,7 @@ class Logarithmic(Estimator):
         correlation: float = 1.0,
     ) -> None:
         check_contact(memory, displacement, velocity, threshold)
-        if not 1.0 <= correlation < inf:
-            raise ValueError(f"correlation must be at least 1, got {correlation}")
+        check_correlation(correlation)
         super().__init__(
             (
                 1.0 / memory,

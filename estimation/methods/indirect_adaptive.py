@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
+from estimation.checks import positive_values
 from estimation.compiled import Parameters, Regressors, State
-from estimation.estimator import positive_values
 from estimation.linear_gain import LinearGainEstimator, correct
 from estimation.model import KELVIN_VOIGT, Model
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from math import inf
 
+from estimation.checks import positive_values
 from estimation.compiled import Parameters, Regressors, State
-from estimation.estimator import Estimates, positive_values
+from estimation.estimator import Estimates
 from estimation.linear_gain import correct
 from estimation.methods.ud_factors import (
     FactoredEstimator,

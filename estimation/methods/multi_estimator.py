@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from estimation.checks import check_correlation
 from estimation.compiled import Floats, Parameters, Regressors, State
 from estimation.estimator import Estimates, Estimator
 from estimation.linear_gain import NOISE_MEMORY
+from estimation.methods.grid import Grid
 from estimation.methods.lattice import inside, least_in_box, lowest_on_border
 from estimation.unrolled import Helpers
 
@@ -21,60 +22,6 @@ TIE = 1e-9
 """Weight of the tie-breaking term, as a share of the monitoring signal that the grid spans."""
 FASTEST = 1e6
 """Largest forgetting rate [1/s]."""
-MOST = 10**8
-"""Most candidates along one axis."""
-
-
-@dataclass(frozen=True)
-class Axis:
-    """Evenly spaced candidate values of one parameter, from `first` to `last`.
-
-    Raises
-    ------
-    ValueError
-        Fewer than two values, or values that do not rise.
-    """
-
-    first: float
-    last: float
-    count: int
-
-    def __post_init__(self) -> None:
-        if not -math.inf < self.first < self.last < math.inf:
-            raise ValueError(f"candidates must rise, got {self.first} to {self.last}")
-        if not 2 <= self.count <= MOST or self.count != int(self.count):
-            raise ValueError(
-                f"an axis needs at least two candidates and at most {MOST:g}, got {self.count}"
-            )
-
-    @property
-    def spacing(self) -> float:
-        """Distance between neighbours."""
-        return (self.last - self.first) / (self.count - 1)
-
-    @property
-    def values(self) -> Floats:
-        """All candidate values, shape (count,)."""
-        return self.first + self.spacing * np.arange(self.count, dtype=np.float64)
-
-    @property
-    def nearest_zero(self) -> int:
-        """Index of the value of least magnitude, the lower of two."""
-        wanted = math.ceil(-self.first / self.spacing - 0.5)
-        return min(max(wanted, 0), self.count - 1)
-
-
-@dataclass(frozen=True)
-class Grid:
-    """The candidates: every pair of a damping [N s/m] and a stiffness [N/m]."""
-
-    b: Axis
-    k: Axis
-
-    @property
-    def candidates(self) -> int:
-        """How many there are."""
-        return self.b.count * self.k.count
 
 
 def step(parameters: Parameters, state: State, phi: Regressors, f: float, dt: float) -> None:
@@ -240,8 +187,7 @@ class MultiEstimator(Estimator):
             raise ValueError(
                 f"forgetting rate must be between 0 and {FASTEST:g}/s, got {forgetting_rate}"
             )
-        if not 1.0 <= correlation < math.inf:
-            raise ValueError(f"correlation must be at least 1, got {correlation}")
+        check_correlation(correlation)
         self.grid = grid
         parameters = [2.0 * forgetting_rate]
         for axis in (grid.b, grid.k):

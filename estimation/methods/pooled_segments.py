@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from estimation.checks import check_correlation
 from estimation.compiled import Parameters, Regressors, State
 from estimation.estimator import Estimates, Estimator
 
@@ -128,8 +129,7 @@ class PooledSegments(Estimator):
     def __init__(self, length: float, correlation: float = 1.0) -> None:
         if not 0.0 < length < math.inf:
             raise ValueError(f"a segment's length must be positive, got {length} s")
-        if not 1.0 <= correlation < math.inf:
-            raise ValueError(f"correlation must be at least 1, got {correlation}")
+        check_correlation(correlation)
         super().__init__((length, correlation), (0.0, 0.0, math.nan, math.nan, 1.0, *[0.0] * 22))
 
     @property

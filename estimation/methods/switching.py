@@ -6,9 +6,9 @@ import math
 
 from estimation.compiled import Parameters, Regressors, State
 from estimation.estimator import Estimates, Estimator
+from estimation.methods.grid import Grid
 from estimation.methods.multi_estimator import (
     TIE,
-    Grid,
     MultiEstimator,
     decay_and_add,
     deviations,

@@ -21,8 +21,9 @@ from typing import ClassVar
 
 import numpy as np
 
+from estimation.checks import positive_values
 from estimation.compiled import Floats, Parameters, Regressors, State
-from estimation.estimator import Estimates, positive_values
+from estimation.estimator import Estimates
 from estimation.linear_gain import LinearGainEstimator, correct, own
 from estimation.model import KELVIN_VOIGT, Model
 from estimation.unrolled import Helpers

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from estimation import METHODS, paper_preset
+from estimation.checks import checked_samples
 from estimation.compiled import compiled_sweep
-from estimation.estimator import checked_samples
 
 for make in METHODS.values():
     estimator = make(paper_preset())

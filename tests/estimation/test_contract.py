@@ -18,12 +18,12 @@ from estimation import (
     RecursiveLeastSquares,
     paper_preset,
 )
+from estimation.checks import checked_samples
 from estimation.compiled import (
     WORTH_COMPILING,
     compiled_sweep,
     interpreted_sweep,
 )
-from estimation.estimator import checked_samples
 
 PRESET = paper_preset("medium")
 VARIANTS = {

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from estimation import Bank, Gate, GateSettings, paper_preset
+from estimation.checks import checked_samples
 from estimation.compiled import Samples, compiled_sweep, interpreted_sweep
-from estimation.estimator import checked_samples
 
 SETTINGS = GateSettings(force=0.5, speed=2e-3, window=0.02)
 DT = 1e-3

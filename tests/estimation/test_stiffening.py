@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from estimation import MatchedFilter, least_squares
-from estimation.conditioning import Lag
+from estimation.filters import Lag
 from estimation.stiffening import MatchedSignals, evenly_lagged, lagged
 
 B, K, K3 = 20.0, 15_000.0, 4e9

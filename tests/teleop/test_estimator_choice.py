@@ -47,6 +47,16 @@ def test_every_estimator_runs_live_is_recorded_and_estimates_again_to_the_bit(ca
     assert not fewer["as_online"]
 
 
+def test_a_report_needs_none_of_the_papers_estimators(capsys, tmp_path):
+    path = tmp_path / "kalman.mcap"
+    chosen = ["--estimators", "kalman,segments", "--model", "stiffening"]
+    assert main([*RUN, *chosen, "--record", str(path)]) == 0
+    assert main(["report", str(path)]) == 0
+    page = path.with_suffix(".html").read_text()
+    assert "kalman" in page
+    assert "at the end" in page
+
+
 def test_the_papers_three_are_the_default(capsys):
     document = run_json(capsys, *RUN, "--no-record")
     assert tuple(document["estimates"]) == PAPER

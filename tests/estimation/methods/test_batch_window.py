@@ -4,7 +4,7 @@ import statsmodels.api as sm
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from estimation.estimator import LARGEST
+from estimation.checks import LARGEST
 from estimation.methods.batch_window import BatchWindow
 from estimation.model import WITH_DATUM
 

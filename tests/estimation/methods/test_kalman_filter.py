@@ -4,7 +4,7 @@ from filterpy.kalman import KalmanFilter
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from estimation.estimator import checked_samples
+from estimation.checks import checked_samples
 from estimation.methods.kalman_filter import RandomWalkKalman, process_noise
 from estimation.model import WITH_DATUM
 

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from estimation.methods.multi_estimator import TIE, Axis, Grid, MultiEstimator
+from estimation.methods.grid import Axis, Grid
+from estimation.methods.multi_estimator import TIE, MultiEstimator
 from estimation.methods.switching import SwitchingMultiEstimator
 
 SMALL = Grid(b=Axis(-60.0, 60.0, 13), k=Axis(500.0, 4000.0, 36))

@@ -1,0 +1,72 @@
+"""Filters that are exact for an input that runs straight from sample to sample."""
+
+from __future__ import annotations
+
+import math
+
+
+class LowPass:
+    """Critically damped second-order low-pass y'' + 2 w y' + w^2 y = w^2 u and its derivative y'.
+
+    Its input runs straight from sample to sample, for which the discretisation is exact with
+    every `dt`. It starts at rest on the first sample.
+    """
+
+    def __init__(self, bandwidth: float) -> None:
+        self._omega = angular(bandwidth)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget every sample."""
+        self._u = math.nan
+        self.y = self.rate = 0.0
+
+    def update(self, u: float, dt: float) -> None:
+        """Let `dt` [s] pass in which the input went straight to u."""
+        omega = self._omega
+        if math.isnan(self._u):
+            self._u = self.y = u
+        ramp = (u - self._u) / dt
+        lag = 2.0 * ramp / omega
+        decay = math.exp(-omega * dt)
+        offset = self.y - self._u + lag
+        slope = self.rate - ramp + omega * offset
+        self.y = u - lag + (offset + slope * dt) * decay
+        self.rate = ramp + (slope - omega * (offset + slope * dt)) * decay
+        self._u = u
+
+    @property
+    def acceleration(self) -> float:
+        """Y''."""
+        return self._omega * (self._omega * (self._u - self.y) - 2.0 * self.rate)
+
+
+class Lag:
+    """First-order lag tau y' = u - y, exact for an input that runs straight between samples."""
+
+    def __init__(self, lag: float) -> None:
+        if not 0.0 <= lag < math.inf:
+            raise ValueError(f"lag must be >= 0, got {lag} s")
+        self._lag = lag
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget every sample."""
+        self._u = self.y = math.nan
+
+    def update(self, u: float, dt: float) -> float:
+        """Let `dt` [s] pass in which the input went straight to u; returns the output."""
+        if self._lag == 0.0 or math.isnan(self._u):
+            self.y = u
+        else:
+            behind = (u - self._u) / dt * self._lag
+            self.y = u - behind + (self.y - self._u + behind) * math.exp(-dt / self._lag)
+        self._u = u
+        return self.y
+
+
+def angular(bandwidth: float) -> float:
+    """2 pi times a frequency [Hz], or ValueError unless it is positive and of this world."""
+    if not 1e-6 <= bandwidth <= 1e6:
+        raise ValueError(f"bandwidth must be positive, 1e-6 to 1e6 Hz, got {bandwidth} Hz")
+    return 2.0 * math.pi * bandwidth

@@ -1,0 +1,65 @@
+"""The grid of candidates of a multi-estimator."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from estimation.compiled import Floats
+
+MOST = 10**8
+"""Most candidates along one axis."""
+
+
+@dataclass(frozen=True)
+class Axis:
+    """Evenly spaced candidate values of one parameter, from `first` to `last`.
+
+    Raises
+    ------
+    ValueError
+        Fewer than two values, or values that do not rise.
+    """
+
+    first: float
+    last: float
+    count: int
+
+    def __post_init__(self) -> None:
+        if not -math.inf < self.first < self.last < math.inf:
+            raise ValueError(f"candidates must rise, got {self.first} to {self.last}")
+        if not 2 <= self.count <= MOST or self.count != int(self.count):
+            raise ValueError(
+                f"an axis needs at least two candidates and at most {MOST:g}, got {self.count}"
+            )
+
+    @property
+    def spacing(self) -> float:
+        """Distance between neighbours."""
+        return (self.last - self.first) / (self.count - 1)
+
+    @property
+    def values(self) -> Floats:
+        """All candidate values, shape (count,)."""
+        return self.first + self.spacing * np.arange(self.count, dtype=np.float64)
+
+    @property
+    def nearest_zero(self) -> int:
+        """Index of the value of least magnitude, the lower of two."""
+        wanted = math.ceil(-self.first / self.spacing - 0.5)
+        return min(max(wanted, 0), self.count - 1)
+
+
+@dataclass(frozen=True)
+class Grid:
+    """The candidates: every pair of a damping [N s/m] and a stiffness [N/m]."""
+
+    b: Axis
+    k: Axis
+
+    @property
+    def candidates(self) -> int:
+        """How many there are."""
+        return self.b.count * self.k.count
