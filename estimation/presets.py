@@ -105,13 +105,8 @@ class Preset:
         ValueError
             A setting is out of its range, or a name is none of `METHODS`.
         """
-        unknown = [name for name in self.estimators if name not in METHODS]
-        if unknown:
-            raise ValueError(
-                f"estimator {unknown[0]!r}: expected all, or some of {', '.join(METHODS)}"
-            )
         made = {}
-        for name in self.estimators:
+        for name in named_estimators(self.estimators):
             try:
                 made[name] = METHODS[name](self)
             except ValueError as error:
