@@ -117,9 +117,7 @@ class Evaluation:
                 "source": self.datum.source,
             },
             "model": self.preset.model.name,
-            "own_model": [
-                name for name, e in self.bank.items() if e.model is not self.preset.model
-            ],
+            "own_model": [name for name, e in self.bank.items() if e.model != self.preset.model],
             "bandwidth_hz": self.bandwidth,
             "memory_s": 0.5 / self.preset.forgetting_rate,
             "excitation": {

@@ -179,20 +179,16 @@ def print_model(console: Console, summary: Mapping[str, Any]) -> None:
         )
 
 
-def print_together(together: Mapping[str, Any], files: Sequence[Mapping[str, Any]]) -> None:
-    """One batch fit for each file, and one for all of them."""
+def print_together(together: Mapping[str, Any]) -> None:
+    """One Kelvin-Voigt fit for each file, and one for all of them."""
     console = plain_console()
-    names = [Path(row["file"]).name for row in files]
+    names = [Path(row["file"]).name for row in together["alone"]]
     if len(set(names)) < len(names):
-        names = [row["file"] for row in files]
-    rows = [
-        (name, row["batch"] | {"rms": row["batch"]["one_step_rms"]})
-        for name, row in zip(names, files, strict=True)
-    ]
-    rows.append(("all together", dict(together)))
+        names = [row["file"] for row in together["alone"]]
+    rows = [*zip(names, together["alone"], strict=True), ("all together", together)]
     print_table(
         console,
-        "batch least squares, one by one and together",
+        "batch least squares of Kelvin-Voigt, one by one and together",
         ("", "k [N/m]", "b [N s/m]", "residual [N rms]"),
         (
             [name, number(row["k"], 0), number(row["b"], digits(row["b"])), small(row["rms"])]

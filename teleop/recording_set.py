@@ -31,9 +31,14 @@ def taken_together(evaluations: Mapping[str, Evaluation]) -> dict[str, Any]:
     regressions = [e.regression for e in evaluations.values()]
     x, v, f = (np.concatenate([r[channel] for r in regressions]) for channel in range(3))
     fit = least_squares(x, v, f)
-    alone = np.concatenate([least_squares(*r[:3]).residual for r in regressions])
+    fits = [least_squares(*regression[:3]) for regression in regressions]
+    alone = np.concatenate([one.residual for one in fits])
     last = segments.estimate
     return {
+        "alone": [
+            {"file": file, "b": one.b, "k": one.k, "rms": one.rms}
+            for file, one in zip(evaluations, fits, strict=True)
+        ],
         "b": fit.b,
         "k": fit.k,
         "rms": fit.rms,

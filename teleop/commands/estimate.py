@@ -126,7 +126,7 @@ def estimate(
         document = {"files": summaries, "together": together} if together else summaries[0]
         console.print_json(document)
     elif together:
-        print_together(together, summaries)
+        print_together(together)
     if out:
         write_table(out, *evaluation.columns())
     if plot:

@@ -42,9 +42,12 @@ def test_every_estimator_runs_live_is_recorded_and_estimates_again_to_the_bit(ca
     assert again["as_online"]
     assert again["estimates"]["rls"]["further"] == live["estimates"]["rls"]["further"]
     assert again["estimates"]["hc_log"]["further"].keys() == {"K", "B", "n"}
+    assert {"me", "hc_log", "segments"} < {*again["own_model"]}
+    assert "rls" not in again["own_model"]
     fewer = run_json(capsys, "estimate", path, "--estimators", "rls,ai", "--model", "kelvin-voigt")
     assert [*fewer["estimates"]] == ["rls", "ai"]
     assert not fewer["as_online"]
+    assert fewer["own_model"] == []
 
 
 def test_a_report_needs_none_of_the_papers_estimators(capsys, tmp_path):
