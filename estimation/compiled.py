@@ -8,6 +8,7 @@ import sys
 from collections.abc import Callable, MutableSequence, Sequence
 from functools import cache
 from importlib.util import find_spec
+from pathlib import Path
 from types import FunctionType
 from typing import NamedTuple
 
@@ -103,14 +104,21 @@ def compiled(step: Step, helpers: Helpers, regressors: int) -> Callable[..., Flo
         numba.extending.register_jitable(helper)
     # numba's disk cache looks neither into called functions nor past a closure. So the step
     # is a global of a copy of `_template`, and the copy's name carries the source of the
-    # modules of the step and its helpers, their constants included.
-    modules = {function.__module__ for function in (step, *helpers)} | {unrolled.__module__}
+    # modules of the step and its helpers, and of this package, whose constants they import.
+    modules = {function.__module__ for function in (step, *helpers)}
     source = "".join(inspect.getsource(sys.modules[module]) for module in sorted(modules))
-    digest = hashlib.sha256(source.encode()).hexdigest()[:16]
+    digest = hashlib.sha256((source + package_source()).encode()).hexdigest()[:16]
     loop = FunctionType(_template.__code__, {"np": np, "_step": numba.njit(plain)})
     loop.__module__ = __name__
     loop.__qualname__ = f"{step.__module__}.{step.__name__}.{regressors}.{digest}"
     return numba.njit(cache=True)(loop)
+
+
+@cache
+def package_source() -> str:
+    """All of this package's modules."""
+    files = sorted(Path(__file__).parent.rglob("*.py"))
+    return "".join(file.read_text(encoding="utf-8") for file in files)
 
 
 def _step(parameters: Floats, state: Floats, phi: Floats, f: float, dt: float) -> None:

@@ -61,6 +61,8 @@ def compare(
     b, k
         The reference: damping [N s/m] and stiffness [N/m], of shape (n,) or one number for all.
     """
+    if not estimates:
+        return {}
     x, v, f, dt, further = regression
     settled = np.cumsum(dt) > min(YARDSTICK, 0.5 * float(dt.sum()))
     true_b, true_k = (np.broadcast_to(np.asarray(truth), x.shape)[settled] for truth in (b, k))

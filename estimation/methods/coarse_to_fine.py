@@ -6,7 +6,7 @@ import math
 
 from estimation.checks import check_correlation
 from estimation.compiled import Parameters, Regressors, State
-from estimation.estimator import Estimator
+from estimation.estimator import UNKNOWN, Estimator
 from estimation.methods.grid import Axis, Grid
 from estimation.methods.multi_estimator import (
     FASTEST,
@@ -19,8 +19,6 @@ from estimation.methods.multi_estimator import (
 B_AXIS, K_AXIS = 17, 20
 """Where each axis is in the state: its middle in units of its spacing, its spacing, and for how
 long [s] the winner has not been at its edge."""
-UNKNOWN = 1e12
-"""Standard deviation of what is not known at all."""
 TIE = 1e-12
 """As the multi-estimator's; less, since this grid may be narrow and far from zero."""
 FINEST = 1e-9
@@ -49,7 +47,6 @@ def step(parameters: Parameters, state: State, phi: Regressors, f: float, dt: fl
         TIE,
     )
     state[2], state[3] = deviations(correlation, state, UNKNOWN, UNKNOWN, dt)
-    state[4] = 0.0
     b, k = state[0], state[1]
     mu = state[5] + b * (b * state[8] - 2.0 * state[6]) + k * (k * state[10] - 2.0 * state[7])
     noise = correlation * max(mu + 2.0 * b * k * state[9], 0.0) / state[14]

@@ -66,7 +66,6 @@ def step(parameters: Parameters, state: State, phi: Regressors, f: float, dt: fl
     state[2] = stiffness * per_si
     state[3] = damping * per_si
     state[4] = n
-    state[10] = 0.0
 
 
 class DoubleStage(Estimator):

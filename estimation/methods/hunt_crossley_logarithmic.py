@@ -6,7 +6,7 @@ from math import exp, log, log1p, sqrt
 
 from estimation.checks import check_correlation
 from estimation.compiled import Parameters, Regressors, State
-from estimation.estimator import Estimator
+from estimation.estimator import UNKNOWN, Estimator
 from estimation.linear_gain import NOISE_MEMORY
 
 NAMES = ("b", "k", "K", "B", "n")
@@ -19,8 +19,6 @@ PRIOR = 1e-8
 """Weight of n = 1.5 and B = 0, each give or take one, as a share of the samples' weight."""
 TOUCH = 1e-6
 """Least displacement in contact, as a share of the typical one."""
-UNKNOWN = 1e12
-"""Standard deviation before the first contact."""
 LARGEST_LOG = 230.0
 """Largest logarithm of a force or stiffness that is reported."""
 
@@ -78,7 +76,6 @@ def step(parameters: Parameters, state: State, phi: Regressors, f: float, dt: fl
         root * stiffness / parameters[2] * sqrt(variance(state, damping, -damping * origin, own))
     )
     state[9] = root * sqrt(state[33])
-    state[10] = 0.0
 
 
 def gather(state: State, beta: float, weight: float, lx: float, u: float, y: float) -> None:
