@@ -69,15 +69,18 @@ def run_case(case: Case, name: str, folder: Path, slack: float = 0.0) -> dict[st
             break
     for other in case.sinks:
         other.close()
-    event = next((e for e in case.box._events if e.fault), None)
-    fault = event.fault if event else None
+    events = [e for e in case.box._events if e.fault]
+    fault = next((e.fault for e in events if e.fault in kind.faults), None)
+    if events and not fault:
+        fault = events[0].fault
+    sources = {e.source for e in events if e.fault is fault}
     took = max(stopped - known, 0.0) if done and known < math.inf else 0.0
     problems = []
     due = known < math.inf
     if fault not in kind.faults and (due or fault is not None):
         problems.append(f"called {fault}")
-    if due and kind.source and event and event.source != kind.source:
-        problems.append(f"source {event.source}")
+    if due and kind.source and events and kind.source not in sources:
+        problems.append(f"source {', '.join(sources)}")
     if not took <= kind.bound + slack + 1e-9:
         problems.append(f"stopped after {took * 1e3:.1f} ms")
     if kind.ends and (alive or fault):

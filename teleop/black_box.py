@@ -119,6 +119,8 @@ def fault_text(recording: Recording, fault: dict[str, Any]) -> str:
         for name in ("value", "limit", "since")
         if fault[name] is not None
     ]
+    others = [event["text"] for event in recording.events if event["fault"] and event is not fault]
+    lines += [f"also      {text}" for text in others]
     if len(t) and at >= 0:
         lines += ["", "channels at that tick"]
         for name in (

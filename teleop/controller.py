@@ -13,10 +13,20 @@ from teleop.admittance import Admittance, Coupling
 from teleop.alignment import Alignment, Pair
 from teleop.clock import Tick
 from teleop.conditions import Condition
-from teleop.safety import Event, Fault, Limits, Mode, Request, Supervision, Verdict, supervise
+from teleop.safety import (
+    Event,
+    Fault,
+    Limits,
+    Mode,
+    Request,
+    Supervision,
+    Verdict,
+    activated,
+    supervise,
+)
 from teleop.safety import rearm as rearmed
 from teleop.safety.channels import Trip
-from teleop.safety.events import ACTIVE, READY, STOPPING
+from teleop.safety.events import ACTIVE, STOPPING
 from teleop.safety.state import NO_REQUEST
 from teleop.tare import NO_TARE, Tare
 
@@ -75,8 +85,8 @@ class Record(NamedTuple):
 class Controller:
     """Maps force to velocity within the limits and feeds the estimators, tick by tick.
 
-    Nothing that goes wrong in a tick leaves it: a failure trips the supervisor, which stops the
-    drives, and is kept in `error` for whoever runs the loop.
+    No exception leaves a tick but that of the very first reading. Each becomes a fault for the
+    supervisor, which stops the drives; the first is kept in `error`.
 
     Parameters
     ----------
@@ -131,8 +141,10 @@ class Controller:
         self._supervision = Supervision()
         self._measurement: Measurement | None = None
         self._start = math.nan
+        self._lateness = 0.0
         self._energised = False
-        self._trip: Trip | None = None
+        self._at_zero = False
+        self._trips: list[Trip] = []
         self._no_estimates = {
             name: NO_ESTIMATE._replace(further=(math.nan,) * (2 * len(e.names) - 4))
             for name, e in bank.items()
@@ -156,7 +168,8 @@ class Controller:
         """Let a person leave the fault; ValueError if there is none."""
         self._supervision = rearmed(self._supervision)
         self._rig.rearm()
-        self._trip = self.error = None
+        self._trips.clear()
+        self.error = None
         self._admittance.velocity = 0.0
 
     def tick(self, tick: Tick, request: Request = NO_REQUEST) -> Record:
@@ -175,17 +188,15 @@ class Controller:
                 desired = self._coupling.command(self._admittance, measurement.slave_position)
             except Exception as error:
                 self._fail(Fault.CONTROL_FAILURE, error, measurement.time)
-        arming = request.arm and self._supervision.mode is READY
-        if arming and not self._enable(measurement.time):
-            request = request._replace(arm=False)
-        if self._trip:
-            request = request._replace(trip=request.trip or self._trip)
+        request = self._complete(request, tick)
         verdict = supervise(self._supervision, measurement, desired, request, self._limits)
+        if verdict.arm and self._enable(measurement.time):
+            verdict = activated(verdict)
         self._supervision = verdict.state
         mode = verdict.state.mode
 
         mapped = self._stopwatch()
-        applied = self._apply(verdict, arming and mode is READY, measurement.time)
+        applied = self._apply(verdict, measurement.time)
         written = self._stopwatch()
         if verdict.limited:
             self._admittance.follow(applied.master_velocity, dt)
@@ -246,36 +257,52 @@ class Controller:
             return measurement, self._period
         return measurement, measurement.time - last.time
 
+    def _complete(self, request: Request, tick: Tick) -> Request:
+        """Add the timing of the loop and the failures since the last verdict to a request."""
+        elapsed = (1 + tick.skipped) * self._period + tick.lateness - self._lateness
+        self._lateness = tick.lateness
+        trips = (*request.trips, *self._trips)
+        self._trips.clear()
+        return Request(request.arm, request.stop, request.halt, trips, tick.skipped, elapsed)
+
     def _enable(self, now: float) -> bool:
-        """Get the drives ready for arming; whether they are by now."""
+        """Ask the drives to get ready for commands; return whether they are."""
+        self._energised, self._at_zero = True, False
         try:
-            self._energised = True
             return self._rig.enable()
         except Exception as error:
             self._fail(Fault.RIG_FAILURE, error, now)
             return False
 
-    def _apply(self, verdict: Verdict, arming: bool, now: float) -> Command:
-        """Command the drives, or take them out of operation."""
-        try:
-            applied = self._rig.write(verdict.command)
-            if self._energised and not (verdict.enabled or arming):
-                self._energised = False
-                self._rig.idle()
-        except Exception as error:
-            self._fail(Fault.RIG_FAILURE, error, now)
-            self._energised = False
-            applied = STANDSTILL
+    def _apply(self, verdict: Verdict, now: float) -> Command:
+        """Command the drives, or take them out of operation.
+
+        While `Rig.idle` fails it is called again at each tick. Meanwhile zero is written until a
+        write succeeds and then no more, so that the drives' watchdogs stop them in any case.
+        """
+        applied, failed = STANDSTILL, bool(self._trips)
+        operating = (verdict.enabled or verdict.arm) and not failed
+        if not (self._energised and self._at_zero):
+            try:
+                applied = self._rig.write(verdict.command)
+                self._at_zero = self._energised and not operating
+            except Exception as error:
+                self._fail(Fault.RIG_FAILURE, error, now)
+                operating = False
+        if self._energised and not operating:
             try:
                 self._rig.idle()
-            except Exception as second:
-                error.add_note(f"and the drives could not be idled: {second}")
+                self._energised = self._at_zero = False
+                applied = STANDSTILL
+            except Exception as error:
+                error.add_note("the drives could not be taken out of operation")
+                self._fail(Fault.RIG_FAILURE, error, now)
         return applied
 
     def _fail(self, fault: Fault, error: Exception, now: float) -> None:
-        """Trip the supervisor at its next turn."""
+        """Report a failure to the supervisor at its next turn."""
         if self.error is None:
             self.error = error
         text = " ".join(str(error).split())
         source = f"{type(error).__name__}: {text}" if text else type(error).__name__
-        self._trip = self._trip or Trip(fault, source, math.nan, math.nan, now)
+        self._trips.append(Trip(fault, source, math.nan, math.nan, now))

@@ -71,9 +71,9 @@ class Session:
     def step(self) -> bool:
         """Run one tick; whether there is another."""
         tick = self._clock.wait()
-        request = self._switch.request(not self._armed, tick.skipped, self._end)
+        request = self._switch.request(not self._armed, self._end)
         record = self.controller.tick(tick, request)
-        message = self._layout.pack(record, self._sinks[0].dropped if self._sinks else 0)
+        message = self._layout.pack(record, sum(sink.dropped for sink in self._sinks))
         self._box.push(message)
         for sink in self._sinks:
             sink.push(message)

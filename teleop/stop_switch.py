@@ -16,6 +16,7 @@ from teleop.safety.channels import Trip
 from teleop.safety.state import NO_REQUEST
 
 ARM = Request(arm=True)
+KEY = Trip(Fault.EMERGENCY_STOP, "key", math.nan, math.nan, math.nan)
 
 SIGNALS = {"SIGINT": "Ctrl-C", "SIGTERM": "asked to end", "SIGHUP": "the terminal was closed"}
 """Signals that end a run in good order; one more of them ends it at once."""
@@ -60,24 +61,20 @@ class StopSwitch:
         for number, handler in self._before.items():
             signal.signal(number, handler)
 
-    def request(self, arm: bool, skipped: int, end: str = "") -> Request:
+    def request(self, arm: bool, end: str = "") -> Request:
         """What the person wants at a tick.
 
         Parameters
         ----------
         arm
             Whether the drives are still to be armed.
-        skipped
-            Periods that the loop left out before it.
         end
             Why the run is to end by itself; empty to go on.
         """
-        if not (skipped or end or self._asked or self._pressed):
+        if not (end or self._asked or self._pressed):
             return ARM if arm else NO_REQUEST
-        trip = None
-        if self._pressed:
-            trip = Trip(Fault.EMERGENCY_STOP, "key", math.nan, math.nan, math.nan)
-        return Request(arm, self._reason or end, self._asked > 1, trip, skipped)
+        trips = (KEY,) if self._pressed else ()
+        return Request(arm, self._reason or end, self._asked > 1, trips)
 
     def _on_signal(self, number: int, frame: FrameType | None) -> None:
         self._reason = SIGNALS[signal.Signals(number).name]

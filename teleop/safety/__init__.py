@@ -4,7 +4,7 @@ from teleop.safety.channels import Watch, check_channel
 from teleop.safety.events import Event, Fault, Mode, describe, stops_at_once
 from teleop.safety.limits import ChannelLimits, Limits
 from teleop.safety.state import Request, Supervision, Verdict
-from teleop.safety.supervisor import rearm, supervise
+from teleop.safety.supervisor import activated, rearm, supervise
 
 __all__ = [
     "ChannelLimits",
@@ -16,6 +16,7 @@ __all__ = [
     "Supervision",
     "Verdict",
     "Watch",
+    "activated",
     "check_channel",
     "describe",
     "rearm",

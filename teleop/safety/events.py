@@ -28,49 +28,43 @@ DISCONNECTED, IDLE, READY, ACTIVE, STOPPING, FAULT = Mode
 
 
 class Fault(StrEnum):
-    """What can trip the supervisor."""
+    """What can trip the supervisor, the most severe first.
 
-    NOT_A_NUMBER = "not a number"
-    INFINITE = "infinite"
-    STALE = "stale"
-    OUT_OF_RANGE = "out of range"
-    JUMP = "impossible jump"
-    FROZEN = "frozen"
-    NOT_AT_REST = "not at rest at the start"
+    Where several are found at one tick, they are reported in this order. A value that is no
+    number comes before the failure of the condition that it causes.
+    """
+
+    EMERGENCY_STOP = "emergency stop"
+    RIG_FAILURE = "rig failure"
+    DRIVE_ERROR = "drive error"
+    FORCE_LIMIT = "force limit"
     POSITION_LIMIT = "position limit"
     VELOCITY_LIMIT = "velocity limit"
-    FORCE_LIMIT = "force limit"
     NOT_FOLLOWING = "drive does not follow its command"
-    DRIVE_ERROR = "drive error"
-    EMERGENCY_STOP = "emergency stop"
     OVERRUN = "loop overrun"
-    RIG_FAILURE = "rig failure"
+    NOT_AT_REST = "not at rest at the start"
+    NOT_A_NUMBER = "not a number"
+    INFINITE = "infinite"
+    OUT_OF_RANGE = "out of range"
+    STALE = "stale"
+    JUMP = "impossible jump"
+    FROZEN = "frozen"
     CONTROL_FAILURE = "control failure"
     ESTIMATION_FAILURE = "estimation failure"
 
 
-AT_ONCE = frozenset(
-    {
-        Fault.NOT_AT_REST,
-        Fault.POSITION_LIMIT,
-        Fault.VELOCITY_LIMIT,
-        Fault.FORCE_LIMIT,
-        Fault.NOT_FOLLOWING,
-        Fault.DRIVE_ERROR,
-        Fault.EMERGENCY_STOP,
-        Fault.OVERRUN,
-        Fault.RIG_FAILURE,
-    }
-)
-"""Faults on which the drives are idled at once (stop category 0 of IEC 60204-1).
-
-At all others the command ramps to zero first (category 1): the drives still do as they are told.
-"""
+SEVERITY = {fault: rank for rank, fault in enumerate(Fault)}
+"""Rank of each fault; 0 is the most severe."""
+LAST_AT_ONCE = SEVERITY[Fault.NOT_AT_REST]
 
 
 def stops_at_once(fault: Fault) -> bool:
-    """Whether a fault idles the drives without a ramp."""
-    return fault in AT_ONCE
+    """Whether a fault idles the drives without a ramp (stop category 0 of IEC 60204-1).
+
+    At all others the command ramps to zero first (category 1): the drives can still be
+    commanded.
+    """
+    return SEVERITY[fault] <= LAST_AT_ONCE
 
 
 class Event(NamedTuple):

@@ -71,13 +71,14 @@ def test_the_account_names_cause_limit_value_time_and_timing(stopped):
     trial, _ = stopped(Replaced("contact_force", 5000.0))
     text = (trial.black_box / "cause.txt").read_text()
     for line in (
-        "what      contact force is out of range: 5000 N, the sensor ends at 1000 N",
-        "kind      out of range",
+        "what      force limit: contact force 5000 N, at most 59.97 N",
+        "kind      force limit",
         "where     contact_force",
         "when      6.9500 s",
         "value     5000",
-        "limit     1000",
+        f"limit     {trial.settings.limits.hard_force:.6g}",
         "since     6.95",
+        "also      contact force is out of range: 5000 N, the sensor ends at 1000 N",
         "  contact_force             5000 N",
         "loop in the 5.0 s before",
         "  1000.0 Hz, 0 overruns, 0 periods skipped",

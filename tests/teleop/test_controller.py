@@ -18,6 +18,7 @@ from teleop.controller import Controller
 from teleop.recorder.schema import Layout
 from teleop.recording import from_messages
 from teleop.safety import Fault, Limits, Mode, Request
+from teleop.safety.channels import Trip
 from teleop.safety.limits import usual_channels
 from teleop.tare import NO_TARE, Tare
 
@@ -37,7 +38,10 @@ WIDE = Limits(
     },
 )
 """Limits that never bite: the supervisor's own are tested in tests/teleop/safety."""
-TIMES = np.cumsum(PERIOD * (1.0 + 0.5 * np.random.default_rng(0).uniform(-1.0, 1.0, 300)))
+SKIPPED = [3 if n % 20 == 10 else 0 for n in range(300)]
+TIMES = np.cumsum(
+    PERIOD * (1.0 + np.array(SKIPPED) + 0.5 * np.random.default_rng(0).uniform(-1.0, 1.0, 300))
+)
 
 
 class SpyRig(Rig):
@@ -112,8 +116,8 @@ TARE = Tare(master_force=0.5, contact_force=-0.25, slave_position=1e-3)
 def record(rig, controller):
     layout = Layout(paper_preset().bank())
     messages, events = b"", []
-    for _ in TIMES:
-        r = controller.tick(Tick(0.25, True, 3, 0.125), Request(arm=True, skipped=0))
+    for skipped in SKIPPED:
+        r = controller.tick(Tick(0.25, True, skipped, 0.125), Request(arm=True))
         messages += layout.pack(r, dropped=9)
         events += r.events
     return from_messages(layout.definition, messages, [], {}), events
@@ -176,7 +180,7 @@ def test_every_stage_gets_its_channel_and_the_measured_dt():
         "slave_velocity_age": np.full(len(TIMES), 5e-3),
         "lateness": np.full(len(TIMES), 0.25),
         "overrun": np.ones(len(TIMES)),
-        "skipped": np.full(len(TIMES), 3.0),
+        "skipped": SKIPPED,
         "busy_time": np.full(len(TIMES), 0.125),
         "dropped": np.full(len(TIMES), 9.0),
         "read_time": np.ones(len(TIMES)),
@@ -200,9 +204,9 @@ def test_every_stage_gets_its_channel_and_the_measured_dt():
 def test_a_channel_that_is_no_number_trips_and_reaches_no_drive(channel, value):
     rig = SpyRig(**{channel: value})
     recording, events = record(rig, make(rig))
-    assert events[-1].mode is Mode.FAULT
-    assert events[-1].source == channel
-    assert events[-1].time == pytest.approx(recording["time"][200])
+    fault = next(event for event in events if event.fault)
+    assert fault.source == channel
+    assert fault.time == pytest.approx(recording["time"][200])
     assert all(math.isfinite(v) for command in rig.written for v in command)
     assert not recording["commanded_slave_velocity"][250:].any()
     assert np.isnan(recording["x"][200:]).all()
@@ -340,4 +344,119 @@ def test_a_drive_that_refuses_to_get_ready_is_a_rig_failure():
         events += controller.tick(Tick(0.0, False, 0), Request(arm=True)).events
     assert events[-1].fault is Fault.RIG_FAILURE
     assert "not ready" in events[-1].text
+    assert rig.calls[-1].startswith("idle")
+
+
+@pytest.mark.parametrize(
+    "request_",
+    [
+        Request(arm=True, stop="Ctrl-C"),
+        Request(arm=True, halt=True),
+        Request(arm=True, trips=(Trip(Fault.EMERGENCY_STOP, "key", 0.0, 0.0, 0.0),)),
+    ],
+    ids=["stop", "halt", "key"],
+)
+def test_a_stop_at_the_tick_of_arming_enables_no_drive(request_):
+    rig = SpyRig()
+    controller = make(rig)
+    while controller.mode is not Mode.READY:
+        controller.tick(Tick(0.0, False, 0))
+    for _ in range(50):
+        controller.tick(Tick(0.0, False, 0), request_)
+    assert rig.calls == []
+    assert controller.mode is not Mode.ACTIVE
+
+
+def test_a_fault_at_the_tick_of_arming_enables_no_drive():
+    class Opened(SpyRig):
+        def read(self):
+            return super().read()._replace(emergency_stop=self.tick >= 30)
+
+    rig = Opened()
+    controller = make(rig)
+    for _ in range(30):
+        controller.tick(Tick(0.0, False, 0))
+    assert controller.mode is Mode.READY
+    controller.tick(Tick(0.0, False, 0), Request(arm=True))
+    assert controller.mode is Mode.FAULT
+    assert rig.calls == []
+
+
+class StuckRig(SpyRig):
+    """Writing and idling fail in some ticks."""
+
+    def __init__(self, no_write=(), no_idle=(), **overrides):
+        super().__init__(**overrides)
+        self.no_write, self.no_idle = no_write, no_idle
+        self.fed: list[int] = []
+
+    def write(self, command):
+        if self.tick in self.no_write:
+            raise OSError("write: the cable is out")
+        self.fed.append(self.tick)
+        return super().write(command)
+
+    def idle(self):
+        super().idle()
+        if self.tick in self.no_idle:
+            raise OSError("idle: the cable is out")
+
+
+@pytest.mark.parametrize("no_write", [(), range(200, 205)])
+def test_drives_that_cannot_be_idled_are_idled_again_until_they_are_and_no_longer_fed(no_write):
+    rig = StuckRig(no_write, range(200, 230), contact_force=100.0)
+    controller = make(rig)
+    recording, events = record(rig, controller)
+    faults = [event.fault for event in events if event.fault]
+    assert set(faults) == {Fault.FORCE_LIMIT, Fault.RIG_FAILURE}
+    idled = [int(call.split()[-1]) for call in rig.calls if call.startswith("idle")]
+    assert idled == list(range(200, 231))
+    zeroed = 205 if no_write else 200
+    assert [tick for tick in rig.fed if 200 <= tick <= 230] == [zeroed]
+    assert rig.written[rig.fed.index(zeroed)] == Command(0.0, 0.0)
+    assert not recording["applied_slave_velocity"][200:].any()
+
+
+def test_a_condition_that_failed_hides_no_emergency_stop_and_no_failure_of_the_rig():
+    """The ramp takes 30 ticks; what is worse ends it at once."""
+    gentle = replace(WIDE, max_acceleration=2.0, max_master_acceleration=4.0)
+
+    class Failing(SpyRig):
+        def read(self):
+            measurement = super().read()
+            return measurement._replace(emergency_stop=self.sick == "input" and self.tick >= 205)
+
+        def write(self, command):
+            if self.sick == "write" and self.tick == 205:
+                raise OSError("the cable is out")
+            return super().write(command)
+
+    for sick in ("", "input", "write"):
+        rig = Failing()
+        rig.sick = sick
+        condition = Broken(KeyError("gain"))
+        condition.calls = -80
+        recording, events = record(rig, make(rig, condition, limits=gentle))
+        speed = np.abs(recording["commanded_slave_velocity"])
+        assert next(e.fault for e in events if e.fault) is Fault.CONTROL_FAILURE
+        assert speed[204] > 0.0
+        assert speed[206] > 0.0 or sick
+        assert not sick or not speed[206:].any()
+        assert not sick or rig.calls[1] == "idle at 205"
+
+
+@pytest.mark.parametrize("mode", ["active", "fault"])
+def test_a_rig_that_returns_the_same_measurement_for_ever_is_stopped(mode):
+    class Standing(SpyRig):
+        def read(self):
+            if self.tick < 150:
+                self.last = super().read()
+            return self.last
+
+    rig = Standing()
+    controller = make(rig, Broken(KeyError("gain")) if mode == "fault" else None)
+    for _ in range(280):
+        controller.tick(Tick(0.0, False, 0), Request(arm=True))
+    assert controller.mode is Mode.FAULT
+    assert rig.written[-1] == Command(0.0, 0.0)
     assert rig.calls[-1].startswith("idle")

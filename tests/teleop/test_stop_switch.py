@@ -15,13 +15,13 @@ from teleop.stop_switch import StopSwitch
 def test_one_signal_asks_for_a_stop_and_a_second_for_one_at_once():
     before = signal.getsignal(signal.SIGINT)
     with StopSwitch() as switch:
-        assert switch.request(True, 0).arm
+        assert switch.request(True).arm
         assert not switch.interrupted
         os.kill(os.getpid(), signal.SIGINT)
-        first = switch.request(False, 2)
-        assert (first.stop, first.halt, first.skipped, first.arm) == ("Ctrl-C", False, 2, False)
+        first = switch.request(False)
+        assert (first.stop, first.halt, first.arm) == ("Ctrl-C", False, False)
         os.kill(os.getpid(), signal.SIGINT)
-        assert switch.request(False, 0).halt
+        assert switch.request(False).halt
         assert switch.interrupted
     assert signal.getsignal(signal.SIGINT) is before
 
@@ -33,19 +33,19 @@ def test_one_signal_asks_for_a_stop_and_a_second_for_one_at_once():
 def test_a_request_to_end_and_a_closed_terminal_say_so(number, reason):
     with StopSwitch() as switch:
         os.kill(os.getpid(), getattr(signal, number))
-        assert switch.request(False, 0).stop == reason
+        assert switch.request(False).stop == reason
 
 
 def test_the_end_of_the_trial_is_a_stop_that_nobody_asked_for():
     switch = StopSwitch()
-    assert switch.request(False, 0, "end of the trial").stop == "end of the trial"
+    assert switch.request(False, "end of the trial").stop == "end of the trial"
     assert not switch.interrupted
 
 
 def test_the_key_trips_the_emergency_stop():
     switch = StopSwitch()
     switch._pressed = True
-    assert switch.request(False, 0).trip.fault is Fault.EMERGENCY_STOP
+    assert switch.request(False).trips[0].fault is Fault.EMERGENCY_STOP
 
 
 def test_off_the_main_thread_no_signal_is_taken():

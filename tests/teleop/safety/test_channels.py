@@ -7,7 +7,16 @@ import math
 import pytest
 
 from drivers import CHANNELS, STANDSTILL, Ages, Command, Measurement
-from teleop.safety import ChannelLimits, Fault, Limits, Mode, Request, Supervision, supervise
+from teleop.safety import (
+    ChannelLimits,
+    Fault,
+    Limits,
+    Mode,
+    Request,
+    Supervision,
+    activated,
+    supervise,
+)
 
 DT = 1.0 / 512.0
 """Times are binary fractions, so that a limit may be met to the bit."""
@@ -48,6 +57,7 @@ class Bench:
         ages = dict.fromkeys(CHANNELS, 0.0) | {self.name: age}
         measurement = Measurement(self.ticks * DT, **values, age=Ages(**ages))
         verdict = supervise(self.state, measurement, desired, Request(arm=arm), self.limits)
+        verdict = activated(verdict) if verdict.arm else verdict
         self.state = verdict.state
         self.ticks += periods
         return verdict
@@ -62,7 +72,7 @@ class Bench:
         (event,) = verdict.events
         assert (event.mode, event.fault, event.source) == (Mode.FAULT, fault, self.name)
         assert self.name.replace("_", " ") in event.text
-        tripped = verdict.state.tripped
+        (tripped,) = verdict.state.causes
         assert (tripped.fault, tripped.source, tripped.since) == (fault, self.name, event.since)
         assert event.time == verdict.state.time == verdict.state.since
         return event
