@@ -143,7 +143,7 @@ class Controller:
         self._start = math.nan
         self._lateness = 0.0
         self._energised = False
-        self._at_zero = False
+        self._silent = False
         self._trips: list[Trip] = []
         self._no_estimates = {
             name: NO_ESTIMATE._replace(further=(math.nan,) * (2 * len(e.names) - 4))
@@ -267,7 +267,7 @@ class Controller:
 
     def _enable(self, now: float) -> bool:
         """Ask the drives to get ready for commands; return whether they are."""
-        self._energised, self._at_zero = True, False
+        self._energised, self._silent = True, False
         try:
             return self._rig.enable()
         except Exception as error:
@@ -277,22 +277,22 @@ class Controller:
     def _apply(self, verdict: Verdict, now: float) -> Command:
         """Command the drives, or take them out of operation.
 
-        While `Rig.idle` fails it is called again at each tick. Meanwhile zero is written until a
-        write succeeds and then no more, so that the drives' watchdogs stop them in any case.
+        Zero is written once. While `Rig.idle` fails it is called again at each tick and nothing
+        is written, so that the drives' watchdogs stop them in any case.
         """
-        applied, failed = STANDSTILL, bool(self._trips)
-        operating = (verdict.enabled or verdict.arm) and not failed
-        if not (self._energised and self._at_zero):
+        applied = STANDSTILL
+        operating = (verdict.enabled or verdict.arm) and not self._trips
+        if not self._silent:
             try:
                 applied = self._rig.write(verdict.command)
-                self._at_zero = self._energised and not operating
             except Exception as error:
                 self._fail(Fault.RIG_FAILURE, error, now)
                 operating = False
         if self._energised and not operating:
+            self._silent = verdict.command == STANDSTILL
             try:
                 self._rig.idle()
-                self._energised = self._at_zero = False
+                self._energised = self._silent = False
                 applied = STANDSTILL
             except Exception as error:
                 error.add_note("the drives could not be taken out of operation")

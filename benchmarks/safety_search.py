@@ -1,0 +1,393 @@
+"""A search for a way past the safety supervisor: random faults, failing calls and requests.
+
+    python benchmarks/safety_search.py --trials 20000
+
+Hypothesis drives a controller on the simulated rig through one to many faults at random ticks:
+what the rig reads, calls of the rig that fail before or after they take effect, exceptions in the
+condition and in an estimator, a rig whose time stands still or jumps, periods that the loop
+skips, and requests in every mode. After every tick the laws of `SafetySearch.check` must hold, as
+seen by the simulated plant. A trial that breaks one is shrunk to the shortest such trial and
+printed. tests/teleop/test_safety_search.py runs a sample.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+import time
+from dataclasses import replace
+from typing import Any
+
+from hypothesis import HealthCheck, Phase, settings
+from hypothesis import strategies as st
+from hypothesis.stateful import (
+    RuleBasedStateMachine,
+    initialize,
+    precondition,
+    rule,
+    run_state_machine_as_test,
+)
+
+from drivers import CHANNELS, STANDSTILL, Command, Measurement, Rig, RigError
+from estimation import Excitation, MatchedFilter, paper_preset
+from sim_backend import CUBES, SimulatedRig
+from sim_backend.faults import FaultyRig, Frozen, Replaced, Reported, RigFault, Runaway, Shifted
+from teleop.admittance import Admittance, AdmittanceParameters, Coupling
+from teleop.clock import Tick
+from teleop.conditions import Condition
+from teleop.controller import Controller
+from teleop.safety import Fault, Limits, Mode, Request, stops_at_once
+from teleop.safety.channels import Trip
+from teleop.safety.palpation import palpation_limits
+
+PERIOD = 1e-3
+WATCHDOG = 0.05
+DEPTH = 10e-3
+LIMITS: Limits = replace(
+    palpation_limits(CUBES["soft"], DEPTH, 1.0, 2.0, 1e-6),
+    preflight=5e-3,
+    start_ramp=2e-3,
+    following_error=2e-3,
+)
+STANDING = -math.log1p(-LIMITS.max_gap)
+"""Time after which a rig whose time stands still is a fault [s]."""
+RAMP = max(
+    LIMITS.max_velocity / LIMITS.max_acceleration,
+    LIMITS.max_master_velocity / LIMITS.max_master_acceleration,
+)
+BOUND = STANDING + RAMP + WATCHDOG + 3 * PERIOD
+"""Time from any fault until the drives are out of operation, whatever else fails [s]."""
+
+
+class SearchRig(Rig):
+    """The simulated rig, whose calls may fail, and whose time may stand still or jump."""
+
+    def __init__(self, now: Any) -> None:
+        self.sim = SimulatedRig(CUBES["soft"], now, watchdog=WATCHDOG)
+        self.faulty = FaultyRig(self.sim)
+        self.failing: dict[str, str] = {}
+        """Calls that fail, `before` or `after` they take effect."""
+        self.standing = False
+        self.offset = 0.0
+        self.last: Measurement | None = None
+        self.calls: list[tuple[str, Any]] = []
+        """What was called since the last tick."""
+
+    def open(self) -> None:
+        self.faulty.open()
+
+    def close(self) -> None:
+        self.faulty.close()
+
+    def attempt(self, name: str, call: Any, *arguments: Any) -> Any:
+        self.calls.append((name, arguments[0] if arguments else None))
+        when = self.failing.get(name)
+        if when == "before":
+            raise RigError(f"{name} failed")
+        answer = call(*arguments)
+        if when == "after":
+            raise RigError(f"{name} failed once done")
+        return answer
+
+    def read(self) -> Measurement:
+        fresh = self.faulty.read()
+        if not self.standing or self.last is None:
+            self.last = fresh._replace(time=fresh.time + self.offset)
+        return self.attempt("read", lambda: self.last)
+
+    def enable(self) -> bool:
+        return self.attempt("enable", self.faulty.enable)
+
+    def write(self, command: Command) -> Command:
+        return self.attempt("write", self.faulty.write, command)
+
+    def idle(self) -> None:
+        self.attempt("idle", self.faulty.idle)
+
+    def rearm(self) -> None:
+        self.faulty.rearm()
+
+
+class Pushing(Condition):
+    """A force that the search chooses, or an exception."""
+
+    force = 0.0
+    error: Exception | None = None
+
+    def drive_force(self, t: float, measurement: Measurement) -> float:
+        if self.error:
+            raise self.error
+        return self.force
+
+
+class SafetySearch(RuleBasedStateMachine):
+    """Ticks a controller through what the rules choose, and checks each tick."""
+
+    @initialize(
+        force=st.sampled_from([1.5, -1.0]),
+        ticks=st.sampled_from([0, 3, 8, 60, 60, 60]),
+        arm=st.sampled_from([True, True, True, False]),
+    )
+    def start(self, force: float, ticks: int, arm: bool) -> None:
+        self.n = 0
+        self.rig = SearchRig(lambda: self.n * PERIOD)
+        self.condition = Pushing()
+        self.condition.force = force
+        self.bank = paper_preset("soft").bank()
+        self.controller = Controller(
+            self.rig,
+            self.condition,
+            Admittance(AdmittanceParameters()),
+            Coupling(),
+            MatchedFilter(20.0),
+            self.bank,
+            Excitation(),
+            PERIOD,
+            LIMITS,
+        )
+        self.rig.open()
+        self.arm, self.stop, self.halt = arm, "", False
+        self.trips: tuple[Trip, ...] = ()
+        self.skipped = 0
+        self.tripped = math.inf
+        """True time at which the fault began [s]."""
+        self.energised = False
+        self.command = STANDSTILL
+        self.still = 0.0
+        """For how long the rig's time has stood still [s]."""
+        self.tick(ticks)
+
+    @rule(ticks=st.sampled_from([1, 2, 5, 20, 60, 130]))
+    def go_on(self, ticks: int) -> None:
+        self.tick(ticks)
+
+    @rule(channel=st.sampled_from(CHANNELS), data=st.data())
+    def sensor(self, channel: str, data: Any) -> None:
+        values = [math.nan, math.inf, -math.inf, 1e300, 3.0, 0.3, -0.02, 0.016, 90.0, -200.0]
+        fault: RigFault = data.draw(
+            st.one_of(
+                st.builds(Replaced, st.just(channel), st.sampled_from(values)),
+                st.builds(
+                    Shifted,
+                    st.just(channel),
+                    st.sampled_from([0.0, 1e-3, 0.02, 30.0]),
+                    st.sampled_from([0.0, 0.1, 1e3]),
+                ),
+                st.builds(Frozen, st.just(channel), st.booleans()),
+            )
+        )
+        self.rig.faulty.inject(fault)
+        self.tick(1)
+
+    @rule(
+        fault=st.one_of(
+            st.just(Reported("over-current")),
+            st.just(Reported(emergency_stop=True)),
+            st.builds(Runaway, st.sampled_from([-0.1, 0.02, 0.2])),
+        )
+    )
+    def report(self, fault: RigFault) -> None:
+        self.rig.faulty.inject(fault)
+        self.tick(1)
+
+    @rule()
+    def heal(self) -> None:
+        self.rig.faulty.inject(RigFault())
+        self.rig.failing.clear()
+        self.rig.standing = False
+        self.condition.error = None
+        self.bank.__dict__.pop("update", None)
+        self.halt, self.stop, self.trips = False, "", ()
+        self.tick(1)
+
+    @rule(
+        call=st.sampled_from(["read", "enable", "write", "idle"]),
+        when=st.sampled_from(["before", "after"]),
+    )
+    def call_fails(self, call: str, when: str) -> None:
+        self.rig.failing[call] = when
+        self.tick(1)
+
+    @rule()
+    def write_and_idle_fail(self) -> None:
+        self.rig.failing |= {"write": "before", "idle": "before"}
+        self.tick(1)
+
+    @rule(jump=st.sampled_from([None, -1e-9, -1.0, 0.01, 0.05, 0.2, 1e9, math.nan]))
+    def rig_time(self, jump: float | None) -> None:
+        if jump is None:
+            self.rig.standing = True
+        else:
+            self.rig.offset += jump
+        self.tick(1)
+
+    @rule(skipped=st.sampled_from([1, 3, 30, 200]))
+    def loop_skips(self, skipped: int) -> None:
+        self.skipped = skipped
+        self.tick(1)
+
+    @rule(force=st.sampled_from([0.0, 3.0, -3.0, 1e6, math.nan, math.inf]), fails=st.booleans())
+    def condition_does(self, force: float, fails: bool) -> None:
+        self.condition.force = force
+        self.condition.error = ZeroDivisionError("condition") if fails else None
+        self.tick(1)
+
+    @rule()
+    def estimator_fails(self) -> None:
+        def update(*arguments: Any) -> Any:
+            raise ZeroDivisionError("estimator")
+
+        self.bank.update = update  # type: ignore[method-assign]
+        self.tick(1)
+
+    @rule(
+        arm=st.booleans(),
+        stop=st.sampled_from(["", "Ctrl-C"]),
+        halt=st.sampled_from([False, False, True]),
+        fault=st.sampled_from([None, None, *Fault]),
+    )
+    def request(self, arm: bool, stop: str, halt: bool, fault: Fault | None) -> None:
+        self.arm, self.stop, self.halt = arm, stop, halt
+        self.trips = (Trip(fault, "key", math.nan, math.nan, math.nan),) if fault else ()
+        self.tick(1)
+
+    @precondition(lambda self: self.controller.mode is Mode.FAULT)
+    @rule()
+    def rearm(self) -> None:
+        self.controller.rearm()
+        self.tripped = math.inf
+        self.tick(1)
+
+    def teardown(self) -> None:
+        """Go on until every bound must have shown."""
+        if hasattr(self, "controller") and (self.rig.standing or self.tripped < math.inf):
+            self.tick(round(2 * BOUND / PERIOD))
+
+    def tick(self, count: int) -> None:
+        """Run ticks, each followed by the check."""
+        for _ in range(count):
+            before = self.controller.mode
+            self.n += 1 + self.skipped
+            self.rig.calls.clear()
+            try:
+                record = self.controller.tick(
+                    Tick(0.0, self.skipped > 0, self.skipped),
+                    Request(self.arm, self.stop, self.halt, self.trips),
+                )
+            except RigError:
+                if self.controller._measurement is not None:
+                    raise
+                self.skipped = 0
+                continue  # the very first reading may fail: nothing was enabled
+            self.skipped = 0
+            self.check(record, before)
+
+    def check(self, record: Any, before: Mode) -> None:
+        """The laws."""
+        calls = [name for name, _ in self.rig.calls]
+        written = [command for name, command in self.rig.calls if name == "write"]
+        now, m, mode = self.n * PERIOD, record.measurement, record.mode
+
+        # Every command is finite, within its limits, and no more than a ramp from the one before.
+        limits = (
+            (LIMITS.max_master_velocity, LIMITS.max_master_acceleration),
+            (LIMITS.max_velocity, LIMITS.max_acceleration),
+        )
+        for command in written:
+            for new, old, (most, pull) in zip(command, self.command, limits, strict=True):
+                assert abs(new) <= most * (1 + 1e-9), command
+                change = pull * record.dt if record.dt > 0.0 else 0.0
+                slowed = abs(new - old) <= change * (1 + 1e-9) + 1e-12
+                assert slowed or command == STANDSTILL, (self.command, command)
+            self.command = command
+
+        # The drives are asked to get ready in ready mode alone, and never while a stop is wanted.
+        if "enable" in calls:
+            assert before is Mode.READY
+            assert mode in (Mode.READY, Mode.ACTIVE)
+            assert self.arm
+            assert not self.stop
+            assert not self.halt
+            assert not self.trips
+            self.energised = True
+
+        # What is dangerous stops the drives in the same tick, from every mode.
+        low, high = LIMITS.hard_position
+        if "read" not in self.rig.failing:
+            x, f, v = m.slave_position, m.contact_force, m.slave_velocity
+            dangerous = (
+                self.halt
+                or any(stops_at_once(trip.fault) for trip in self.trips)
+                or m.emergency_stop
+                or bool(m.drive_error)
+                or LIMITS.hard_force < abs(f) < math.inf
+                or high < x < math.inf
+                or -math.inf < x < low
+                or 2.0 * LIMITS.max_velocity < abs(v) < math.inf
+            )
+            if dangerous:
+                assert all(command == STANDSTILL for command in written)
+                assert not self.energised or "idle" in calls
+
+        # A call that failed stops the drives in the same tick, too.
+        if self.energised and any(name in self.rig.failing for name in calls):
+            assert "idle" in calls
+            assert mode is Mode.FAULT or "read" not in self.rig.failing
+        if "idle" in calls and "idle" not in self.rig.failing:
+            self.energised = False
+
+        # A rig whose time stands still is out of operation within the bound.
+        self.still = self.still + PERIOD if self.rig.standing else 0.0
+        if self.still > BOUND:
+            assert not self.rig.sim._enabled
+
+        # After a fault nothing starts, nothing speeds up, and within the bound nothing is enabled.
+        if mode is Mode.FAULT:
+            self.tripped = min(self.tripped, now)
+            assert "enable" not in calls
+            if now - self.tripped > BOUND:
+                assert not self.rig.sim._enabled
+                assert self.rig.sim._applied == STANDSTILL
+        else:
+            assert self.tripped == math.inf
+
+        # Only active, stopping and a ramping fault move anything.
+        if mode in (Mode.DISCONNECTED, Mode.IDLE, Mode.READY):
+            assert all(command == STANDSTILL for command in written)
+
+
+def search(trials: int, seed: int | None = None) -> None:
+    """Run so many trials; AssertionError, with the shortest trial, if a law is broken."""
+    from hypothesis import seed as seeded
+
+    machine = SafetySearch if seed is None else seeded(seed)(SafetySearch)
+    run_state_machine_as_test(
+        machine,
+        settings=settings(
+            max_examples=trials,
+            stateful_step_count=12,
+            deadline=None,
+            database=None,
+            phases=[Phase.generate, Phase.shrink],
+            suppress_health_check=list(HealthCheck),
+        ),
+    )
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--trials", type=int, default=20_000)
+    parser.add_argument("--seed", type=int, default=0)
+    options = parser.parse_args()
+    started = time.perf_counter()
+    search(options.trials, options.seed)
+    print(
+        f"{options.trials} trials from seed {options.seed} in "
+        f"{time.perf_counter() - started:.0f} s: no law was broken"
+    )
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
