@@ -21,6 +21,7 @@ from typing import Any
 
 from teleop.recorder.mcap_file import McapFile
 from teleop.recorder.schema import CDR, TIME
+from teleop.recorder.terminal import Terminal
 
 FRAME = struct.Struct("<cH")
 """Head of a frame: its kind and the length of what follows."""
@@ -39,6 +40,7 @@ BULK = 1 << 16
 PAIR = struct.Struct("<2d")
 SHOWN = 4
 """Most estimators on the progress line."""
+STDERR = 2
 
 
 class Progress:
@@ -57,6 +59,7 @@ class Progress:
         columns = [name for name, _, _ in session["columns"]]
         self._places = [len(CDR) + 8 * columns.index(f"{name}_b") for name in self._names]
         self._due = 0.0
+        self._terminal = Terminal(STDERR)
 
     def show(self, message: bytes, t: float) -> None:
         """Draw the line if it is due."""
@@ -72,22 +75,22 @@ class Progress:
         self._draw(f"{t:4.1f} of {self._duration:g} s  k [N/m], b [N s/m]:{estimates}")
 
     def tell(self, text: str) -> None:
-        """Say something that stays."""
-        self.wipe()
-        print(text, file=sys.stderr, flush=True)
+        """Write a line that stays."""
+        self._terminal.write(("\r\x1b[K" if self._shown else "") + text + "\n")
 
-    def wipe(self) -> None:
-        """Clear the line."""
+    def close(self) -> None:
+        """Clear the line, unless the terminal is stopped."""
         if self._shown:
-            self._draw("")
+            self._terminal.draw("\r\x1b[K")
+        self._terminal.close()
 
     def _draw(self, text: str) -> None:
         try:
-            width = os.get_terminal_size(sys.stderr.fileno()).columns or 80
-            sys.stderr.write("\r" + text[: width - 1] + "\x1b[K")
-            sys.stderr.flush()
+            width = os.get_terminal_size(STDERR).columns or 80
         except OSError:
             self._shown = False
+            return
+        self._terminal.draw("\r" + text[: width - 1] + "\x1b[K")
 
 
 def say(**status: Any) -> None:
@@ -197,7 +200,7 @@ def main() -> None:
             time.sleep(NAP)
     if file:
         file.close()
-    progress.wipe()
+    progress.close()
     error = file.error if file else None
     say(ticks=drain.ticks, error=(error.strerror or str(error)).lower() if error else None)
 
