@@ -177,7 +177,7 @@ def run_trial(
         recording = from_messages(layout.definition, memory.messages, memory.events, metadata)
     else:
         assert record
-        recording = salvage(record) or box.recording(metadata)
+        recording = (salvage(record) if outcome.at_path else None) or box.recording(metadata)
     folder, error, fault = None, session.error, box.fault
     if record and fault:
         folder = record.with_suffix(".fault")
@@ -188,6 +188,8 @@ def run_trial(
             folder = None
     if error and not isinstance(error, RigError):
         error.add_note(f"The drives were stopped. Recording: {record}. Black box: {folder}.")
+        if outcome.problem:
+            error.add_note(f"The recording is not complete: {outcome.problem}.")
         raise error
     interrupted = switch.interrupted
     return Trial(settings, recording, bank, interrupted, outcome, report, fault, rejected, folder)

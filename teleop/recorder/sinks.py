@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from teleop.errors import InputError
-from teleop.recorder.process import BEGIN, EVENT, FRAME, HEAD, START, TICK
+from teleop.recorder.process import BEGIN, END, EVENT, FRAME, HEAD, NUMBER, TICK
 from teleop.recorder.schema import Layout
 from teleop.safety import Event
 from teleop.strict_json import finite
@@ -30,15 +30,17 @@ PATIENCE = 20.0
 
 
 class Outcome(NamedTuple):
-    """What became of a recording."""
+    """State of a recording at its end."""
 
     path: Path | None
     pushed: int
     """Ticks that the loop handed over."""
     dropped: int
-    """Ticks that found the pipe full."""
+    """Ticks that found the pipe full: they are not in the file."""
     problem: str
-    """Why the recording is not complete; empty if it is."""
+    """Why the file does not hold all ticks that were handed over; empty if it does."""
+    at_path: bool = True
+    """Whether the file is still at its path."""
 
 
 class Sink(ABC):
@@ -159,13 +161,13 @@ class RecorderProcess(Sink):
             It cannot be written, or the recorder does not start.
         """
         status = self._status()
-        if status is None or status["error"]:
+        if status is None or status["problem"]:
             self.process.kill()
             self._release()
-            why = status["error"] if status else "the recorder did not start"
+            why = status["problem"] if status else "the recorder did not start"
             raise InputError(f"{self.path or 'progress line'}: cannot be recorded to: {why}")
         with contextlib.suppress(BrokenPipeError):
-            os.write(self._pipe, FRAME.pack(BEGIN, START.size) + START.pack(start))
+            os.write(self._pipe, number_frame(BEGIN, start))
         if sys.platform == "linux":
             import fcntl
 
@@ -204,19 +206,16 @@ class RecorderProcess(Sink):
                     os.set_blocking(self._pipe, True)
                 for data in self._events:
                     os.write(self._pipe, data)
+                os.write(self._pipe, number_frame(END, self.dropped))
             with contextlib.suppress(OSError):
                 self.process.stdin.close()
         status = self._status()
-        problem = self._gone
         if status is None:
-            problem = problem or "the recorder was killed"
             self.process.kill()
-        elif status["error"]:
-            problem = status["error"]
-        elif self.dropped:
-            problem = f"{self.dropped} ticks found the recorder's pipe full"
+            status = {"problem": self._gone or "the recorder was killed"}
         self._release()
-        return Outcome(self.path, self._pushed, self.dropped, problem)
+        at_path = status.get("at_path", True)
+        return Outcome(self.path, self._pushed, self.dropped, status["problem"], at_path)
 
     def _release(self) -> None:
         """Wait for the process to end, and let go of its pipes."""
@@ -244,6 +243,11 @@ class RecorderProcess(Sink):
             yield
         finally:
             watchdog.cancel()
+
+
+def number_frame(kind: bytes, number: int) -> bytes:
+    """A frame that carries one number."""
+    return FRAME.pack(kind, NUMBER.size) + NUMBER.pack(number)
 
 
 def event_record(event: Event) -> dict[str, Any]:
