@@ -48,6 +48,22 @@ def check_outputs(
             raise unwritable(path, error) from error
 
 
+def make_folder(path: Path) -> None:
+    """Create the folder of a file that is to be written.
+
+    Raises
+    ------
+    InputError
+        It cannot be created.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except FileExistsError as error:
+        raise InputError(f"{path.parent}: expected a folder, this is a file") from error
+    except OSError as error:
+        raise unwritable(path.parent, error) from error
+
+
 def write_text(path: Path, text: str) -> None:
     """Write a text file.
 

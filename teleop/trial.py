@@ -20,6 +20,7 @@ from estimation import Bank, Estimates
 from estimation.compiled import Floats
 from teleop.black_box import BlackBox
 from teleop.errors import InputError
+from teleop.gaps import gap_rows, missing_text
 from teleop.names import RealtimeName
 from teleop.realtime import realtime
 from teleop.recorder.schema import Layout
@@ -66,6 +67,21 @@ class Trial:
         """Each estimator's estimates at those ticks."""
         return self.recording.estimated().estimates()
 
+    @property
+    def incomplete(self) -> str:
+        """Why the recording does not hold every tick; empty if it does."""
+        path, problem, dropped, gaps = (
+            self.outcome.path,
+            self.outcome.problem,
+            self.outcome.dropped,
+            self.recording.gaps,
+        )
+        if problem:
+            return f"{path}: the recording is not complete: {problem}"
+        if dropped and path:
+            return f"{path}: {missing_text(gaps) or f'{dropped} ticks are missing'}"
+        return ""
+
     def summary(self) -> dict[str, Any]:
         """What the trial comes to, as `teleop run --json` prints it."""
         settings, active = self.settings, self.recording.estimated()
@@ -95,15 +111,17 @@ class Trial:
             },
             "truth": None if settings.rig else truth(settings, depth),
             "excitation": {"mean": excitation[0], "last": excitation[1]},
-            "loop": loop_timing(settings.rate, whole["time"], whole["lateness"], whole["overrun"])
+            "loop": loop_timing(settings.rate, whole["dt"], whole["lateness"], whole["overrun"])
             | tick_times(whole),
             "safety": safety_summary(active, self.fault),
             "realtime": self.realtime,
             "recording": {
                 "path": str(self.outcome.path) if self.outcome.path else None,
-                "complete": not self.outcome.problem,
+                "complete": not (self.outcome.problem or self.outcome.dropped),
                 "problem": self.outcome.problem or None,
+                "recoverable": bool(self.outcome.problem) and self.outcome.at_path,
                 "dropped": self.outcome.dropped,
+                "missing_ticks": gap_rows(whole.gaps),
                 "black_box": str(self.black_box) if self.black_box else None,
             },
         }
