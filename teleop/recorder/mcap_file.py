@@ -62,7 +62,7 @@ class Disk(io.RawIOBase):
             return ""
         if os.fstat(self._file.fileno()).st_nlink == 0:
             return "the file was removed during the run"
-        return "the file was moved to another name during the run"
+        return "the file was moved, or its file system was unmounted, during the run"
 
     def _is_at_path(self) -> bool:
         try:

@@ -24,7 +24,7 @@ PIPE_SIZE = 1 << 20
 F_SETPIPE_SZ = 1031
 """Linux's name for it, which Python's fcntl has under that name on Linux alone."""
 LONGEST_TEXT = 400
-"""Characters of an event's text: it must go through the pipe in one piece, PIPE_BUF."""
+"""Characters of an event's text."""
 PATIENCE = 20.0
 """How long the recorder is given to start and to finish [s]."""
 
@@ -117,7 +117,7 @@ class RecorderProcess(Sink):
     ) -> None:
         self.path = path
         self._pushed = 0
-        self._events: list[bytes] = []
+        self._waiting: list[bytes] = []
         self._gone = ""
         self._head = FRAME.pack(TICK, layout.size)
         self._wait = wait
@@ -180,10 +180,14 @@ class RecorderProcess(Sink):
         if self._gone:
             return
         try:
-            while self._events:
-                os.write(self._pipe, self._events[0])
-                self._events.pop(0)
-            os.write(self._pipe, self._head + message)
+            while self._waiting:
+                self._waiting[0] = self._waiting[0][os.write(self._pipe, self._waiting[0]) :]
+                if self._waiting[0]:
+                    raise BlockingIOError
+                self._waiting.pop(0)
+            frame = self._head + message
+            if rest := frame[os.write(self._pipe, frame) :]:
+                self._waiting.append(rest)
             self._pushed += 1
         except BlockingIOError:
             self.dropped += 1
@@ -193,7 +197,7 @@ class RecorderProcess(Sink):
     def event(self, event: Event) -> None:
         """Hand over an event with the next tick that finds room in the pipe."""
         data = json.dumps(event_record(event)).encode()
-        self._events.append(FRAME.pack(EVENT, len(data)) + data)
+        self._waiting.append(FRAME.pack(EVENT, len(data)) + data)
 
     def close(self) -> Outcome:
         """Let the recorder finish."""
@@ -204,7 +208,7 @@ class RecorderProcess(Sink):
             with contextlib.suppress(OSError):
                 if hasattr(os, "set_blocking"):
                     os.set_blocking(self._pipe, True)
-                for data in self._events:
+                for data in self._waiting:
                     os.write(self._pipe, data)
                 os.write(self._pipe, number_frame(END, self.dropped))
             with contextlib.suppress(OSError):

@@ -133,6 +133,42 @@ def test_a_recorder_that_has_stopped_costs_ticks_and_never_time(tmp_path):
     assert recording.events[-1]["text"] == "it matters most"
 
 
+class Wide:
+    """A layout whose messages the system may split: they are larger than PIPE_BUF."""
+
+    columns = tuple((f"column_{i}", "-", "a test") for i in range(1500))
+    estimators = ()
+    size = 4 + 8 * len(columns)
+    definition = "".join(f"float64 {name}  # [-] a test\n" for name, *_ in columns)
+
+
+def test_a_tick_that_the_pipe_takes_in_parts_comes_back_whole(tmp_path):
+    if not hasattr(signal, "SIGSTOP"):
+        pytest.skip("needs SIGSTOP")
+    path = tmp_path / "a.mcap"
+    sink = RecorderProcess(path, Wide(), METADATA, duration=1.0, show=False, wait=False)
+    sink.begin(10**18)
+    pushed = []
+    for number in range(300):
+        if number == 50:
+            sink.process.send_signal(signal.SIGSTOP)
+        if number == 250:
+            sink.event(Event(0.25, Mode.FAULT, "in between", Fault.JUMP))
+            sink.process.send_signal(signal.SIGCONT)
+        if number > 250:
+            time.sleep(2e-3)
+        before = sink.dropped
+        sink.push(b"\0\1\0\0" + np.full(1500, float(number)).tobytes())
+        if sink.dropped == before:
+            pushed.append(float(number))
+    assert 0 < sink.dropped < 250
+    assert sink.close().problem == ""
+    recording = load(path)
+    for name in ("column_0", "column_1499"):
+        np.testing.assert_array_equal(recording[name], pushed)
+    assert recording.events[-1]["text"] == "in between"
+
+
 def test_a_recorder_that_hangs_does_not_hang_the_end(tmp_path, monkeypatch):
     if not hasattr(signal, "SIGSTOP"):
         pytest.skip("needs SIGSTOP")
@@ -222,7 +258,7 @@ def test_a_recording_that_another_file_replaced_is_reported_and_the_other_file_k
 def test_a_recording_that_was_moved_is_reported_and_is_complete_where_it_is(tmp_path):
     path, other = tmp_path / "a.mcap", tmp_path / "b.mcap"
     outcome = run_of(path, lambda: path.replace(other))
-    assert outcome.problem == "the file was moved to another name during the run"
+    assert outcome.problem == "the file was moved, or its file system was unmounted, during the run"
     assert len(load(other)) == 200
 
 
