@@ -77,6 +77,8 @@ def print_trial(summary: Mapping[str, Any]) -> None:
     print_incomplete(console, recording)
     if recording["black_box"]:
         console.print(f"  black box: {recording['black_box']}", style="red")
+    if recording["black_box_problem"]:
+        console.print(f"  {recording['black_box_problem']}", style="red")
 
 
 def print_incomplete(console: Console, recording: Mapping[str, Any]) -> None:

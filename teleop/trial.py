@@ -47,7 +47,7 @@ class Trial:
     interrupted: bool
     """Whether a person ended it before its time."""
     outcome: Outcome
-    """What became of the recording."""
+    """State of the recording at the end."""
     realtime: dict[str, str]
     """What became of each step of the real-time set-up."""
     fault: dict[str, Any] | None
@@ -56,6 +56,8 @@ class Trial:
     """How many frames each of the rig's devices did not take, by reason."""
     black_box: Path | None
     """Folder of the black box, where a fault left one."""
+    black_box_problem: str = ""
+    """Why the black box could not be written; empty if it could, or if there was no fault."""
 
     @property
     def columns(self) -> dict[str, Floats]:
@@ -69,18 +71,17 @@ class Trial:
 
     @property
     def incomplete(self) -> str:
-        """Why the recording does not hold every tick; empty if it does."""
-        path, problem, dropped, gaps = (
-            self.outcome.path,
-            self.outcome.problem,
-            self.outcome.dropped,
-            self.recording.gaps,
-        )
+        """What is missing from the files of the trial; empty if nothing is."""
+        path, _, dropped, problem, _ = self.outcome
+        problems = []
         if problem:
-            return f"{path}: the recording is not complete: {problem}"
-        if dropped and path:
-            return f"{path}: {missing_text(gaps) or f'{dropped} ticks are missing'}"
-        return ""
+            problems.append(f"{path}: the recording is not complete: {problem}")
+        elif dropped and path:
+            missing = missing_text(self.recording.gaps) or f"{dropped} ticks are missing"
+            problems.append(f"{path}: {missing}")
+        if self.black_box_problem:
+            problems.append(self.black_box_problem)
+        return "; ".join(problems)
 
     def summary(self) -> dict[str, Any]:
         """What the trial comes to, as `teleop run --json` prints it."""
@@ -123,6 +124,7 @@ class Trial:
                 "dropped": self.outcome.dropped,
                 "missing_ticks": gap_rows(whole.gaps),
                 "black_box": str(self.black_box) if self.black_box else None,
+                "black_box_problem": self.black_box_problem or None,
             },
         }
 
@@ -196,21 +198,30 @@ def run_trial(
     else:
         assert record
         recording = (salvage(record) if outcome.at_path else None) or box.recording(metadata)
-    folder, error, fault = None, session.error, box.fault
+    folder, box_problem, error, fault = None, "", session.error, box.fault
     if record and fault:
         folder = record.with_suffix(".fault")
         try:
             box.write(folder, metadata, start)
         except InputError as full:
-            outcome = outcome._replace(problem=f"{outcome.problem or 'black box'}; {full}")
-            folder = None
+            folder, box_problem = None, f"black box: {full}"
     if error and not isinstance(error, RigError):
         error.add_note(f"The drives were stopped. Recording: {record}. Black box: {folder}.")
-        if outcome.problem:
-            error.add_note(f"The recording is not complete: {outcome.problem}.")
+        for problem in filter(None, (outcome.problem, box_problem)):
+            error.add_note(f"Not complete: {problem}.")
         raise error
-    interrupted = switch.interrupted
-    return Trial(settings, recording, bank, interrupted, outcome, report, fault, rejected, folder)
+    return Trial(
+        settings,
+        recording,
+        bank,
+        switch.interrupted,
+        outcome,
+        report,
+        fault,
+        rejected,
+        folder,
+        box_problem,
+    )
 
 
 def truth(settings: TrialSettings, depth: float) -> dict[str, float]:

@@ -119,6 +119,21 @@ def test_a_safety_stop_counts_for_more_than_a_full_disk_and_both_are_reported(
     assert "STOPPED for safety" in out
 
 
+def test_a_black_box_that_cannot_be_written_does_not_make_the_recording_incomplete(
+    tmp_path, capsys, fault
+):
+    path = tmp_path / "a.mcap"
+    path.with_suffix(".fault").write_text("in the way")
+    assert main([*RUN, "--record", str(path)]) == 3
+    out, err = capsys.readouterr()
+    problem = f"black box: {path.with_suffix('.fault')}: cannot be written: file exists"
+    assert err.splitlines()[0] == f"teleop: {problem}"
+    assert problem in out
+    assert "not complete" not in out + err
+    assert "teleop recover" not in out
+    assert len(load(path)) > 1000
+
+
 def test_the_plot_is_saved_before_anything_is_printed(tmp_path, monkeypatch):
     picture = tmp_path / "a.svg"
 
