@@ -194,11 +194,9 @@ def main() -> None:
             watch.look()
         if not data or len(data) < BULK:
             time.sleep(NAP)
+    status = finish(file, drain.ticks) if file else {"problem": ""}
     progress.close()
-    if file:
-        finish(file, drain.ticks)
-    else:
-        say(problem="", at_path=False)
+    say(**status)
 
 
 class Watch:
@@ -226,13 +224,13 @@ class Watch:
             self._progress.tell(f"teleop: {self._path}: {problem}: the run continues")
 
 
-def finish(file: McapFile, ticks: int) -> None:
-    """Complete the file, or remove it if it holds no tick, and report its state."""
+def finish(file: McapFile, ticks: int) -> dict[str, Any]:
+    """Complete the file, or remove it if it holds no tick; returns its state."""
     missing = file.missing
     file.close()
     if not (ticks or missing):
         file.remove()
-    say(problem=file.failure or missing, at_path=not missing)
+    return {"problem": file.failure or missing, "at_path": not missing}
 
 
 if __name__ == "__main__":
