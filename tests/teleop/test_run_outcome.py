@@ -146,9 +146,11 @@ def test_the_plot_is_saved_before_anything_is_printed(tmp_path, monkeypatch):
     assert "<svg" in picture.read_text()
 
 
-def test_a_picture_is_saved_through_a_link_whose_target_does_not_exist(tmp_path):
-    link, target = tmp_path / "a.svg", tmp_path / "b.svg"
-    link.symlink_to(target)
-    assert main([*RUN, "--no-record", "--plot", str(link)]) == 0
-    assert link.is_symlink()
-    assert "<svg" in target.read_text()
+def test_a_link_as_an_output_survives_whether_it_is_written_through_or_refused(tmp_path):
+    for option, name in (("--plot", "a.svg"), ("--record", "a.mcap")):
+        link, target = tmp_path / name, tmp_path / f"target-{name}"
+        link.symlink_to(target)
+        record = [] if option == "--record" else ["--no-record"]
+        code = main([*RUN, *record, option, str(link)])
+        assert link.is_symlink()
+        assert code == (0 if target.exists() else 2)
