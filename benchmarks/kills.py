@@ -137,7 +137,7 @@ def victim(path: Path, shared: Path, address: str, real: Any) -> None:
 
     RecorderProcess.push = counted  # type: ignore[method-assign]
     trial = run_trial(VictimSettings(duration=2.0, address=address), path, real=real)
-    COUNTS.pack_into(counts, 0, pushed, 0, 1 + bool(trial.outcome.problem))
+    COUNTS.pack_into(counts, 0, pushed, 0, 1 + bool(trial.incomplete))
 
 
 def kill(target: str, folder: Path, instant: float, real: str) -> dict[str, Any]:

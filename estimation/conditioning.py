@@ -8,12 +8,15 @@ from collections import deque
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from estimation.checks import check_sample, checked_samples
 from estimation.compiled import Floats
 from estimation.filters import Lag, LowPass, angular
 from estimation.model import KELVIN_VOIGT, Model
+
+SETTLED_FIRST, SETTLED_SECOND = 4.605, 6.638
+"""Time constants until 1 % is left of a transient, of first order and critically damped."""
 
 
 class Conditioned(NamedTuple):
@@ -43,13 +46,16 @@ class Regression(NamedTuple):
     further: Floats
     """The model's regressors besides v and x, shape (n, regressors - 2)."""
 
-    def part(self, samples: slice) -> Regression:
+    def part(self, samples: slice | NDArray[np.intp]) -> Regression:
         """Some of the samples."""
         return Regression(*(channel[samples] for channel in self))
 
 
 class Conditioner(ABC):
     """Turns samples of position and force into the regressors x, v and the force f."""
+
+    settling = 0.0
+    """Time after the first sample until 1 % of the transient is left [s]."""
 
     @abstractmethod
     def reset(self) -> None:
@@ -104,6 +110,7 @@ class FilteredDifference(Conditioner):
 
     def __init__(self, bandwidth: float) -> None:
         self._omega = angular(bandwidth)
+        self.settling = SETTLED_FIRST / self._omega
         self.reset()
 
     def reset(self) -> None:
@@ -179,6 +186,7 @@ class StateVariableFilter(Conditioner):
 
     def __init__(self, bandwidth: float) -> None:
         self._position = LowPass(bandwidth)
+        self.settling = SETTLED_SECOND / angular(bandwidth)
 
     def reset(self) -> None:
         """Forget every sample."""
@@ -219,6 +227,7 @@ class MatchedFilter(Conditioner):
     ) -> None:
         self.model = model
         self._bandwidth = bandwidth
+        self.settling = SETTLED_SECOND / angular(bandwidth) + SETTLED_FIRST * force_lag
         self._lag = Lag(force_lag)
         self._position = LowPass(bandwidth)
         self._force = LowPass(bandwidth)

@@ -137,7 +137,7 @@ def fault_text(recording: Recording, fault: dict[str, Any]) -> str:
     lines += ["", "stop", f"  commanded speed zero after {stopped * 1e3:.1f} ms"]
     if before.sum() > 1:
         rate = 1.0 / float(recording["dt"][before].mean())
-        columns = (recording[name][before] for name in ("time", "lateness", "overrun"))
+        columns = (recording[name][before] for name in ("dt", "lateness", "overrun"))
         timing = loop_timing(rate, *columns)
         late = timing["lateness_us"]
         lines += [

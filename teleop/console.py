@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.table import Table
 
 from teleop.black_box import moment
+from teleop.gaps import Gap, missing_text
 from teleop.strict_json import dumps
 
 if TYPE_CHECKING:
@@ -73,11 +74,31 @@ def print_trial(summary: Mapping[str, Any]) -> None:
     recording = summary["recording"]
     if recording["path"]:
         console.print(f"  recording: {recording['path']}")
-    if recording["problem"]:
-        console.print(f"  the recording is not complete: {recording['problem']}", style="red")
-        console.print("  what is intact of it: teleop recover; above stands what could be had")
+    print_incomplete(console, recording)
     if recording["black_box"]:
         console.print(f"  black box: {recording['black_box']}", style="red")
+    if recording["black_box_problem"]:
+        console.print(f"  {recording['black_box_problem']}", style="red")
+
+
+def print_incomplete(console: Console, recording: Mapping[str, Any]) -> None:
+    """Which ticks the recording does not hold, and what can be done about it."""
+    if recording["missing_ticks"]:
+        missing = missing_text([Gap(*row.values()) for row in recording["missing_ticks"]])
+        console.print(
+            f"  {missing}:\n  the recorder could not keep up; the loop and the estimators had "
+            "these ticks, the averages above do not",
+            style="red",
+        )
+    if recording["problem"]:
+        console.print(f"  the recording is not complete: {recording['problem']}", style="red")
+        if recording["recoverable"]:
+            console.print(
+                "  the tables above are computed from its intact part; write that to a complete "
+                f"file with: teleop recover {recording['path']}"
+            )
+        else:
+            console.print("  the tables above are computed from the last seconds, kept in memory")
 
 
 def palpated(summary: Mapping[str, Any]) -> str:
@@ -116,12 +137,12 @@ def print_loop(console: Console, summary: Mapping[str, Any]) -> None:
         console.print(f"  real time: {', '.join(steps)}")
     if loop["longest_gap_s"] > STALL:
         console.print(
-            f"  the loop stalled for {loop['longest_gap_s']:.2f} s: estimates about then mean "
-            "nothing",
+            f"  the loop stalled for {loop['longest_gap_s']:.2f} s: the estimates around that "
+            "time are not valid",
             style="red",
         )
     if loop["mean_rate_hz"] < 0.99 * loop["rate_hz"]:
-        console.print("  the loop did not hold its rate: the machine was busy", style="yellow")
+        console.print("  the loop did not hold its rate", style="yellow")
 
 
 def print_rejected(console: Console, rejected: Mapping[str, Mapping[str, int]]) -> None:

@@ -27,6 +27,7 @@ from estimation.presets import PAPER
 from teleop.choices import make_conditioner
 from teleop.comparison import compare
 from teleop.errors import InputError
+from teleop.gaps import condition
 from teleop.motion import Datum, find_datum, moving_part, smallest_step
 from teleop.names import ConditioningName, PresetName
 from teleop.recorder.schema import answers, estimate_columns
@@ -85,6 +86,8 @@ class Evaluation:
     """Samples in the recording, rest included."""
     excitation: Floats
     """Excitation measure at the motion's dominant frequency."""
+    gaps: tuple[tuple[float, float], ...] = ()
+    """Times of the last sample before each gap and of the first after it [s]."""
 
     def summary(self) -> dict[str, Any]:
         """What the recording comes to, as `teleop estimate --json` prints it."""
@@ -109,6 +112,7 @@ class Evaluation:
             "rate_hz": self.rate,
             "jitter": self.jitter,
             "longest_gap_s": float(np.max(self.regression.dt)),
+            "gaps": [{"from_s": start, "to_s": end} for start, end in self.gaps],
             "from_s": round(float(self.t[0]), 9) + 0.0,
             "to_s": float(self.t[-1]),
             "datum": {
@@ -151,10 +155,14 @@ class Evaluation:
 def evaluate(signals: Signals, settings: EstimateSettings) -> Evaluation:
     """Take the datum off, condition the signals, and run the estimators over the motion.
 
+    At a gap the filters restart, and samples are left out until they have settled. The
+    estimators continue with the time that really passed, so that each forgets what it was
+    given before the gap by its age.
+
     Raises
     ------
     InputError
-        A setting is out of its range, or nothing moves.
+        A setting is out of its range, nothing moves, or gaps leave too few samples.
     """
     if len(signals.t) < FEWEST:
         raise InputError(
@@ -177,9 +185,25 @@ def evaluate(signals: Signals, settings: EstimateSettings) -> Evaluation:
     conditioner = make_conditioner(
         settings.conditioning, bandwidth, count, settings.force_lag, model
     )
-    whole = conditioner.run(signals.x - datum.x, signals.f - datum.f, signals.dt)
-    regression = whole.part(motion)
-    t, (x, v, f, dt, _) = signals.t[motion], regression
+    whole, settled = condition(
+        conditioner,
+        signals.t,
+        signals.x - datum.x,
+        signals.f - datum.f,
+        signals.dt,
+        signals.gaps,
+    )
+    moving = np.arange(len(signals.t))[motion]
+    used = moving[settled[moving]]
+    if len(used) < FEWEST:
+        raise InputError(
+            f"only {len(used)} samples are far enough from a gap for the filters to settle: "
+            f"expected at least {FEWEST}"
+        )
+    t, regression = signals.t[used], whole.part(used)
+    apart = 1 + np.flatnonzero(np.diff(used) > 1)
+    regression.dt[apart] = t[apart] - t[apart - 1]
+    x, v, f, dt, _ = regression
     try:
         if given:
             preset = given
@@ -198,6 +222,7 @@ def evaluate(signals: Signals, settings: EstimateSettings) -> Evaluation:
     measure = Excitation(frequency, resolution=10.0 * count)
     excitation = [measure.update(*sample) for sample in zip(x, v, dt, strict=True)]
     period = float(np.median(dt))
+    gaps = [i for i in signals.gaps if moving[0] < i <= moving[-1]]
     return Evaluation(
         t=t,
         regression=regression,
@@ -208,7 +233,8 @@ def evaluate(signals: Signals, settings: EstimateSettings) -> Evaluation:
         preset=preset,
         bandwidth=bandwidth,
         rate=1.0 / period,
-        jitter=float(np.max(np.abs(dt - period))) / period,
+        jitter=float(np.max(np.abs(np.delete(dt, apart) - period))) / period,
         samples=len(signals.t),
         excitation=np.array(excitation),
+        gaps=tuple((float(signals.t[i - 1]), float(signals.t[i])) for i in gaps),
     )

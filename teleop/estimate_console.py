@@ -12,9 +12,12 @@ from rich.console import Console
 from rich.table import Table
 
 from teleop.console import number, plain_console, small
+from teleop.gaps import Gap, missing_text
 
-GAP = 20.0
-"""A sample period this many times longer than the median is told as a gap."""
+STALL = 20.0
+"""A sample period this many times longer than the median is reported."""
+GAPS_LISTED = 3
+"""Most gaps that are listed."""
 MEANINGLESS = 1e6
 """An interval this many times its value is not shown: nothing has been learned."""
 WORSE = 1.2
@@ -144,22 +147,41 @@ def print_evaluation(summary: Mapping[str, Any], name: str) -> None:
     )
     print_estimated(console, summary)
     print_model(console, summary)
-    if "as_online" in summary:
-        console.print(
-            "  the estimates are those that the run computed, to the bit"
-            if summary["as_online"]
-            else "  other settings than the run's: the estimates are not those that it computed"
-        )
-    if summary["jitter"] > GAP:
-        console.print(
-            f"  a gap of {summary['longest_gap_s']:.3g} s in the recording: what was estimated "
-            "before it is forgotten after it",
-            style="yellow",
-        )
+    print_gaps(console, summary)
     if summary["batch"]["k"] < 0.0:
         console.print(
             "  stiffness is negative: is force positive in compression, as position is?",
             style="yellow",
+        )
+
+
+def print_gaps(console: Console, summary: Mapping[str, Any]) -> None:
+    """Where samples are missing, and whether the estimates are those of the run."""
+    gaps = summary["gaps"]
+    for gap in gaps[:GAPS_LISTED]:
+        console.print(
+            f"  no samples from {gap['from_s']:.3f} to {gap['to_s']:.3f} s: the filters restart "
+            "there, and older samples count by their age",
+            style="yellow",
+        )
+    if len(gaps) > GAPS_LISTED:
+        console.print(f"  and {len(gaps) - GAPS_LISTED} more gaps", style="yellow")
+    if summary["jitter"] > STALL:
+        console.print(
+            f"  the loop took no sample for up to {summary['longest_gap_s']:.3g} s: position and "
+            "force are taken for straight lines meanwhile, as in the run",
+            style="yellow",
+        )
+    if "as_online" not in summary:
+        return
+    if summary["missing_ticks"]:
+        missing = missing_text([Gap(*row.values()) for row in summary["missing_ticks"]])
+        console.print(f"  the estimates are not those of the run: {missing}", style="red")
+    else:
+        console.print(
+            "  the estimates are those that the run computed, to the bit"
+            if summary["as_online"]
+            else "  other settings than the run's: the estimates are not those that it computed"
         )
 
 

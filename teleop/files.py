@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 from teleop.errors import InputError
@@ -30,20 +31,37 @@ def check_outputs(
     """
     if picture and picture.suffix.lower() not in PICTURES:
         raise InputError(f"{picture}: expected a file ending in {', '.join(PICTURES)}")
-    taken = [source.resolve()] if source else []
+    taken = [Path(os.path.realpath(source))] if source else []
     for path in (*outputs, picture):
         if path is None:
             continue
-        if path.resolve() in taken:
+        target = Path(os.path.realpath(path))
+        if target in taken:
             raise InputError(f"{path}: would overwrite the recording or another output")
-        taken.append(path.resolve())
+        taken.append(target)
         try:
-            new = not path.exists()
-            path.open("a").close()
+            new = not target.exists()
+            target.open("a").close()
             if new:
-                path.unlink()
+                target.unlink()
         except OSError as error:
             raise unwritable(path, error) from error
+
+
+def make_folder(path: Path) -> None:
+    """Create the folder of a file that is to be written.
+
+    Raises
+    ------
+    InputError
+        It cannot be created.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except FileExistsError as error:
+        raise InputError(f"{path.parent}: expected a folder, this is a file") from error
+    except OSError as error:
+        raise unwritable(path.parent, error) from error
 
 
 def write_text(path: Path, text: str) -> None:

@@ -12,11 +12,18 @@ from teleop.table import Signals
 
 
 def recorded_signals(recording: Recording) -> Signals:
-    """What the estimators were given in a recorded trial, before conditioning."""
+    """What the estimators were given in a recorded trial, before conditioning.
+
+    Where ticks are missing, the recorded `paired_dt` tells the time since a pair that is
+    missing too; the time since the pair before the gap takes its place.
+    """
     r = recording.estimated()
-    return Signals(
-        r["time"], r["paired_position"], r["paired_force"], r["paired_dt"], "slave_position"
-    )
+    t, dt = r["time"], r["paired_dt"].copy()
+    ends = [gap.end for gap in recording.gaps if gap.end is not None]
+    gaps = [int(i) for i in np.unique(np.searchsorted(t, ends)) if i < len(t)]
+    for i in gaps:
+        dt[i] = t[i] - t[i - 1] if i else dt[i]
+    return Signals(t, r["paired_position"], r["paired_force"], dt, "slave_position", tuple(gaps))
 
 
 def recorded_settings(recording: Recording) -> EstimateSettings:
@@ -47,7 +54,12 @@ def recorded_settings(recording: Recording) -> EstimateSettings:
 
 
 def agrees(evaluation: Evaluation, recording: Recording) -> bool:
-    """Whether the estimates are those that the trial computed online, to the bit."""
+    """Whether the estimates are those that the trial computed online, to the bit.
+
+    Never where ticks are missing: the trial's estimators were given those as well.
+    """
+    if recording.gaps:
+        return False
     online = recording.estimated().estimates()
     return list(online) == list(evaluation.estimates) and all(
         np.array_equal(ours, theirs, equal_nan=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,8 @@ from estimation import Estimates, Regression
 from estimation.compiled import Floats
 from estimation.estimator import Series
 from teleop.errors import InputError
+from teleop.gaps import Gap, missing_ticks
+from teleop.recorder.mcap_file import END
 from teleop.recorder.mcap_reader import read_intact
 from teleop.recorder.schema import CDR
 
@@ -43,6 +45,8 @@ class Recording:
     """Software, machine, date."""
     settings: dict[str, Any] = field(default_factory=dict)
     """Settings of the trial."""
+    gaps: tuple[Gap, ...] = ()
+    """Where ticks are missing from the whole recording, because the recorder was too slow."""
 
     def __getitem__(self, name: str) -> Floats:
         """A column.
@@ -76,7 +80,7 @@ class Recording:
         columns = self.columns
         if not part.all():
             columns = {name: column[part] for name, column in columns.items()}
-        return Recording(columns, self.units, self.events, self.session, self.settings)
+        return replace(self, columns=columns)
 
     def estimates(self) -> dict[str, Estimates]:
         """Each estimator's estimates."""
@@ -122,13 +126,23 @@ def from_messages(
     rows = np.frombuffer(messages, dtype=np.uint8).reshape(-1, len(CDR) + 8 * len(fields))
     values = np.ascontiguousarray(rows[:, len(CDR) :].T.reshape(len(fields), 8, -1).swapaxes(1, 2))
     table = values.view("<f8").reshape(len(fields), -1)
+    columns = {name: table[i] for i, (name, _, _) in enumerate(fields)}
     return Recording(
-        columns={name: table[i] for i, (name, _, _) in enumerate(fields)},
+        columns=columns,
         units={name: unit for name, unit, _ in fields},
         events=events,
         session=metadata.get("session", {}),
         settings=json.loads(metadata.get("settings", {}).get("json", "{}")),
+        gaps=gaps_of(columns, metadata.get(END, {}).get("dropped", "")),
     )
+
+
+def gaps_of(columns: dict[str, Floats], in_all: str) -> tuple[Gap, ...]:
+    """Where ticks are missing, of which `in_all` were dropped."""
+    if not {"time", "dt", "dropped"} <= columns.keys():
+        return ()
+    count = int(in_all) if re.fullmatch(r"[0-9]{1,15}", in_all) else 0
+    return missing_ticks(columns["time"], columns["dt"], columns["dropped"], count)
 
 
 def load(path: Path | str) -> Recording:

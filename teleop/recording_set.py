@@ -23,7 +23,7 @@ def taken_together(evaluations: Mapping[str, Evaluation]) -> dict[str, Any]:
     length = max(e.preset.segment for e in evaluations.values())
     segments = PooledSegments(length)
     for evaluation in evaluations.values():
-        segments.parameters[1] = evaluation.preset.correlation
+        segments.correlation = evaluation.preset.correlation
         x, v, f, dt, _ = evaluation.regression
         apart = dt.copy()
         apart[0] = 2.0 * length

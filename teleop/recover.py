@@ -8,10 +8,11 @@ from pathlib import Path
 
 from teleop.errors import InputError
 from teleop.files import unwritable
+from teleop.gaps import Gap
 from teleop.recorder.mcap_file import McapFile
 from teleop.recorder.mcap_reader import CUT, Contents, read_intact
 from teleop.recorder.schema import CDR, TIME
-from teleop.recording import FIELD
+from teleop.recording import FIELD, from_messages
 
 CHUNK = 1000
 """Ticks after which a chunk is written."""
@@ -26,6 +27,8 @@ class Recovery:
     """Time of the last tick that is intact [s]."""
     damage: str
     """Why the recording is not complete; empty if it is."""
+    gaps: tuple[Gap, ...]
+    """Where ticks are missing that the recorder never got."""
 
     @property
     def lost(self) -> str:
@@ -46,9 +49,10 @@ def recover_recording(file: Path, out: Path) -> Recovery:
     """
     contents = read_intact(file)
     ticks = list(messages(contents))
+    gaps = from_messages(contents.definition, contents.messages, [], contents.metadata).gaps
     if not ticks:
         raise InputError(f"{file}: no tick is intact: nothing can be recovered")
-    recovery = Recovery(len(ticks), TIME.unpack_from(ticks[-1])[0], contents.damage)
+    recovery = Recovery(len(ticks), TIME.unpack_from(ticks[-1])[0], contents.damage, gaps)
     if contents.damage:
         write_contents(out, contents, ticks)
     return recovery

@@ -12,6 +12,7 @@ from teleop.black_box import fault_of, fault_text
 from teleop.estimate import Evaluation
 from teleop.estimate_console import HEADINGS, estimate_cells, interval_table
 from teleop.figure import ambiguity_figure, estimates_figure, fault_figure, timing_figure
+from teleop.gaps import missing_text
 from teleop.recording import Recording
 from teleop.web_page import captioned, svg, table, web_page
 
@@ -49,7 +50,7 @@ def report_page(name: str, evaluation: Evaluation, recording: Recording | None =
 {summary["to_s"]:.3f} s, at {summary["rate_hz"]:g} Hz. Datum: {datum["position_m"] * 1e3:.6g} mm,
 {datum["force_n"]:.6g} N ({escape(datum["source"])}). Excitation {summary["excitation"]["mean"]:.2f}
 (0 none, 1 a sine about the datum).</p>
-{not_measured(recording)}{black_box(recording)}<h2>Estimates</h2>
+{not_measured(recording)}{missing(recording)}{gaps(e)}{black_box(recording)}<h2>Estimates</h2>
 {table(HEADINGS, rows)}{table(*interval_table(summary["estimates"]))}{notes}
 {
         captioned(
@@ -73,13 +74,29 @@ def report_page(name: str, evaluation: Evaluation, recording: Recording | None =
 
 def stop_page(name: str, recording: Recording) -> str:
     """The page for a trial that was stopped before there was anything to estimate from."""
-    return web_page(name, f"<h1>{escape(name)}</h1>\n{black_box(recording)}")
+    body = f"<h1>{escape(name)}</h1>\n{missing(recording)}{black_box(recording)}"
+    return web_page(name, body)
 
 
 def not_measured(recording: Recording | None) -> str:
     """Which channels no sensor measured; empty for none."""
     names = [] if recording is None else recording.estimated_channels
     return "".join(f"<p>{escape(n)}: estimated by an observer, not measured.</p>\n" for n in names)
+
+
+def missing(recording: Recording | None) -> str:
+    """Which ticks are missing from a recorded trial; empty for none."""
+    text = missing_text(recording.gaps) if recording else ""
+    return f"<p>{escape(text)}: the estimates are not those of the run.</p>\n" if text else ""
+
+
+def gaps(evaluation: Evaluation) -> str:
+    """Where the estimators had no samples; empty for no gap."""
+    return "".join(
+        f"<p>No samples from {start:.3f} to {end:.3f} s: the filters restart there, and older "
+        "samples count by their age.</p>\n"
+        for start, end in evaluation.gaps
+    )
 
 
 def black_box(recording: Recording | None) -> str:

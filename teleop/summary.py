@@ -83,26 +83,27 @@ def interval(estimates: Estimates, std: Floats) -> float:
     return LEVEL_95 * float(std[-1]) if known else math.nan
 
 
-def loop_timing(rate: float, t: Floats, lateness: Floats, overruns: Floats) -> dict[str, Any]:
+def loop_timing(rate: float, dt: Floats, lateness: Floats, overruns: Floats) -> dict[str, Any]:
     """Rate and lateness of a loop that ran at a nominal `rate` [Hz].
 
     Parameters
     ----------
     rate
         Nominal rate [Hz].
-    t, lateness, overruns
-        Time and lateness [s] of each tick, and whether it came upon an overrun.
+    dt, lateness, overruns
+        Of each tick the time since the one before and the lateness [s], and whether it came
+        upon an overrun. The first tick's `dt` is not measured.
     """
-    span = float(t[-1] - t[0]) if len(t) > 1 else math.nan
+    periods = dt[1:]
     return {
         "rate_hz": rate,
-        "mean_rate_hz": (len(t) - 1) / span if len(t) > 1 else math.nan,
+        "mean_rate_hz": 1.0 / float(np.mean(periods)) if len(periods) else math.nan,
         "lateness_us": {
-            name: float(np.percentile(lateness, q)) * 1e6 if len(t) else math.nan
+            name: float(np.percentile(lateness, q)) * 1e6 if len(lateness) else math.nan
             for name, q in PERCENTILES.items()
         },
         "overruns": int(overruns.sum()),
-        "longest_gap_s": float(np.max(np.diff(t), initial=0.0)),
+        "longest_gap_s": float(np.max(periods, initial=0.0)),
     }
 
 

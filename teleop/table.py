@@ -14,6 +14,7 @@ import numpy as np
 from estimation.compiled import Floats
 from teleop.errors import InputError
 from teleop.files import unreadable, unwritable
+from teleop.gaps import long_periods
 
 UNITS = {
     "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "min": 60.0},
@@ -52,6 +53,8 @@ class Signals(NamedTuple):
     """Time since the sample before [s]."""
     position_name: str
     """Name of the position's column, without its unit."""
+    gaps: tuple[int, ...] = ()
+    """Numbers of the samples before which samples are missing."""
 
 
 def periods(t: Floats) -> Floats:
@@ -202,7 +205,8 @@ def read_signals(
             f"{path}, line {numbers[i + 1]}: time {what}, from {t[i]:g} s to {t[i + 1]:g} s: "
             "expected times that rise"
         )
-    return Signals(t, x, f, periods(t), columns[1].name)
+    dt = periods(t)
+    return Signals(t, x, f, dt, columns[1].name, tuple(long_periods(dt).tolist()))
 
 
 NUMBER = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\d\s.]+)")

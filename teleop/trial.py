@@ -20,6 +20,7 @@ from estimation import Bank, Estimates
 from estimation.compiled import Floats
 from teleop.black_box import BlackBox
 from teleop.errors import InputError
+from teleop.gaps import gap_rows, missing_text
 from teleop.names import RealtimeName
 from teleop.realtime import realtime
 from teleop.recorder.schema import Layout
@@ -46,7 +47,7 @@ class Trial:
     interrupted: bool
     """Whether a person ended it before its time."""
     outcome: Outcome
-    """What became of the recording."""
+    """State of the recording at the end."""
     realtime: dict[str, str]
     """What became of each step of the real-time set-up."""
     fault: dict[str, Any] | None
@@ -55,6 +56,8 @@ class Trial:
     """How many frames each of the rig's devices did not take, by reason."""
     black_box: Path | None
     """Folder of the black box, where a fault left one."""
+    black_box_problem: str = ""
+    """Why the black box could not be written; empty if it could, or if there was no fault."""
 
     @property
     def columns(self) -> dict[str, Floats]:
@@ -65,6 +68,20 @@ class Trial:
     def estimates(self) -> dict[str, Estimates]:
         """Each estimator's estimates at those ticks."""
         return self.recording.estimated().estimates()
+
+    @property
+    def incomplete(self) -> str:
+        """What is missing from the files of the trial; empty if nothing is."""
+        path, _, dropped, problem, _ = self.outcome
+        problems = []
+        if problem:
+            problems.append(f"{path}: the recording is not complete: {problem}")
+        elif dropped and path:
+            missing = missing_text(self.recording.gaps) or f"{dropped} ticks are missing"
+            problems.append(f"{path}: {missing}")
+        if self.black_box_problem:
+            problems.append(self.black_box_problem)
+        return "; ".join(problems)
 
     def summary(self) -> dict[str, Any]:
         """What the trial comes to, as `teleop run --json` prints it."""
@@ -95,16 +112,19 @@ class Trial:
             },
             "truth": None if settings.rig else truth(settings, depth),
             "excitation": {"mean": excitation[0], "last": excitation[1]},
-            "loop": loop_timing(settings.rate, whole["time"], whole["lateness"], whole["overrun"])
+            "loop": loop_timing(settings.rate, whole["dt"], whole["lateness"], whole["overrun"])
             | tick_times(whole),
             "safety": safety_summary(active, self.fault),
             "realtime": self.realtime,
             "recording": {
                 "path": str(self.outcome.path) if self.outcome.path else None,
-                "complete": not self.outcome.problem,
+                "complete": not (self.outcome.problem or self.outcome.dropped),
                 "problem": self.outcome.problem or None,
+                "recoverable": bool(self.outcome.problem) and self.outcome.at_path,
                 "dropped": self.outcome.dropped,
+                "missing_ticks": gap_rows(whole.gaps),
                 "black_box": str(self.black_box) if self.black_box else None,
+                "black_box_problem": self.black_box_problem or None,
             },
         }
 
@@ -177,20 +197,31 @@ def run_trial(
         recording = from_messages(layout.definition, memory.messages, memory.events, metadata)
     else:
         assert record
-        recording = salvage(record) or box.recording(metadata)
-    folder, error, fault = None, session.error, box.fault
+        recording = (salvage(record) if outcome.at_path else None) or box.recording(metadata)
+    folder, box_problem, error, fault = None, "", session.error, box.fault
     if record and fault:
         folder = record.with_suffix(".fault")
         try:
             box.write(folder, metadata, start)
         except InputError as full:
-            outcome = outcome._replace(problem=f"{outcome.problem or 'black box'}; {full}")
-            folder = None
+            folder, box_problem = None, f"black box: {full}"
     if error and not isinstance(error, RigError):
         error.add_note(f"The drives were stopped. Recording: {record}. Black box: {folder}.")
+        for problem in filter(None, (outcome.problem, box_problem)):
+            error.add_note(f"Not complete: {problem}.")
         raise error
-    interrupted = switch.interrupted
-    return Trial(settings, recording, bank, interrupted, outcome, report, fault, rejected, folder)
+    return Trial(
+        settings,
+        recording,
+        bank,
+        switch.interrupted,
+        outcome,
+        report,
+        fault,
+        rejected,
+        folder,
+        box_problem,
+    )
 
 
 def truth(settings: TrialSettings, depth: float) -> dict[str, float]:

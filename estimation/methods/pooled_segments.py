@@ -133,6 +133,22 @@ class PooledSegments(Estimator):
         super().__init__((length, correlation), (0.0, 0.0, math.nan, math.nan, 1.0, *[0.0] * 22))
 
     @property
+    def correlation(self) -> float:
+        """Samples for each independent one; a new value counts from the next sample on.
+
+        Raises
+        ------
+        ValueError
+            The new value is below 1.
+        """
+        return self.parameters[1]
+
+    @correlation.setter
+    def correlation(self, value: float) -> None:
+        check_correlation(value)
+        self.parameters[1] = float(value)
+
+    @property
     def segments(self) -> int:
         """How many segments there were so far."""
         return int(self.state[13])

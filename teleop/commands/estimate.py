@@ -86,6 +86,7 @@ def estimate(
     from teleop.estimate import Evaluation, evaluate
     from teleop.estimate_console import print_evaluation, print_together
     from teleop.files import check_outputs
+    from teleop.gaps import gap_rows
     from teleop.recorded_estimates import agrees
     from teleop.recording_set import taken_together
     from teleop.table import write_table
@@ -116,6 +117,7 @@ def estimate(
         summary = {"file": str(path), **evaluation.summary()}
         if recording:
             summary["as_online"] = agrees(evaluation, recording)
+            summary["missing_ticks"] = gap_rows(recording.gaps)
             summary["estimated_channels"] = recording.estimated_channels
         if not json:
             print_evaluation(summary, path.name)

@@ -30,9 +30,12 @@ def export(
     json
         Print one JSON document instead of the file's name.
     """
+    import sys
+
     from teleop import console
     from teleop.export import export_recording, format_of
     from teleop.files import check_outputs
+    from teleop.gaps import gap_rows, missing_text
     from teleop.recording import load
 
     out = out or file.with_suffix(".csv")
@@ -48,8 +51,11 @@ def export(
                 "format": name,
                 "ticks": len(recording),
                 "columns": list(recording.columns),
+                "missing_ticks": gap_rows(recording.gaps),
             }
         )
     else:
         print(out)
+        if recording.gaps:
+            print(f"teleop: {file}: {missing_text(recording.gaps)}", file=sys.stderr)
     return 0

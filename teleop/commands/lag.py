@@ -42,6 +42,7 @@ def lag(
         Print one JSON document instead of a text.
     """
     from teleop import console
+    from teleop.errors import InputError
     from teleop.force_lag import measure_lag, measure_simulated_lag
     from teleop.motion import find_datum
 
@@ -51,6 +52,12 @@ def lag(
         summary = {**measured.summary(), "true_lag_s": true}
     else:
         signals, _ = columns.read(file)
+        if signals.gaps:
+            end = signals.gaps[0]
+            raise InputError(
+                f"{file}: a gap from {signals.t[end - 1]:g} to {signals.t[end]:g} s: "
+                "expected samples without gaps"
+            )
         zero = find_datum(signals, columns.datum)
         measured = measure_lag(signals.x - zero.x, signals.f - zero.f, signals.dt)
         summary = {"file": str(file), **measured.summary()}

@@ -32,6 +32,7 @@ def recover(
         Print one JSON document instead of a line.
     """
     from teleop import console
+    from teleop.gaps import gap_rows, missing_text
     from teleop.recover import recover_recording
 
     out = out or file.with_name(f"{file.stem}-recovered.mcap")
@@ -44,10 +45,13 @@ def recover(
                 "ticks": recovery.ticks,
                 "duration_s": recovery.duration,
                 "damage": recovery.damage,
+                "missing_ticks": gap_rows(recovery.gaps),
             }
         )
     elif recovery.damage:
         print(f"{out}: {recovery.ticks} ticks, {recovery.duration:.3f} s, {recovery.lost}")
     else:
-        print(f"{file}: complete already, {recovery.ticks} ticks: nothing to recover")
+        print(f"{file}: the file is intact, {recovery.ticks} ticks: nothing to recover")
+    if recovery.gaps and not json:
+        print(f"{missing_text(recovery.gaps)}: these never reached the recorder")
     return 0

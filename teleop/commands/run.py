@@ -100,8 +100,8 @@ def run(
     tare
         Zeros of the channels, as `teleop rig tare` writes them.
     record
-        Record every tick to this MCAP file; by default to a new one in a dated folder,
-        recordings/DATE/TIME-CONDITION-CUBE.mcap.
+        Record every tick to this MCAP file, whose folder is created if needed; by default to a
+        new one in a dated folder, recordings/DATE/TIME-CONDITION-CUBE.mcap.
     no_record
         Record nothing.
     plot
@@ -115,7 +115,7 @@ def run(
     from teleop.black_box import moment
     from teleop.choices import choose_estimators, choose_model, make_coupling, make_signal
     from teleop.errors import InputError, SafetyStop
-    from teleop.files import check_outputs
+    from teleop.files import check_outputs, make_folder
     from teleop.rig_file import load_rig_file
     from teleop.settings import TrialSettings
     from teleop.tare import NO_TARE, read_tare
@@ -147,6 +147,8 @@ def run(
         raise InputError(f"{record}: expected a file ending in .mcap")
     if not no_record:
         record = record or dated_path(f"{condition}-{rig.stem if rig else cube}")
+    if record:
+        make_folder(record)
     check_outputs(record, picture=plot)
     trial = run_trial(
         settings,
@@ -155,26 +157,30 @@ def run(
         key=True,
         real=realtime if clock == "real" else "off",
     )
-    if json:
-        console.print_json(trial.summary())
-    else:
-        console.print_trial(trial.summary())
-    if plot and trial.estimates:
-        from teleop.figure import estimates_figure, save
+    try:
+        if plot and trial.estimates:
+            from teleop.figure import estimates_figure, save
 
-        columns = trial.columns
-        figure = estimates_figure(
-            f"{condition}, {rig_file.sections.name if rig_file else f'{cube} cube'}",
-            columns["time"],
-            columns["x"],
-            columns["v"],
-            trial.estimates,
-        )
-        save(figure, plot)
-    if trial.outcome.problem:
-        raise InputError(f"{record}: the recording is not complete: {trial.outcome.problem}")
+            columns = trial.columns
+            figure = estimates_figure(
+                f"{condition}, {rig_file.sections.name if rig_file else f'{cube} cube'}",
+                columns["time"],
+                columns["x"],
+                columns["v"],
+                trial.estimates,
+            )
+            save(figure, plot)
+    finally:
+        if json:
+            console.print_json(trial.summary())
+        else:
+            console.print_trial(trial.summary())
     if trial.fault:
+        if trial.incomplete:
+            print("teleop:", trial.incomplete, file=sys.stderr)
         raise SafetyStop(f"stopped {moment(trial.fault)}: {trial.fault['text']}")
+    if trial.incomplete:
+        raise InputError(trial.incomplete)
     return 130 if trial.interrupted else 0
 
 

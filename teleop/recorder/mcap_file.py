@@ -6,6 +6,8 @@ import contextlib
 import io
 import json
 import logging
+import os
+import stat
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -18,6 +20,8 @@ from teleop.recorder.schema import TICK
 
 TICKS, EVENTS = "/tick", "/event"
 """Topics of the file."""
+END = "end"
+"""Name of the metadata of a recording that the control process ended."""
 INFO, ERROR = 2, 4
 """Levels of foxglove.Log."""
 EVENT_SCHEMA = {
@@ -39,11 +43,32 @@ EVENT_SCHEMA = {
 
 
 class Disk(io.RawIOBase):
-    """A file that remembers the first error of a write, which the MCAP writer would swallow."""
+    """A file that keeps the first error of a write, which the MCAP writer would swallow.
+
+    A symbolic link is followed, also one whose target does not exist yet.
+    """
 
     def __init__(self, path: Path, overwrite: bool) -> None:
-        self._file = path.open("wb" if overwrite else "xb", buffering=0)
+        self._path = Path(os.path.realpath(path))
+        self._file = self._path.open("wb" if overwrite else "xb", buffering=0)
+        self._identifiable = self._is_at_path()
+        self._regular = stat.S_ISREG(os.fstat(self._file.fileno()).st_mode)
         self.error: OSError | None = None
+
+    @property
+    def missing(self) -> str:
+        """Why the file is no longer at its path; empty if it is, or once it is closed."""
+        if self._file.closed or not self._identifiable or self._is_at_path():
+            return ""
+        if os.fstat(self._file.fileno()).st_nlink == 0:
+            return "the file was removed during the run"
+        return "the file was moved, or its file system was unmounted, during the run"
+
+    def _is_at_path(self) -> bool:
+        try:
+            return os.path.samestat(os.fstat(self._file.fileno()), self._path.stat())
+        except OSError:
+            return False
 
     def write(self, data: Any) -> int:
         """Write all of it."""
@@ -61,8 +86,17 @@ class Disk(io.RawIOBase):
         return self._file.seek(offset, whence)
 
     def close(self) -> None:
-        """Close the file."""
-        self._file.close()
+        """Close the file; an error is kept, for a late write may fail here."""
+        try:
+            self._file.close()
+        except OSError as error:
+            self.error = self.error or error
+
+    def remove(self) -> None:
+        """Remove the file, unless it is a device."""
+        if self._regular:
+            with contextlib.suppress(OSError):
+                self._path.unlink()
 
 
 class McapFile:
@@ -126,6 +160,16 @@ class McapFile:
         """The first error of the disk."""
         return self._disk.error
 
+    @property
+    def failure(self) -> str:
+        """The first error of the disk as text; empty for none."""
+        return (self.error.strerror or str(self.error)).lower() if self.error else ""
+
+    @property
+    def missing(self) -> str:
+        """Why the file is no longer at its path; empty if it is, or once it is closed."""
+        return self._disk.missing
+
     @contextlib.contextmanager
     def _told(self) -> Any:
         """Let errors of the disk pass: they are kept."""
@@ -166,8 +210,18 @@ class McapFile:
             with self._told():
                 self._writer.flush()
 
+    def end(self, dropped: int) -> None:
+        """Record how many ticks were dropped in all, which the last tick may not show."""
+        if self.error is None:
+            with self._told():
+                self._writer.write_metadata(END, {"dropped": str(dropped)})
+
     def close(self) -> None:
         """Complete the file."""
         with self._told():
             self._writer.close()
         self._disk.close()
+
+    def remove(self) -> None:
+        """Remove the closed file, which holds no tick."""
+        self._disk.remove()

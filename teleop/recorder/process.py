@@ -21,14 +21,17 @@ from typing import Any
 
 from teleop.recorder.mcap_file import McapFile
 from teleop.recorder.schema import CDR, TIME
+from teleop.recorder.terminal import Terminal
 
 FRAME = struct.Struct("<cH")
 """Head of a frame: its kind and the length of what follows."""
-TICK, EVENT, BEGIN = b"T", b"E", b"B"
+TICK, EVENT, BEGIN, END = b"T", b"E", b"B", b"N"
 HEAD = struct.Struct("<I")
 """Length of the session's JSON."""
-START = struct.Struct("<q")
-"""Wall-clock time of the trial's beginning [ns]."""
+NUMBER = struct.Struct("<q")
+"""Wall-clock time of the trial's beginning [ns], or number of dropped ticks at its end."""
+CHECK = 1.0
+"""Time between two checks that the file is still in its place [s]."""
 NAP = 0.02
 """The pipe is left alone for this long [s]: a sleeping reader costs the writer no wake-up."""
 FLUSH = 0.05
@@ -39,6 +42,7 @@ BULK = 1 << 16
 PAIR = struct.Struct("<2d")
 SHOWN = 4
 """Most estimators on the progress line."""
+STDERR = 2
 
 
 class Progress:
@@ -57,6 +61,7 @@ class Progress:
         columns = [name for name, _, _ in session["columns"]]
         self._places = [len(CDR) + 8 * columns.index(f"{name}_b") for name in self._names]
         self._due = 0.0
+        self._terminal = Terminal(STDERR)
 
     def show(self, message: bytes, t: float) -> None:
         """Draw the line if it is due."""
@@ -72,22 +77,22 @@ class Progress:
         self._draw(f"{t:4.1f} of {self._duration:g} s  k [N/m], b [N s/m]:{estimates}")
 
     def tell(self, text: str) -> None:
-        """Say something that stays."""
-        self.wipe()
-        print(text, file=sys.stderr, flush=True)
+        """Write a line that stays."""
+        self._terminal.write(("\r\x1b[K" if self._shown else "") + text + "\n")
 
-    def wipe(self) -> None:
-        """Clear the line."""
+    def close(self) -> None:
+        """Clear the line, unless the terminal is stopped."""
         if self._shown:
-            self._draw("")
+            self._terminal.draw("\r\x1b[K")
+        self._terminal.close()
 
     def _draw(self, text: str) -> None:
         try:
-            width = os.get_terminal_size(sys.stderr.fileno()).columns or 80
-            sys.stderr.write("\r" + text[: width - 1] + "\x1b[K")
-            sys.stderr.flush()
+            width = os.get_terminal_size(STDERR).columns or 80
         except OSError:
             self._shown = False
+            return
+        self._terminal.draw("\r" + text[: width - 1] + "\x1b[K")
 
 
 def say(**status: Any) -> None:
@@ -143,8 +148,10 @@ class Drain:
                 self.progress.show(frame, t)
             elif self.file and kind == EVENT:
                 self.file.event(json.loads(frame))
-            elif self.file:
-                self.file.begin(START.unpack(frame)[0])
+            elif self.file and kind == BEGIN:
+                self.file.begin(*NUMBER.unpack(frame))
+            elif self.file and kind == END:
+                self.file.end(*NUMBER.unpack(frame))
         self._rest = data[place:]
 
 
@@ -154,7 +161,6 @@ def main() -> None:
         session = read_session()
     except EOFError:
         return
-    progress = Progress(session)
     file = None
     if session["path"]:
         try:
@@ -166,12 +172,12 @@ def main() -> None:
                 session["overwrite"],
             )
         except OSError as refusal:
-            say(error=(refusal.strerror or str(refusal)).lower())
+            say(problem=(refusal.strerror or str(refusal)).lower())
             return
-    say(error=None)
+    say(problem="")
+    progress = Progress(session)
     drain = Drain(file, progress)
-    flushed = time.monotonic()
-    told = False
+    watch = Watch(session["path"], file, progress) if file else None
     pipe = sys.stdin.fileno()
     if hasattr(os, "set_blocking"):
         os.set_blocking(pipe, False)
@@ -184,22 +190,47 @@ def main() -> None:
             break
         if data:
             drain.take(data)
-        if file and time.monotonic() - flushed >= FLUSH:
-            file.flush()
-            flushed = time.monotonic()
-        if file and file.error and not told:
-            told = True
-            progress.tell(
-                f"teleop: {session['path']}: {(file.error.strerror or '').lower()}: "
-                "the run goes on unrecorded"
-            )
+        if watch:
+            watch.look()
         if not data or len(data) < BULK:
             time.sleep(NAP)
-    if file:
-        file.close()
-    progress.wipe()
-    error = file.error if file else None
-    say(ticks=drain.ticks, error=(error.strerror or str(error)).lower() if error else None)
+    status = finish(file, drain.ticks) if file else {"problem": ""}
+    progress.close()
+    say(**status)
+
+
+class Watch:
+    """Flushes the file in time, and reports at once what keeps it from holding the ticks."""
+
+    def __init__(self, path: str, file: McapFile, progress: Progress) -> None:
+        self._path = path
+        self._file = file
+        self._progress = progress
+        self._flushed = self._checked = time.monotonic()
+        self._told = False
+
+    def look(self) -> None:
+        """Flush and check, where that is due."""
+        now, file = time.monotonic(), self._file
+        if now - self._flushed >= FLUSH:
+            self._flushed = now
+            file.flush()
+        problem = file.failure
+        if now - self._checked >= CHECK:
+            self._checked = now
+            problem = problem or file.missing
+        if problem and not self._told:
+            self._told = True
+            self._progress.tell(f"teleop: {self._path}: {problem}: the run continues")
+
+
+def finish(file: McapFile, ticks: int) -> dict[str, Any]:
+    """Complete the file, or remove it if it holds no tick; returns its state."""
+    missing = file.missing
+    file.close()
+    if not (ticks or missing):
+        file.remove()
+    return {"problem": file.failure or missing, "at_path": not missing}
 
 
 if __name__ == "__main__":

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from teleop.errors import InputError
-from teleop.recorder.process import BEGIN, EVENT, FRAME, HEAD, START, TICK
+from teleop.recorder.process import BEGIN, END, EVENT, FRAME, HEAD, NUMBER, TICK
 from teleop.recorder.schema import Layout
 from teleop.safety import Event
 from teleop.strict_json import finite
@@ -24,21 +24,23 @@ PIPE_SIZE = 1 << 20
 F_SETPIPE_SZ = 1031
 """Linux's name for it, which Python's fcntl has under that name on Linux alone."""
 LONGEST_TEXT = 400
-"""Characters of an event's text: it must go through the pipe in one piece, PIPE_BUF."""
+"""Characters of an event's text."""
 PATIENCE = 20.0
 """How long the recorder is given to start and to finish [s]."""
 
 
 class Outcome(NamedTuple):
-    """What became of a recording."""
+    """State of a recording at its end."""
 
     path: Path | None
     pushed: int
     """Ticks that the loop handed over."""
     dropped: int
-    """Ticks that found the pipe full."""
+    """Ticks that found the pipe full: they are not in the file."""
     problem: str
-    """Why the recording is not complete; empty if it is."""
+    """Why the file does not hold all ticks that were handed over; empty if it does."""
+    at_path: bool = True
+    """Whether the file is still at its path."""
 
 
 class Sink(ABC):
@@ -115,7 +117,7 @@ class RecorderProcess(Sink):
     ) -> None:
         self.path = path
         self._pushed = 0
-        self._events: list[bytes] = []
+        self._waiting: list[bytes] = []
         self._gone = ""
         self._head = FRAME.pack(TICK, layout.size)
         self._wait = wait
@@ -159,13 +161,13 @@ class RecorderProcess(Sink):
             It cannot be written, or the recorder does not start.
         """
         status = self._status()
-        if status is None or status["error"]:
+        if status is None or status["problem"]:
             self.process.kill()
             self._release()
-            why = status["error"] if status else "the recorder did not start"
+            why = status["problem"] if status else "the recorder did not start"
             raise InputError(f"{self.path or 'progress line'}: cannot be recorded to: {why}")
         with contextlib.suppress(BrokenPipeError):
-            os.write(self._pipe, FRAME.pack(BEGIN, START.size) + START.pack(start))
+            os.write(self._pipe, number_frame(BEGIN, start))
         if sys.platform == "linux":
             import fcntl
 
@@ -178,10 +180,14 @@ class RecorderProcess(Sink):
         if self._gone:
             return
         try:
-            while self._events:
-                os.write(self._pipe, self._events[0])
-                self._events.pop(0)
-            os.write(self._pipe, self._head + message)
+            while self._waiting:
+                self._waiting[0] = self._waiting[0][os.write(self._pipe, self._waiting[0]) :]
+                if self._waiting[0]:
+                    raise BlockingIOError
+                self._waiting.pop(0)
+            frame = self._head + message
+            if rest := frame[os.write(self._pipe, frame) :]:
+                self._waiting.append(rest)
             self._pushed += 1
         except BlockingIOError:
             self.dropped += 1
@@ -191,7 +197,7 @@ class RecorderProcess(Sink):
     def event(self, event: Event) -> None:
         """Hand over an event with the next tick that finds room in the pipe."""
         data = json.dumps(event_record(event)).encode()
-        self._events.append(FRAME.pack(EVENT, len(data)) + data)
+        self._waiting.append(FRAME.pack(EVENT, len(data)) + data)
 
     def close(self) -> Outcome:
         """Let the recorder finish."""
@@ -202,21 +208,18 @@ class RecorderProcess(Sink):
             with contextlib.suppress(OSError):
                 if hasattr(os, "set_blocking"):
                     os.set_blocking(self._pipe, True)
-                for data in self._events:
+                for data in self._waiting:
                     os.write(self._pipe, data)
+                os.write(self._pipe, number_frame(END, self.dropped))
             with contextlib.suppress(OSError):
                 self.process.stdin.close()
         status = self._status()
-        problem = self._gone
         if status is None:
-            problem = problem or "the recorder was killed"
             self.process.kill()
-        elif status["error"]:
-            problem = status["error"]
-        elif self.dropped:
-            problem = f"{self.dropped} ticks found the recorder's pipe full"
+            status = {"problem": self._gone or "the recorder was killed"}
         self._release()
-        return Outcome(self.path, self._pushed, self.dropped, problem)
+        at_path = status.get("at_path", True)
+        return Outcome(self.path, self._pushed, self.dropped, status["problem"], at_path)
 
     def _release(self) -> None:
         """Wait for the process to end, and let go of its pipes."""
@@ -244,6 +247,11 @@ class RecorderProcess(Sink):
             yield
         finally:
             watchdog.cancel()
+
+
+def number_frame(kind: bytes, number: int) -> bytes:
+    """A frame that carries one number."""
+    return FRAME.pack(kind, NUMBER.size) + NUMBER.pack(number)
 
 
 def event_record(event: Event) -> dict[str, Any]:

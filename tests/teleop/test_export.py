@@ -157,6 +157,7 @@ def test_json_is_one_document(trial, exported, recording, capsys, ending, name):
         "format": name,
         "ticks": len(recording),
         "columns": list(recording.columns),
+        "missing_ticks": [],
     }
 
 

@@ -197,7 +197,7 @@ def test_a_complete_recording_is_left_alone(whole, recording, tmp_path, capsys):
     out = tmp_path / "out.mcap"
     assert main(["recover", str(whole), "--out", str(out)]) == 0
     text = capsys.readouterr().out
-    assert text.startswith(f"{whole}: complete already")
+    assert text.startswith(f"{whole}: the file is intact")
     assert text.count("\n") == 1
     assert not out.exists()
     assert main(["recover", str(whole), "--out", str(out), "--json"]) == 0
@@ -216,6 +216,7 @@ def test_json_is_one_document(recording, first_tick_chunk, cut, tmp_path, capsys
         "ticks": 80,
         "duration_s": recording["time"][79],
         "damage": "its end is missing",
+        "missing_ticks": [],
     }
 
 

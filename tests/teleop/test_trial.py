@@ -114,7 +114,7 @@ def test_summary_agrees_with_the_columns():
     assert rls["one_step_rms"] == pytest.approx(np.sqrt(np.mean(one_step**2)))
     assert rls["rise_time_s"] == rise_time(c["time"], c["rls_k"])
     late = np.linspace(0.0, 1e-3, 1001)
-    timing = loop_timing(1000.0, np.arange(1001) * 1e-3, late, late > 0.9e-3)
+    timing = loop_timing(1000.0, np.full(1001, 1e-3), late, late > 0.9e-3)
     assert timing["lateness_us"] == pytest.approx(
         {"p50": 500.0, "p99": 990.0, "p99_9": 999.0, "max": 1000.0}
     )

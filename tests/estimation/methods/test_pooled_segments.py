@@ -142,6 +142,17 @@ def test_flags_a_plant_whose_damping_depends_on_frequency():
     assert pooled.values["b"][1] > 100.0 * alone.values["b"][1]
 
 
+def test_recordings_of_unlike_noise_are_pooled_with_the_correlation_of_each():
+    pooled, alone = PooledSegments(1.0), PooledSegments(1.0, 25.0)
+    pooled.correlation = 25.0
+    pooled.run(*hysteretic(1.0, 5.0))
+    alone.run(*hysteretic(1.0, 5.0))
+    assert pooled.values == alone.values
+    assert pooled.correlation == 25.0
+    with pytest.raises(ValueError, match="correlation must be at least 1"):
+        pooled.correlation = 0.5
+
+
 def test_a_spread_that_is_small_is_not_told(palpation):
     pooled = PooledSegments(0.5)
     pooled.run(*changing(palpation, spread=0.05))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -126,10 +127,46 @@ def test_a_recorder_that_has_stopped_costs_ticks_and_never_time(tmp_path):
     sink.process.send_signal(signal.SIGCONT)
     outcome = sink.close()
     assert outcome.pushed + outcome.dropped == 20_001
-    assert outcome.problem == f"{outcome.dropped} ticks found the recorder's pipe full"
+    assert outcome.problem == ""
     recording = load(tmp_path / "a.mcap")
     assert len(recording) == outcome.pushed
     assert recording.events[-1]["text"] == "it matters most"
+
+
+class Wide:
+    """A layout whose messages the system may split: they are larger than PIPE_BUF."""
+
+    columns = tuple((f"column_{i}", "-", "a test") for i in range(1500))
+    estimators = ()
+    size = 4 + 8 * len(columns)
+    definition = "".join(f"float64 {name}  # [-] a test\n" for name, *_ in columns)
+
+
+def test_a_tick_that_the_pipe_takes_in_parts_comes_back_whole(tmp_path):
+    if not hasattr(signal, "SIGSTOP"):
+        pytest.skip("needs SIGSTOP")
+    path = tmp_path / "a.mcap"
+    sink = RecorderProcess(path, Wide(), METADATA, duration=1.0, show=False, wait=False)
+    sink.begin(10**18)
+    pushed = []
+    for number in range(300):
+        if number == 50:
+            sink.process.send_signal(signal.SIGSTOP)
+        if number == 250:
+            sink.event(Event(0.25, Mode.FAULT, "in between", Fault.JUMP))
+            sink.process.send_signal(signal.SIGCONT)
+        if number > 250:
+            time.sleep(2e-3)
+        before = sink.dropped
+        sink.push(b"\0\1\0\0" + np.full(1500, float(number)).tobytes())
+        if sink.dropped == before:
+            pushed.append(float(number))
+    assert 0 < sink.dropped < 250
+    assert sink.close().problem == ""
+    recording = load(path)
+    for name in ("column_0", "column_1499"):
+        np.testing.assert_array_equal(recording[name], pushed)
+    assert recording.events[-1]["text"] == "in between"
 
 
 def test_a_recorder_that_hangs_does_not_hang_the_end(tmp_path, monkeypatch):
@@ -163,7 +200,7 @@ def test_a_full_disk_is_told_and_stops_nothing(tmp_path, capfd):
     outcome = sink.close()
     assert outcome.problem == "no space left on device"
     assert outcome.pushed == 3000
-    told = "teleop: /dev/full: no space left on device: the run goes on unrecorded\n"
+    told = "teleop: /dev/full: no space left on device: the run continues\n"
     assert capfd.readouterr().err == told
 
 
@@ -181,6 +218,87 @@ def test_an_event_of_any_length_goes_through_the_pipe_in_one_piece(tmp_path):
     recording = load(tmp_path / "a.mcap")
     assert recording.events[-1]["text"] == text[:400]
     assert len(recording) == 1
+
+
+def run_of(path, damage):
+    sink = recorder(path)
+    for i in range(100):
+        sink.push(message(i * 1e-3))
+    time.sleep(0.2)
+    damage()
+    for i in range(100, 200):
+        sink.push(message(i * 1e-3))
+    return sink.close()
+
+
+def test_a_recording_that_was_removed_is_reported(tmp_path):
+    path = tmp_path / "a.mcap"
+    outcome = run_of(path, path.unlink)
+    assert outcome.problem == "the file was removed during the run"
+    assert not outcome.at_path
+    assert not path.exists()
+
+
+def test_a_recording_whose_folder_was_removed_is_reported(tmp_path):
+    path = tmp_path / "day" / "a.mcap"
+    path.parent.mkdir()
+    outcome = run_of(path, lambda: shutil.rmtree(path.parent))
+    assert outcome.problem == "the file was removed during the run"
+
+
+def test_a_recording_that_another_file_replaced_is_reported_and_the_other_file_kept(tmp_path):
+    path, other = tmp_path / "a.mcap", tmp_path / "b.mcap"
+    other.write_bytes(b"precious")
+    outcome = run_of(path, lambda: other.replace(path))
+    assert outcome.problem == "the file was removed during the run"
+    assert not outcome.at_path
+    assert path.read_bytes() == b"precious"
+
+
+def test_a_recording_that_was_moved_is_reported_and_is_complete_where_it_is(tmp_path):
+    path, other = tmp_path / "a.mcap", tmp_path / "b.mcap"
+    outcome = run_of(path, lambda: path.replace(other))
+    assert outcome.problem == "the file was moved, or its file system was unmounted, during the run"
+    assert len(load(other)) == 200
+
+
+def test_a_removed_recording_is_reported_while_the_run_continues(tmp_path, capfd):
+    path = tmp_path / "a.mcap"
+    sink = recorder(path)
+    sink.push(message(0.0))
+    path.unlink()
+    told = f"teleop: {path}: the file was removed during the run: the run continues\n"
+    shown = ""
+    for _ in range(100):
+        if shown := capfd.readouterr().err:
+            break
+        time.sleep(0.1)
+    assert shown == told
+    sink.close()
+
+
+def test_a_recording_without_a_tick_is_removed(tmp_path):
+    path = tmp_path / "a.mcap"
+    assert recorder(path).close().problem == ""
+    assert not path.exists()
+    other = tmp_path / "b.mcap"
+    sink = recorder(path)
+    other.write_bytes(b"precious")
+    other.replace(path)
+    sink.close()
+    assert path.read_bytes() == b"precious"
+
+
+def test_a_link_whose_target_does_not_exist_is_recorded_through(tmp_path):
+    link, target = tmp_path / "a.mcap", tmp_path / "b.mcap"
+    link.symlink_to(target)
+    assert run_of(link, lambda: None).problem == ""
+    assert link.is_symlink()
+    assert len(load(target)) == 200
+    target.unlink()
+    recorder(link).close()
+    assert link.is_symlink()
+    assert not target.exists()
 
 
 KILLED = """
