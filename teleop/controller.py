@@ -183,6 +183,8 @@ class Controller:
         verdict = supervise(self._supervision, measurement, desired, request, self._limits)
         self._supervision = verdict.state
         mode = verdict.state.mode
+        if arming and mode is ACTIVE:
+            self._admittance.align(measurement.slave_position, self._coupling)
 
         mapped = self._stopwatch()
         applied = self._apply(verdict, arming and mode is READY, measurement.time)
