@@ -79,7 +79,7 @@ class Trial:
         return {
             "condition": settings.condition,
             "cube": settings.cube,
-            "rig": settings.rig.sections.name if settings.rig else "simulated",
+            "rig": settings.rig_name,
             "estimated_channels": list(estimated_channels(settings)),
             "duration_s": settings.duration,
             "clock": settings.clock,
@@ -222,7 +222,7 @@ def session_metadata(settings: TrialSettings) -> dict[str, dict[str, str]]:
             "machine": f"{platform.node()}, {platform.platform()}",
             "created": datetime.now().astimezone().isoformat(timespec="seconds"),
             "seed": str(settings.seed),
-            "rig": settings.rig.sections.name if settings.rig else "simulated",
+            "rig": settings.rig_name,
             "estimated_channels": ", ".join(estimated_channels(settings)) or "none",
         },
         "settings": {"json": dumps(settings.description())},
