@@ -14,13 +14,14 @@ from teleop.clock import Clock
 from teleop.errors import InputError
 from teleop.recorder.schema import Layout
 from teleop.recorder.sinks import Memory
+from teleop.safety.events import ACTIVE
 from teleop.session import Session
 from teleop.settings import TrialSettings
 from teleop.stop_switch import StopSwitch
 from teleop.tare import NO_TARE
 
 TICKS = 600
-"""Ticks by which a rate is tried; the second half of them counts."""
+"""Ticks by which a rate is tried; the second half of the active ones counts."""
 WIRE_TIME = 0.25
 """Time for which the devices of a rig are read before a trial [s]."""
 SHARE = 0.9
@@ -59,7 +60,8 @@ def tick_cost(settings: TrialSettings) -> float:
         for _ in range(TICKS):
             start = time.perf_counter()
             session.step()
-            costs.append(time.perf_counter() - start)
+            if session.controller.mode is ACTIVE:
+                costs.append(time.perf_counter() - start)
     if session.error:
         raise session.error
     if box.fault:
@@ -67,7 +69,7 @@ def tick_cost(settings: TrialSettings) -> float:
             f"rehearsal on the simulated rig: stopped for safety: {box.fault['text']}: expected "
             "settings that the simulated rig can run"
         )
-    return float(np.percentile(costs[TICKS // 2 :], 90.0))
+    return float(np.percentile(costs[len(costs) // 2 :], 90.0))
 
 
 def check_rate(settings: TrialSettings) -> float:
