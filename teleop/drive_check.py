@@ -18,7 +18,7 @@ from teleop.clock import Clock
 from teleop.conditions import Condition
 from teleop.drive_travel import DriveTravel
 from teleop.errors import InputError
-from teleop.mutable_rig import MutableRig
+from teleop.pausable_rig import PausableRig
 from teleop.recorder.schema import Layout
 from teleop.recorder.sinks import Memory
 from teleop.safety import Limits
@@ -89,7 +89,7 @@ class DriveCheck(Condition):
     """
 
     def __init__(
-        self, rig: MutableRig, drives: Mapping[str, DriveTravel], damping: float, direction: int
+        self, rig: PausableRig, drives: Mapping[str, DriveTravel], damping: float, direction: int
     ) -> None:
         self.problems: dict[str, str] = {}
         """What is wrong with a drive; what was found first ends the test."""
@@ -122,7 +122,7 @@ class DriveCheck(Condition):
                 self._note_longest()
                 yield from self._stroke(-self._direction, abs(self._drives["slave"].commanded))
             self._judge_length()
-        self._rig.mute = True
+        self._rig.paused = True
         begun = self._time
         while self._time - begun < SILENCE and len(self.watchdogs) < len(self._drives):
             yield 0.0
@@ -242,7 +242,7 @@ def check_drives(rig: WiredRig, clock: Clock, move: bool) -> DrivesReport:
     sections = rig.file.sections
     limits, zero = rig_limits(sections), force_zero(rig, clock)
     about = limits_about(limits, zero)
-    tested = MutableRig(rig)
+    tested = PausableRig(rig)
     drives = {
         name: DriveTravel(name, sections.channels, limits.drive_compliance)
         for name, _ in sections.drives.items()

@@ -47,12 +47,15 @@ def check(
     from teleop.errors import InputError, SafetyStop
     from teleop.interruption import in_good_order
     from teleop.realtime import realtime
+    from teleop.rehearsal import tick_cost
     from teleop.rig_check import listen, problems, round_trips
     from teleop.rig_file import load_rig_file
+    from teleop.settings import TrialSettings
 
     if not 0.1 <= seconds <= 3600.0:
         raise InputError(f"seconds {seconds:g}: expected 0.1 to 3600")
     rig_file = load_rig_file(file)
+    tick_cost(TrialSettings(condition="autonomous"))  # the first ticks of a process are slow
     clock = RealClock(rig_file.sections.rate_hz)
     with in_good_order(), realtime("try"), WiredRig(rig_file, clock.now) as rig:
         with rig_console.live_channels(sys.stderr) as show:

@@ -1,4 +1,4 @@
-"""A rig whose commands can be withheld."""
+"""A rig whose commands can be paused."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from drivers import STANDSTILL, Command, Measurement, Rig
 from drivers.wired_rig import WiredRig
 
 
-class MutableRig(Rig):
-    """An opened rig whose commands can be withheld, so that its watchdogs run out."""
+class PausableRig(Rig):
+    """An opened rig whose commands can be paused, so that its watchdogs run out."""
 
     def __init__(self, rig: WiredRig) -> None:
-        self.mute = False
-        """Whether commands are withheld, and errors of the drives with them."""
+        self.paused = False
+        """Whether commands, and the errors of drives that miss them, are withheld."""
         self.applied = STANDSTILL
         """What the drives made of the last command."""
         drives = dict(rig.file.sections.drives.items())
@@ -29,9 +29,9 @@ class MutableRig(Rig):
         """Nothing: whoever opened the rig closes it."""
 
     def read(self) -> Measurement:
-        """The rig's measurement; while it is mute, without errors of the drives."""
+        """The rig's measurement; while it is paused, without errors of the drives."""
         measurement = self._rig.read()
-        if not self.mute:
+        if not self.paused:
             return measurement
         errors = (f"{device.name}: {device.error}" for device in self._others if device.error)
         return measurement._replace(drive_error=next(errors, ""))
@@ -49,8 +49,8 @@ class MutableRig(Rig):
         self._rig.rearm()
 
     def write(self, command: Command) -> Command:
-        """Command the drives, unless it is mute."""
-        self.applied = STANDSTILL if self.mute else self._rig.write(command)
+        """Command the drives, unless it is paused."""
+        self.applied = STANDSTILL if self.paused else self._rig.write(command)
         return self.applied
 
     def idle(self) -> None:
