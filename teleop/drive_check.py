@@ -215,7 +215,7 @@ def limits_about(limits: Limits, zero: ForceZero) -> Limits:
         limits,
         soft_position=(0.8 * hard[0], 0.8 * hard[1]),
         hard_position=hard,
-        soft_force=SOFT_FORCE * limits.hard_force,
+        soft_force=min(SOFT_FORCE * limits.hard_force, limits.soft_force),
         hard_force=HARD_FORCE * limits.hard_force,
     )
 
