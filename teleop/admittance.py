@@ -38,11 +38,38 @@ class AdmittanceParameters:
 
 
 class Admittance:
-    """The virtual dynamics, discretised exactly for a force that is held over each period."""
+    """The virtual dynamics, discretised exactly for a force that is held over each period.
+
+    Attributes
+    ----------
+    position
+        Position of the virtual mass [m].
+    velocity
+        Its velocity [m/s].
+    centre
+        Where the virtual stiffness exerts no force [m].
+    """
 
     def __init__(self, parameters: AdmittanceParameters) -> None:
         self.parameters = parameters
         self.position = 0.0
+        self.velocity = 0.0
+        self.centre = 0.0
+
+    def align(self, slave_position: float, coupling: Coupling) -> None:
+        """Put the virtual mass at rest where the coupling has nothing to correct.
+
+        Called when the drives are armed, for the first time or again: without a force on the
+        handle the command is then zero, wherever the slave is.
+
+        Parameters
+        ----------
+        slave_position
+            Position of the slave [m].
+        coupling
+            From the position of the virtual mass to that of the slave.
+        """
+        self.position = self.centre = slave_position / coupling.scale
         self.velocity = 0.0
 
     def step(self, force: float, dt: float) -> float:
@@ -71,8 +98,9 @@ class Admittance:
         else:
             decay = math.exp(-s * dt)
             even, odd = decay * math.cos(g * dt), decay * math.sin(g * dt) / g
-        offset, velocity = self.position - force / c, self.velocity
-        self.position = force / c + (even + odd * s) * offset + odd * velocity
+        rest = self.centre + force / c
+        offset, velocity = self.position - rest, self.velocity
+        self.position = rest + (even + odd * s) * offset + odd * velocity
         self.velocity = (even - odd * s) * velocity - odd * c / m * offset
         return self.velocity
 

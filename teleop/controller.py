@@ -194,6 +194,8 @@ class Controller:
             verdict = activated(verdict)
         self._supervision = verdict.state
         mode = verdict.state.mode
+        if arming and mode is ACTIVE:
+            self._admittance.align(measurement.slave_position, self._coupling)
 
         mapped = self._stopwatch()
         applied = self._apply(verdict, measurement.time)

@@ -1,4 +1,4 @@
-"""The check of a rig: every channel as it comes in, the way there and back, the watchdogs."""
+"""The check of a rig: every channel as it comes in, and the round trip to each device."""
 
 from __future__ import annotations
 
@@ -10,10 +10,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from drivers import CHANNELS, Command, RigError
+from drivers import CHANNELS
 from drivers.rig_file import RigFile
 from drivers.wired_rig import WiredRig
 from teleop.clock import Clock
+from teleop.drive_check import DriveReport
 from teleop.safety import ChannelLimits
 from teleop.safety.rig_limits import rig_limits
 
@@ -23,14 +24,6 @@ PINGS = 20
 """Round trips that are timed."""
 ANSWER = 0.5
 """Longest wait for an answer [s]."""
-SILENCE = 2.0
-"""Longest wait for a watchdog [s]."""
-WARM = 0.2
-"""Time for which enabled drives are commanded before the silence [s]."""
-TEST_SPEED, TEST_TIME = 2e-3, 0.5
-"""Of the test motion [m/s], [s] each way."""
-MOVED = 0.5
-"""Share of the commanded travel that counts as having moved."""
 
 
 class ChannelReport(NamedTuple):
@@ -53,17 +46,6 @@ class ChannelReport(NamedTuple):
     """Share of samples near the ends of the range, or beyond."""
     problem: str
     """What the supervisor would trip on; empty for nothing."""
-
-
-class DriveReport(NamedTuple):
-    """What a drive's tests came to."""
-
-    name: str
-    watchdog_s: float
-    """From the last command to the drive's own stop; NaN where it told none."""
-    moved_m: float
-    """Travel of the test motion; NaN without."""
-    problem: str
 
 
 def problems(channels: Sequence[ChannelReport], drives: Sequence[DriveReport]) -> list[str]:
@@ -171,71 +153,3 @@ def round_trips(rig: WiredRig, clock: Clock) -> Iterator[tuple[str, float]]:
             time.sleep(1e-3)
         if times:
             yield name, statistics.median(times)
-
-
-def watchdogs(rig: WiredRig, clock: Clock, move: bool) -> list[DriveReport]:
-    """Prove the drives' watchdogs by silence, and move a little where that is wanted.
-
-    The drives are enabled at standstill, commanded for a moment, and then left without a
-    command while everything is read on. They are idle afterwards.
-
-    Raises
-    ------
-    RigError
-        A drive does not get ready.
-    """
-    try:
-        commanded(rig, clock, 0.0, WARM, enabling=True)
-        travels = {name: math.nan for name, _ in rig.file.sections.drives.items()}
-        if move:
-            before = rig.read()
-            commanded(rig, clock, TEST_SPEED, TEST_TIME)
-            after = rig.read()
-            commanded(rig, clock, -TEST_SPEED, TEST_TIME)
-            commanded(rig, clock, 0.0, WARM)
-            travels["slave"] = after.slave_position - before.slave_position
-            if "master" in travels:
-                travels["master"] = after.master_position - before.master_position
-        silent = clock.now()
-        found: dict[str, float] = {}
-        devices = {name: d.device for name, d in rig.file.sections.drives.items()}
-        while clock.now() - silent < SILENCE and len(found) < len(devices):
-            clock.wait()
-            rig.read()
-            for name, device in devices.items():
-                if rig.devices[device].error:
-                    found.setdefault(name, clock.now() - silent)
-    finally:
-        rig.idle()
-    return [
-        DriveReport(name, found.get(name, math.nan), travel, drive_problem(name in found, travel))
-        for name, travel in travels.items()
-    ]
-
-
-def commanded(
-    rig: WiredRig, clock: Clock, velocity: float, seconds: float, enabling: bool = False
-) -> None:
-    """Command both drives to a velocity [m/s] for a while."""
-    end = math.inf if enabling else clock.now() + seconds
-    while clock.now() < end:
-        clock.wait()
-        measurement = rig.read()
-        if measurement.drive_error or measurement.emergency_stop:
-            raise RigError(measurement.drive_error or "the emergency stop is open")
-        if enabling and rig.enable():
-            enabling, end = False, clock.now() + seconds
-        rig.write(Command(velocity, velocity))
-
-
-def drive_problem(stopped: bool, travel: float) -> str:
-    """What is wrong with a drive."""
-    problems = []
-    if not stopped:
-        problems.append(f"its watchdog told nothing in {SILENCE:g} s of silence")
-    if travel == travel and not travel > MOVED * TEST_SPEED * TEST_TIME:
-        problems.append(
-            f"moved {travel * 1e3:.2f} mm, expected {TEST_SPEED * TEST_TIME * 1e3:g} mm: "
-            "sign or scale?"
-        )
-    return "; ".join(problems)

@@ -16,7 +16,8 @@ from teleop.console import number, plain_console, print_rejected, small
 
 if TYPE_CHECKING:
     from drivers.ports import Port
-    from teleop.rig_check import ChannelReport, DriveReport
+    from teleop.drive_check import DriveReport
+    from teleop.rig_check import ChannelReport
 
 SHOWN_IN = {
     "master_force": ("N", 1.0),
@@ -95,14 +96,16 @@ def print_check(
         console.print(f"  {device}: answers after {seconds * 1e3:.2f} ms")
     print_rejected(console, rejected)
     for drive in drives:
-        text = f"  {drive.name} drive: "
-        if drive.watchdog_s == drive.watchdog_s:
-            text += (
-                f"its watchdog stopped it {drive.watchdog_s * 1e3:.0f} ms after the last command"
-            )
+        parts = []
+        if drive.commanded_m == drive.commanded_m:
+            parts.append(f"commanded {drive.commanded_m * 1e3:.3f} mm and back")
         if drive.moved_m == drive.moved_m:
-            text += f"; moved {drive.moved_m * 1e3:.2f} mm and back"
-        console.print(text.rstrip(" :;"), style="red" if drive.problem else "")
+            parts.append(f"moved {drive.moved_m * 1e3:.3f} mm")
+        if drive.watchdog_s == drive.watchdog_s:
+            parts.append(f"stopped by its watchdog after {drive.watchdog_s * 1e3:.0f} ms")
+        if parts:
+            style = "red" if drive.problem else ""
+            console.print(f"  {drive.name} drive: {', '.join(parts)}", style=style)
     for problem in problems(channels, drives):
         console.print(f"  {problem}", style="red")
 

@@ -108,6 +108,7 @@ class TrialSettings:
                 f"depth {self.depth * 1e3:g} mm: expected more than 0 and at most "
                 f"{DEEPEST * 1e3:g} mm"
             )
+        self.tare.check(self.rig_name)
         self.make_conditioner()
         try:
             self.make_bank()
@@ -118,6 +119,10 @@ class TrialSettings:
                 f"duration {self.duration:g} s: expected at least one tick, {1.0 / self.rate:g} s, "
                 f"and at most {LONGEST:g} s"
             )
+        try:
+            self.raw_limits.shifted(self.tare.zeros)
+        except ValueError as error:
+            raise InputError(f"tare: {error}") from error
         if self.signal.highest > 0.05 * self.rate:
             raise InputError(
                 f"frequency {self.signal.highest:g} Hz in the excitation: expected at most a "
@@ -131,8 +136,18 @@ class TrialSettings:
         return replace(setup, depth=self.depth) if self.depth else setup
 
     @property
+    def rig_name(self) -> str:
+        """Name of the rig."""
+        return self.rig.sections.name if self.rig else "simulated"
+
+    @property
     def limits(self) -> Limits:
-        """What the safety supervisor holds the trial to."""
+        """What the safety supervisor holds the trial to, counted from the tare."""
+        return self.raw_limits.shifted(self.tare.zeros)
+
+    @property
+    def raw_limits(self) -> Limits:
+        """The same with the ranges of the sensors in what they read themselves."""
         if self.custom_limits:
             return self.custom_limits
         if self.rig:

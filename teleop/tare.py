@@ -4,18 +4,25 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
-from drivers import Measurement
+from drivers import CHANNELS, Measurement
 from teleop.errors import InputError
 from teleop.files import unreadable, write_text
 
 if TYPE_CHECKING:
     from pydantic import ValidationError
 
+LARGEST_ZERO = 15.0
+"""Largest force that is accepted as the zero of a sensor [N]; beyond it the sensor is loaded."""
+FARTHEST = 1.0
+"""Greatest position that is accepted as a datum [m]."""
+LONGEST_TEXT = 1000
+"""Longest date or name of a rig that is accepted, in characters."""
+
 
 class Tare(NamedTuple):
-    """Zeros of the channels, taken off every measurement."""
+    """Zeros of the channels, subtracted from every measurement."""
 
     master_force: float = 0.0
     """What the handle's force sensor reads at no force [N]."""
@@ -25,6 +32,13 @@ class Tare(NamedTuple):
     """What the slave's encoder reads where contact begins, the contact datum [m]."""
     date: str = ""
     """When it was found, ISO 8601."""
+    rig: str = ""
+    """Name of the rig that it was found on; empty where that is not known."""
+
+    @property
+    def zeros(self) -> dict[str, float]:
+        """What is subtracted from the channels that have a zero other than 0, in SI units."""
+        return {name: value for name, value in self._asdict().items() if name in CHANNELS and value}
 
     def apply(self, measurement: Measurement) -> Measurement:
         """The measurement from these zeros."""
@@ -33,6 +47,35 @@ class Tare(NamedTuple):
             contact_force=measurement.contact_force - self.contact_force,
             slave_position=measurement.slave_position - self.slave_position,
         )
+
+    def check(self, rig: str) -> None:
+        """Refuse zeros that are none, and those of another rig.
+
+        Parameters
+        ----------
+        rig
+            Name of the rig that they are to be applied to.
+
+        Raises
+        ------
+        InputError
+            A force or a position is too large to be a zero, or is no number, or the zeros were
+            found on another rig.
+        """
+        for name, value, unit, most in (
+            ("master_force", self.master_force, "N", LARGEST_ZERO),
+            ("contact_force", self.contact_force, "N", LARGEST_ZERO),
+            ("slave_position", self.slave_position, "m", FARTHEST),
+        ):
+            if not abs(value) <= most:
+                raise InputError(
+                    f"tare: {name} {value:g} {unit}: expected a zero within {most:g} {unit}"
+                )
+        if self.rig and self.rig != rig:
+            raise InputError(
+                f"tare: it was found on the rig {self.rig!r}: expected one of {rig!r}, as "
+                "teleop rig tare finds it"
+            )
 
 
 NO_TARE = Tare()
@@ -46,18 +89,25 @@ def write_tare(tare: Tare, path: Path) -> None:
 def read_tare(path: Path) -> Tare:
     """The zeros in a file of `teleop rig tare`.
 
+    Files of teleop 0.1 name no rig.
+
     Raises
     ------
     InputError
         The file cannot be read, or is not as expected.
     """
-    from pydantic import BaseModel, FiniteFloat, ValidationError
+    from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 
-    class File(BaseModel, extra="forbid"):
-        master_force: FiniteFloat
-        contact_force: FiniteFloat
-        slave_position: FiniteFloat
-        date: str
+    force, position = Field(ge=-LARGEST_ZERO, le=LARGEST_ZERO), Field(ge=-FARTHEST, le=FARTHEST)
+
+    class File(BaseModel):
+        model_config = ConfigDict(extra="forbid", strict=True)
+
+        master_force: Annotated[FiniteFloat, force]
+        contact_force: Annotated[FiniteFloat, force]
+        slave_position: Annotated[FiniteFloat, position]
+        date: Annotated[str, Field(max_length=LONGEST_TEXT)]
+        rig: Annotated[str, Field(max_length=LONGEST_TEXT)] = ""
 
     try:
         return Tare(**File.model_validate_json(path.read_bytes()).model_dump())

@@ -9,8 +9,9 @@ from pathlib import Path
 from drivers import Rig
 from drivers.rig_file import RigFile
 from sim_backend import CUBES, Sensors, SimulatedRig
+from teleop.black_box import moment
 from teleop.conditions import Condition
-from teleop.errors import InputError
+from teleop.errors import SafetyStop
 from teleop.safety import Limits
 from teleop.settings import TrialSettings
 from teleop.tare import Tare
@@ -34,16 +35,15 @@ class TouchSettings(TrialSettings):
     zero: ForceZero = field(kw_only=True)
 
     @property
-    def limits(self) -> Limits:
-        """Tight on force; the position means nothing before the datum is known."""
-        limits = super().limits
-        seen = limits.channels["slave_position"]
+    def raw_limits(self) -> Limits:
+        """Tight on force; positions count from the start, since the datum is not known yet."""
+        limits = super().raw_limits
         return replace(
             limits,
-            soft_position=(0.8 * seen.low, 0.8 * seen.high),
-            hard_position=(seen.low, seen.high),
-            soft_force=SOFT_FORCE,
-            hard_force=2.0 * SOFT_FORCE,
+            soft_position=(-AWAY, REACH),
+            hard_position=(-2.0 * AWAY, REACH + AWAY),
+            soft_force=min(SOFT_FORCE, limits.soft_force),
+            hard_force=min(2.0 * SOFT_FORCE, limits.hard_force),
         )
 
     def make_rig(self, now: Callable[[], float]) -> Rig:
@@ -64,26 +64,30 @@ def off_the_cube(cube: str, now: Callable[[], float], sensors: Sensors, seed: in
 
 
 def touch(settings: TouchSettings, record: Path | None) -> float:
-    """Where the slave's encoder reads contact [m].
+    """What the slave's encoder reads where contact begins [m].
 
     Parameters
     ----------
     settings
-        The trial; its tare holds the force zeros.
+        The trial; its tare holds the force zeros and the position at the start.
     record
         MCAP file to record to.
 
     Raises
     ------
     InputError
-        Nothing was touched, or the trial was stopped.
+        Nothing was touched.
+    SafetyStop
+        The trial was stopped for safety.
+    KeyboardInterrupt
+        A person stopped it.
     """
     trial = run_trial(settings, record)
     if trial.fault:
-        raise InputError(f"tare: stopped for safety: {trial.fault['text']}")
+        raise SafetyStop(f"tare: stopped {moment(trial.fault)}: {trial.fault['text']}")
     if trial.interrupted:
-        raise InputError("tare: interrupted, nothing was stored")
-    return contact_begins(trial.recording.estimated())
+        raise KeyboardInterrupt
+    return settings.tare.slave_position + contact_begins(trial.recording.estimated())
 
 
 def touch_settings(
@@ -99,6 +103,6 @@ def touch_settings(
         rate=rig.sections.rate_hz if rig else 1000.0,
         seed=seed,
         sensors=sensors,
-        tare=Tare(zero.master, zero.contact),
+        tare=Tare(zero.master, zero.contact, zero.position),
         zero=zero,
     )

@@ -26,7 +26,7 @@ from teleop.realtime import realtime
 from teleop.recorder.schema import Layout
 from teleop.recorder.sinks import Memory, Outcome, RecorderProcess, Sink
 from teleop.recording import Recording, from_messages, salvage
-from teleop.rehearsal import check_rate
+from teleop.rehearsal import check_rate, check_wire
 from teleop.safety.events import ACTIVE, STOPPING
 from teleop.session import Session
 from teleop.settings import TrialSettings
@@ -96,7 +96,7 @@ class Trial:
         return {
             "condition": settings.condition,
             "cube": settings.cube,
-            "rig": settings.rig.sections.name if settings.rig else "simulated",
+            "rig": settings.rig_name,
             "estimated_channels": list(estimated_channels(settings)),
             "duration_s": settings.duration,
             "clock": settings.clock,
@@ -170,8 +170,7 @@ def run_trial(
     sinks: list[Sink] = [sink for sink in (recorder, memory) if sink]
     box = BlackBox(layout, settings.rate)
     try:
-        if settings.clock == "real":
-            check_rate(settings)
+        cost = check_rate(settings) if settings.clock == "real" else 0.0
         clock = settings.make_clock()
         start = time.time_ns() + round((settings.limits.preflight + clock.period) * 1e9)
         if recorder:
@@ -182,6 +181,8 @@ def run_trial(
                 realtime(real) as report,
                 settings.make_rig(clock.now) as rig,
             ):
+                if settings.rig:
+                    check_wire(rig, clock, cost)
                 session = Session(settings, clock, rig, bank, layout, sinks, box, switch)
                 while session.step():
                     pass
@@ -253,7 +254,7 @@ def session_metadata(settings: TrialSettings) -> dict[str, dict[str, str]]:
             "machine": f"{platform.node()}, {platform.platform()}",
             "created": datetime.now().astimezone().isoformat(timespec="seconds"),
             "seed": str(settings.seed),
-            "rig": settings.rig.sections.name if settings.rig else "simulated",
+            "rig": settings.rig_name,
             "estimated_channels": ", ".join(estimated_channels(settings)) or "none",
         },
         "settings": {"json": dumps(settings.description())},

@@ -14,14 +14,12 @@ from teleop.clock import Clock
 from teleop.conditions import Condition
 from teleop.errors import InputError
 from teleop.recording import Recording
-from teleop.tare import Tare
+from teleop.tare import LARGEST_ZERO, Tare
 
 LISTENING = 0.5
 """Time over which the force zero is taken [s]."""
 REST = 5e-5
 """Farthest that a slave at rest is seen to move meanwhile [m]."""
-LARGEST_ZERO = 15.0
-"""Largest force that is taken for a sensor's zero, not for a load [N]."""
 LIVELIEST = 0.5
 """Largest standard deviation of a force with nothing but noise [N]."""
 TOUCH = 0.5
@@ -30,7 +28,7 @@ TOUCH = 0.5
 
 @dataclass(frozen=True)
 class ForceZero:
-    """What the force sensors read at no force."""
+    """What the force sensors read at no force, and where the slave was."""
 
     master: float
     """[N]"""
@@ -38,6 +36,8 @@ class ForceZero:
     """[N]"""
     noise: float
     """Standard deviation of a sample of the contact force [N]."""
+    position: float
+    """What the slave's encoder read [m]."""
 
 
 def force_zero(rig: Rig, clock: Clock) -> ForceZero:
@@ -55,7 +55,7 @@ def force_zero(rig: Rig, clock: Clock) -> ForceZero:
     position = np.array([m.slave_position for m in samples])
     if not np.ptp(position) <= REST:
         raise InputError(
-            f"tare refused: the slave moves, by {np.ptp(position) * 1e3:.3f} mm in "
+            f"the slave moves, by {np.ptp(position) * 1e3:.3f} mm in "
             f"{LISTENING:g} s: expected it at rest"
         )
     forces = {
@@ -65,18 +65,19 @@ def force_zero(rig: Rig, clock: Clock) -> ForceZero:
     for name, force in forces.items():
         if not abs(force.mean()) <= LARGEST_ZERO:
             raise InputError(
-                f"tare refused: the {name} force sensor reads {force.mean():.2f} N: expected no "
+                f"the {name} force sensor reads {force.mean():.2f} N: expected no "
                 f"load, and a zero within {LARGEST_ZERO:g} N"
             )
         if not force.std() <= LIVELIEST:
             raise InputError(
-                f"tare refused: the {name} force varies by {force.std():.2f} N rms: expected "
+                f"the {name} force varies by {force.std():.2f} N rms: expected "
                 f"nothing but noise, {LIVELIEST:g} N at the most"
             )
     return ForceZero(
         float(forces["master"].mean()),
         float(forces["contact"].mean()),
         float(forces["contact"].std()),
+        float(position.mean()),
     )
 
 
@@ -136,7 +137,7 @@ def misfit(x: Floats, f: Floats, start: float) -> float:
     return float(np.sum((f - k * pressed) ** 2))
 
 
-def dated(zero: ForceZero, position: float) -> Tare:
-    """The tare with today's date."""
+def dated(zero: ForceZero, position: float, rig: str) -> Tare:
+    """The tare of the rig of that name, with today's date."""
     now = datetime.now().astimezone().isoformat(timespec="seconds")
-    return Tare(zero.master, zero.contact, position, now)
+    return Tare(zero.master, zero.contact, position, now, rig)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 import sys
 from pathlib import Path
 
@@ -57,3 +58,12 @@ def test_a_package_imports_only_what_the_plan_allows(package):
 def test_no_module_needs_posix_to_be_imported(package):
     for path in sorted((ROOT / package).rglob("*.py")):
         assert not imported(path, lazily=False) & POSIX_ONLY, path
+
+
+def test_only_the_controller_commands_a_rig_so_that_the_supervisor_sees_every_motion():
+    commanding = {
+        path.name
+        for path in (ROOT / "teleop").rglob("*.py")
+        if re.search(r"rig\.(write|enable)\(", path.read_text())
+    }
+    assert commanding == {"controller.py", "pausable_rig.py"}

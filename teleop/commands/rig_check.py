@@ -16,10 +16,11 @@ def check(
     move: Annotated[bool, Parameter(negative="")] = False,
     json: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
-    """Connect to a rig, show every channel live, and prove the drives' watchdogs by silence.
+    """Connect to a rig, show every channel live, and let the watchdogs of its drives run out.
 
-    The drives are enabled at standstill for the proof; nothing moves without --move. Exits with
-    2 if anything is wrong.
+    The drives are enabled at standstill for that, if every channel is well; nothing moves without
+    --move. The safety supervisor watches them, and Enter is an emergency stop. Exits with 2 if
+    anything is wrong, and with 3 after a stop for safety.
 
     Example: `teleop rig check rigs/serial-board.toml`
 
@@ -30,7 +31,9 @@ def check(
     seconds
         How long to listen [s].
     move
-        Move both drives too, forth and back by 1 mm at 2 mm/s.
+        Move both drives too, forth and back in strokes of 0.05 to 0.4 mm at 1 mm/s at most, and
+        compare the commanded travel with what the encoders and the velocity channel show. The
+        first that differs ends the check. The slave must be free to move.
     json
         Print one JSON document instead of a table.
     """
@@ -38,23 +41,29 @@ def check(
 
     from drivers.wired_rig import WiredRig
     from teleop import console, rig_console
+    from teleop.black_box import moment
     from teleop.clock import RealClock
-    from teleop.errors import InputError
+    from teleop.drive_check import check_drives
+    from teleop.errors import InputError, SafetyStop
     from teleop.interruption import in_good_order
     from teleop.realtime import realtime
-    from teleop.rig_check import listen, problems, round_trips, watchdogs
+    from teleop.rehearsal import tick_cost
+    from teleop.rig_check import listen, problems, round_trips
     from teleop.rig_file import load_rig_file
+    from teleop.settings import TrialSettings
 
     if not 0.1 <= seconds <= 3600.0:
         raise InputError(f"seconds {seconds:g}: expected 0.1 to 3600")
     rig_file = load_rig_file(file)
+    tick_cost(TrialSettings(condition="autonomous"))  # the first ticks of a process are slow
     clock = RealClock(rig_file.sections.rate_hz)
     with in_good_order(), realtime("try"), WiredRig(rig_file, clock.now) as rig:
         with rig_console.live_channels(sys.stderr) as show:
             channels = listen(rig, clock, seconds, show)
         trips = dict(round_trips(rig, clock))
-        drives = watchdogs(rig, clock, move)
+        found = None if problems(channels, []) else check_drives(rig, clock, move)
         rejected = {name: dict(counts) for name, counts in rig.rejected.items()}
+    drives = found.drives if found else []
     wrong = problems(channels, drives)
     if json:
         console.print_json(
@@ -69,6 +78,10 @@ def check(
         )
     else:
         rig_console.print_check(rig_file.sections.name, channels, trips, drives, rejected)
+    if found and found.fault:
+        raise SafetyStop(f"{file}: stopped {moment(found.fault)}: {found.fault['text']}")
+    if found and found.interrupted:
+        return 130
     if wrong:
         raise InputError(f"{file}: {'; '.join(wrong)}")
     return 0

@@ -9,9 +9,6 @@ from cyclopts import Parameter
 
 from teleop.names import CubeName
 
-FARTHEST = 1.0
-"""Greatest position that is taken for a datum [m]."""
-
 
 def tare(
     *,
@@ -55,7 +52,7 @@ def tare(
     from teleop.interruption import in_good_order
     from teleop.rig_file import load_rig_file
     from teleop.table import quantity
-    from teleop.tare import write_tare
+    from teleop.tare import FARTHEST, write_tare
     from teleop.touching import off_the_cube, touch, touch_settings
     from teleop.zeroing import dated, force_zero
 
@@ -76,7 +73,7 @@ def tare(
         zero = force_zero(opened, clock)
     if contact == "touch":
         given = touch(touch_settings(rig_file, cube, zero, sensors, seed), record=None)
-    found = dated(zero, given)
+    found = dated(zero, given, rig_file.sections.name if rig_file else "simulated")
     write_tare(found, out)
     if json:
         console.print_json({**found._asdict(), "noise_n": zero.noise, "file": str(out)})

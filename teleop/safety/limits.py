@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
 from drivers import CHANNELS
 
@@ -38,6 +39,21 @@ class ChannelLimits:
         for name in ("max_rate", "max_age", "frozen_time", "frozen_travel"):
             if not getattr(self, name) > 0.0:
                 raise ValueError(f"{name} must be positive, got {getattr(self, name)}")
+
+    def shifted(self, zero: float) -> ChannelLimits:
+        """The limits of a channel from whose samples this zero is subtracted.
+
+        Raises
+        ------
+        ValueError
+            The zero is not a value that the sensor can read.
+        """
+        if not self.low <= zero <= self.high:
+            raise ValueError(
+                f"{zero:g}: expected a value in the range of the sensor, "
+                f"{self.low:g} to {self.high:g}"
+            )
+        return replace(self, low=self.low - zero, high=self.high - zero)
 
 
 def usual_channels() -> dict[str, ChannelLimits]:
@@ -122,3 +138,27 @@ class Limits:
             )
         if set(self.channels) != set(CHANNELS):
             raise ValueError(f"expected limits for the channels {', '.join(CHANNELS)}")
+
+    def shifted(self, zeros: Mapping[str, float]) -> Limits:
+        """These limits for measurements from whose channels the given zeros are subtracted.
+
+        The ranges of the sensors are shifted, so that a sample is held against what the sensor
+        itself can read. All other limits count from the zeros.
+
+        Parameters
+        ----------
+        zeros
+            What is subtracted from each channel, in its SI unit.
+
+        Raises
+        ------
+        ValueError
+            A zero is not a value that its sensor can read; the message names the channel.
+        """
+        channels = dict(self.channels)
+        for name, zero in zeros.items():
+            try:
+                channels[name] = channels[name].shifted(zero)
+            except ValueError as error:
+                raise ValueError(f"{name} {error}") from error
+        return replace(self, channels=channels)

@@ -52,6 +52,35 @@ def test_one_period_is_the_same_as_its_halves(m, d, c, dt):
     assert twice.velocity == pytest.approx(once.velocity, rel=1e-6, abs=1e-9)
 
 
+@given(
+    c=stiffnesses,
+    scale=st.floats(0.05, 20.0),
+    gain=st.floats(0.0, 50.0),
+    force=st.floats(-20, 20),
+    slave=st.floats(-0.5, 0.5),
+)
+def test_aligned_with_the_slave_it_commands_nothing_until_a_force_acts(
+    c, scale, gain, force, slave
+):
+    admittance = Admittance(AdmittanceParameters(0.5, 15.0, c))
+    coupling = Coupling(scale, gain)
+    for _ in range(5):
+        admittance.step(force, 0.01)
+    admittance.align(slave, coupling)
+    for _ in range(5):
+        assert coupling.command(admittance, slave) == pytest.approx((0.0, 0.0), abs=1e-12)
+        admittance.step(0.0, 0.01)
+
+
+@given(c=stiffnesses, slave=st.floats(-0.5, 0.5), force=st.floats(-20, 20))
+def test_alignment_moves_the_centre_along_and_changes_no_velocity(c, slave, force):
+    aligned, fresh = (Admittance(AdmittanceParameters(0.5, 15.0, c)) for _ in range(2))
+    aligned.align(slave, Coupling())
+    for _ in range(5):
+        velocity = fresh.step(force, 0.01)
+        assert aligned.step(force, 0.01) == pytest.approx(velocity, rel=1e-6, abs=1e-9)
+
+
 def test_a_steady_force_ends_in_the_velocity_that_damping_allows():
     admittance = Admittance(AdmittanceParameters(0.5, 15.0))
     for _ in range(1000):

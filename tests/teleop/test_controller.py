@@ -11,8 +11,9 @@ import pytest
 
 from drivers import Ages, Command, Measurement, Rig, RigError
 from estimation import Excitation, MatchedFilter, paper_preset
+from sim_backend import CUBES, SimulatedRig
 from teleop.admittance import Admittance, AdmittanceParameters, Coupling
-from teleop.clock import Tick
+from teleop.clock import Tick, VirtualClock
 from teleop.conditions import Teleoperation
 from teleop.controller import Controller
 from teleop.recorder.schema import Layout
@@ -20,9 +21,11 @@ from teleop.recording import from_messages
 from teleop.safety import Fault, Limits, Mode, Request
 from teleop.safety.channels import Trip
 from teleop.safety.limits import usual_channels
+from teleop.settings import TrialSettings
 from teleop.tare import NO_TARE, Tare
 
 PERIOD = 1e-3
+FAILED = Request(trip=Trip(Fault.EMERGENCY_STOP, "key", math.nan, math.nan, math.nan))
 WIDE = Limits(
     max_velocity=10.0,
     max_acceleration=1e6,
@@ -144,6 +147,7 @@ def test_every_stage_gets_its_channel_and_the_measured_dt():
         measure.update(*sample) for sample in zip(x[armed:], v[armed:], dt[armed:], strict=True)
     ]
     admittance, coupling = Admittance(AdmittanceParameters()), Coupling(0.5, 2.0)
+    admittance.align(position[armed], coupling)
     desired = [Command(0.0, 0.0)] * (armed + 1)
     for n in range(armed + 1, len(TIMES)):
         admittance.step(hand[n], dt[n])
@@ -291,6 +295,30 @@ def test_the_admittance_follows_what_the_limits_left():
     free = record(SpyRig(), make(SpyRig()))[0]
     beyond = np.abs(recording["desired_master_velocity"]).max()
     assert beyond < 0.5 * np.abs(free["desired_master_velocity"]).max()
+
+
+def drive_and_tick(controller, clock, ticks, request):
+    """Run some ticks; the last record."""
+    for _ in range(ticks):
+        record = controller.tick(clock.wait(), request)
+    return record
+
+
+@pytest.mark.parametrize("scale", [1.0, 0.25])
+def test_the_slave_stays_where_it_is_when_it_is_armed_and_armed_again(scale):
+    clock = VirtualClock(1000.0)
+    rig = SimulatedRig(replace(CUBES["soft"], glued=False), clock.now)
+    settings = TrialSettings(clock="virtual", coupling=Coupling(scale, position_gain=10.0))
+    with rig:
+        controller = settings.make_controller(rig, settings.make_bank(), clock)
+        for position in (-4e-3, -2e-3):
+            rig.plant.slave.x = position
+            record = drive_and_tick(controller, clock, 500, Request(arm=True))
+            assert record.mode is Mode.ACTIVE
+            assert rig.plant.slave.x == pytest.approx(position, abs=5e-5)
+            assert record.desired == pytest.approx((0.0, 0.0), abs=1e-3)
+            assert drive_and_tick(controller, clock, 50, FAILED).mode is Mode.FAULT
+            controller.rearm()
 
 
 class SlowRig(SpyRig):

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -10,12 +11,15 @@ from drivers import STANDSTILL
 from estimation import force_error, rise_time
 from sim_backend import CUBES, DEPTH, SimulatedRig
 from teleop.black_box import fault_of
+from teleop.clock import VirtualClock
 from teleop.errors import InputError
 from teleop.recording import load
-from teleop.rehearsal import tick_cost
+from teleop.rehearsal import check_wire, tick_cost
 from teleop.safety import Mode, Request
+from teleop.session import Session
 from teleop.settings import TrialSettings
 from teleop.summary import loop_timing
+from teleop.tare import NO_TARE, Tare
 from teleop.trial import run_trial
 
 QUICK = TrialSettings(clock="virtual", duration=3.0)
@@ -216,8 +220,54 @@ def test_a_rate_that_this_machine_cannot_hold_is_refused_before_anything_moves(m
         run_trial(TrialSettings(rate=5000.0))
 
 
-def test_tick_cost_is_a_time():
-    assert 1e-6 < tick_cost(QUICK) < 0.1
+@pytest.mark.parametrize("tare", [NO_TARE, Tare(slave_position=12e-3, contact_force=5.0)])
+def test_the_rehearsal_is_active_whatever_the_tare_and_the_limits(monkeypatch, tare):
+    sessions = []
+
+    class Spy(Session):
+        def __init__(self, *parts):
+            super().__init__(*parts)
+            sessions.append(self)
+
+    monkeypatch.setattr("teleop.rehearsal.Session", Spy)
+    limits = replace(QUICK.raw_limits, soft_force=0.1, hard_force=0.2)
+    assert 1e-6 < tick_cost(replace(QUICK, tare=tare, custom_limits=limits)) < 0.1
+    assert sessions[0].controller.mode is Mode.ACTIVE
+
+
+def test_a_rehearsal_that_is_stopped_for_safety_is_no_measure():
+    class Tight(TrialSettings):
+        @property
+        def raw_limits(self):
+            return replace(super().raw_limits, soft_force=0.1, hard_force=0.2)
+
+    with pytest.raises(InputError, match="rehearsal on the simulated rig: stopped .* force limit"):
+        tick_cost(Tight(condition="autonomous", duration=1.0))
+
+
+class SlowToRead(SimulatedRig):
+    """A rig whose devices take 3 ms to read; every other call is an error."""
+
+    def read(self):
+        time.sleep(3e-3)
+        return super().read()
+
+    def enable(self):
+        raise AssertionError
+
+    write = enable
+
+
+def test_a_rig_that_is_too_slow_to_read_is_refused_before_its_drives_are_told_anything():
+    clock = VirtualClock(1000.0)
+    rig = SlowToRead(CUBES["soft"], clock.now)
+    with pytest.raises(InputError, match=r"of which \d+ us to read the devices, expected a rate"):
+        check_wire(rig, clock, 50e-6)
+
+
+def test_a_rig_that_is_read_in_time_is_accepted():
+    clock = VirtualClock(50.0)
+    check_wire(SimulatedRig(CUBES["soft"], clock.now), clock, 50e-6)
 
 
 @pytest.mark.parametrize(

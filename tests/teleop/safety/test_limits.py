@@ -6,6 +6,8 @@ import math
 from dataclasses import FrozenInstanceError, fields, replace
 
 import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
 
 from drivers import CHANNELS
 from teleop.safety import ChannelLimits, Limits
@@ -155,3 +157,17 @@ def test_the_usual_limits_hold_one_another():
         "slave_velocity",
     ]
     assert replace(limits) == limits
+
+
+@given(zero=st.floats(-500.0, 500.0), value=st.floats(-2000.0, 2000.0))
+def test_shifted_limits_hold_a_value_less_its_zero_to_the_range_of_the_sensor(zero, value):
+    raw = ChannelLimits(-1000.0, 500.0)
+    assume(min(abs(value - raw.low), abs(value - raw.high)) > 1e-9)
+    shifted = raw.shifted(zero)
+    assert (shifted.low <= value - zero <= shifted.high) == (raw.low <= value <= raw.high)
+
+
+@pytest.mark.parametrize("zero", [1001.0, -1001.0, math.nan, math.inf])
+def test_a_zero_that_the_sensor_cannot_read_is_refused_by_its_channel(zero):
+    with pytest.raises(ValueError, match=r"contact_force .*expected a value in the range"):
+        Limits().shifted({"contact_force": zero})

@@ -37,6 +37,7 @@ class SteppedRig(WiredRig):
         now: Callable[[], float],
         faults: Sequence[PlannedFault],
         prepare: Callable[[Emulator], None],
+        rewrite: Callable[[str], str],
     ) -> None:
         self._ahead = 0.0
         self._clock = now
@@ -50,7 +51,7 @@ class SteppedRig(WiredRig):
         )
         prepare(self.emulator)
         host = self._folder / "host.toml"
-        host.write_text(host_file(file, self._folder))
+        host.write_text(rewrite(host_file(file, self._folder)))
         super().__init__(read_rig_file(host), self.present)
         for bus in self.buses.values():
             bus.nap = self.nap
@@ -97,9 +98,11 @@ class SteppedSettings(TrialSettings):
     file: RigFile = field(kw_only=True)
     faults: Sequence[PlannedFault] = ()
     prepare: Callable[[Emulator], None] = lambda emulator: None
+    rewrite: Callable[[str], str] = str
+    """What is wrong in the rig file that the host reads."""
 
     def make_rig(self, now: Callable[[], float]) -> SteppedRig:
-        return SteppedRig(self.file, self, now, self.faults, self.prepare)
+        return SteppedRig(self.file, self, now, self.faults, self.prepare, self.rewrite)
 
 
 def stepped_settings(name: str, condition: str = "autonomous", **settings: Any) -> SteppedSettings:

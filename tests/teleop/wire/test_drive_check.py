@@ -1,0 +1,254 @@
+"""The check of the drives refuses a wrong sign or scale before the true slave gets far.
+
+Travel and force are those of the simulated plant, not what the rig under test reads.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import math
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+import tomlkit
+
+from sim_backend.wire.emulator import Emulator, PlannedFault
+from teleop.cli import main
+from teleop.clock import VirtualClock
+from teleop.drive_check import STROKES, check_drives
+from teleop.errors import InputError
+from teleop.safety import Fault
+from teleop.safety.rig_limits import rig_limits
+
+RIGS = ["serial-board", "odrive-bota", "cia402-ft300"]
+FACTORS = [20.0, 2.0, 0.5, -1.0]
+
+
+def rewritten(*path: str, **values: Any) -> Callable[[str], str]:
+    """Change a section of a rig file."""
+
+    def rewrite(text: str) -> str:
+        document: Any = tomlkit.parse(text)
+        section = document
+        for name in path:
+            section = section[name]
+        section.update(values)
+        return tomlkit.dumps(document)
+
+    return rewrite
+
+
+def encoder_reads(factor: float, axis: str = "slave") -> dict[str, Any]:
+    """A rig file by which an encoder reads so many times the travel."""
+    sign = -1 if factor < 0.0 else 1
+    return {"rewrite": rewritten("channels", f"{axis}_position", scale=abs(factor), sign=sign)}
+
+
+def drive_goes(factor: float, axis: str = "slave") -> dict[str, Any]:
+    """A drive that goes at so many times the commanded velocity."""
+
+    def prepare(emulator: Emulator) -> None:
+        drive = emulator.bench.drive
+
+        def wrong(name: str, velocity: float) -> None:
+            drive(name, factor * velocity if name == axis else velocity)
+
+        emulator.bench.drive = wrong
+
+    return {"prepare": prepare}
+
+
+class Checked:
+    """The check of an emulated rig, and how far its true slave went [m] and pressed [N]."""
+
+    def __init__(self, settings: Any, move: bool = True) -> None:
+        self.travel = self.force = 0.0
+        clock = VirtualClock(settings.rate)
+        with settings.make_rig(clock.now) as rig:
+            self.limits = rig_limits(rig.file.sections)
+            step = rig.emulator.step
+
+            def watched(wires: Any = None) -> None:
+                step(wires)
+                slave = rig.emulator.bench.rig.plant.slave
+                self.travel = max(self.travel, abs(slave.x))
+                self.force = max(self.force, abs(slave.force))
+
+            rig.emulator.step = watched
+            self.report = check_drives(rig, clock, move)
+            for _ in range(30):
+                clock.wait()
+                rig.read()
+            self.driven = set(rig.emulator.bench.driven)
+        self.problems = {drive.name: drive.problem for drive in self.report.drives}
+
+    def stayed_small(self) -> bool:
+        return self.travel < 1e-3 and self.force < 0.1 * self.limits.hard_force
+
+
+def check_refused(checked: Checked, factor: float, axis: str = "slave") -> None:
+    assert checked.stayed_small(), (checked.travel, checked.force)
+    assert checked.report.fault is None
+    assert not checked.driven
+    problem = checked.problems[axis]
+    assert problem.startswith("commanded ")
+    assert f"{axis}_position shows" in problem
+    assert f"check the {'sign' if factor < 0.0 else 'scale'} of drives.{axis}" in problem
+    assert "\n" not in problem
+
+
+@pytest.mark.parametrize("name", RIGS)
+@pytest.mark.parametrize("factor", FACTORS)
+@pytest.mark.parametrize("wrong", [drive_goes, encoder_reads])
+def test_a_wrong_sign_or_scale_is_refused_before_the_slave_gets_far(stepped, name, factor, wrong):
+    checked = Checked(stepped(name, **wrong(factor)))
+    check_refused(checked, factor)
+
+
+@pytest.mark.parametrize("name", RIGS)
+@pytest.mark.parametrize(("factor", "wrong"), [(20.0, drive_goes), (-1.0, encoder_reads)])
+def test_a_wrong_sign_or_scale_of_the_master_is_refused_too(stepped, name, factor, wrong):
+    check_refused(Checked(stepped(name, **wrong(factor, "master"))), factor, "master")
+
+
+LOW = rewritten(
+    "limits",
+    soft_position_mm=[-2.5, 2.5],
+    hard_position_mm=[-3, 3],
+    soft_force_n=4,
+    hard_force_n=5,
+)
+
+
+@pytest.mark.parametrize("name", RIGS)
+@pytest.mark.parametrize(("factor", "cube"), [(20.0, "medium"), (2.0, "soft"), (-1.0, "soft")])
+def test_a_tenth_of_a_low_force_limit_is_not_exceeded(stepped, name, factor, cube):
+    checked = Checked(stepped(name, cube=cube, rewrite=LOW, **drive_goes(factor)))
+    assert checked.stayed_small(), (checked.travel, checked.force)
+    assert checked.report.fault or checked.problems["slave"]
+    assert not checked.driven
+
+
+def test_a_scale_that_drive_and_velocity_channel_share_is_refused(stepped):
+    shared = rewritten("devices", "board", velocity_um_per_s_per_count=[1.0, 0.05])
+    check_refused(Checked(stepped("serial-board", rewrite=shared)), 20.0)
+
+
+@pytest.mark.parametrize("values", [{"sign": -1}, {"scale": 2.0}], ids=["sign", "scale"])
+@pytest.mark.parametrize("name", RIGS)
+def test_a_wrong_sign_or_scale_of_the_velocity_channel_alone_is_refused(stepped, name, values):
+    checked = Checked(stepped(name, rewrite=rewritten("channels", "slave_velocity", **values)))
+    assert checked.stayed_small()
+    assert "slave_velocity shows" in checked.problems["slave"]
+
+
+@pytest.mark.parametrize("name", RIGS)
+def test_a_sound_rig_passes_and_its_watchdogs_act(stepped, name):
+    checked = Checked(stepped(name))
+    assert checked.stayed_small()
+    assert checked.report.fault is None
+    assert not checked.driven
+    assert set(checked.problems.values()) == {""}
+    for drive in checked.report.drives:
+        assert drive.commanded_m == pytest.approx(STROKES[-1], rel=0.05)
+        assert drive.moved_m == pytest.approx(drive.commanded_m, abs=10e-6)
+        assert 0.01 < drive.watchdog_s < 0.15
+
+
+@pytest.mark.parametrize("name", RIGS)
+def test_without_a_motion_the_watchdogs_are_checked_at_standstill(stepped, name):
+    checked = Checked(stepped(name), move=False)
+    assert checked.travel < 2e-6
+    assert set(checked.problems.values()) == {""}
+    for drive in checked.report.drives:
+        assert math.isnan(drive.commanded_m)
+        assert 0.01 < drive.watchdog_s < 0.15
+
+
+def test_a_slave_that_the_limits_hold_is_not_proven(stepped):
+    checked = Checked(stepped("serial-board", rewrite=LOW))
+    assert checked.stayed_small()
+    assert "expected a slave that is free to move" in checked.problems["slave"]
+
+
+def test_a_slave_beyond_its_hard_limits_is_refused(stepped):
+    beyond = rewritten("limits", soft_position_mm=[5, 25], hard_position_mm=[1, 30])
+    with pytest.raises(InputError, match="slave_position is -?0 mm: expected it within hard_pos"):
+        Checked(stepped("serial-board", rewrite=beyond))
+
+
+def test_near_the_end_of_its_travel_the_slave_first_goes_the_other_way(stepped):
+    near = rewritten("limits", soft_position_mm=[0.2, 25], hard_position_mm=[-0.1, 30])
+    checked = Checked(stepped("serial-board", rewrite=near))
+    assert set(checked.problems.values()) == {""}
+    assert checked.report.fault is None
+
+
+def test_the_boards_emergency_stop_stops_the_check(stepped):
+    def prepare(emulator: Emulator) -> None:
+        step = emulator.step
+
+        def press(wires: Any = None) -> None:
+            emulator.devices["board"].emergency_stop = bool(emulator.bench.driven)
+            step(wires)
+
+        emulator.step = press
+
+    checked = Checked(stepped("serial-board", prepare=prepare))
+    assert checked.report.fault["fault"] == Fault.EMERGENCY_STOP
+    assert checked.travel < 2e-6
+    assert not checked.driven
+
+
+@pytest.mark.parametrize("at", [0.1, 0.25, 0.6, 3.0])
+def test_a_wire_that_fails_during_the_check_is_a_stop_for_safety(stepped, at):
+    faults = [PlannedFault("silence", "usb", at)]
+    checked = Checked(stepped("serial-board", faults=faults))
+    assert checked.stayed_small()
+    assert checked.report.fault["fault"] == Fault.STALE
+    assert not checked.driven
+
+
+@pytest.fixture
+def command(monkeypatch):
+    """Runs `teleop rig check --move` on an emulated rig in virtual time."""
+
+    def run(settings: Any, *options: str) -> int:
+        monkeypatch.setattr("teleop.clock.RealClock", VirtualClock)
+        monkeypatch.setattr("drivers.wired_rig.WiredRig", lambda file, now: settings.make_rig(now))
+        monkeypatch.setattr("teleop.realtime.realtime", contextlib.nullcontext)
+        monkeypatch.setattr("teleop.rig_check.round_trips", lambda rig, clock: [])
+        path = str(settings.file.path)
+        return main(["rig", "check", path, "--seconds", "0.2", "--move", *options])
+
+    return run
+
+
+@pytest.mark.parametrize(
+    ("settings", "code", "words"),
+    [
+        ({}, 0, ""),
+        (drive_goes(-1.0), 2, "check the sign of drives.slave and of channels.slave_position"),
+        ({"faults": [PlannedFault("silence", "usb", 0.3)]}, 3, "stopped at 0.3"),
+    ],
+    ids=["sound", "wrong sign", "silent wire"],
+)
+def test_the_command_ends_with_the_exit_code_of_its_result(
+    command, stepped, capsys, settings, code, words
+):
+    assert command(stepped("serial-board", **settings), "--json") == code
+    out, err = capsys.readouterr()
+    assert err.count("\n") == (1 if code else 0)
+    assert words in err
+    assert len(json.loads(out)["drives"]) == 2
+
+
+def test_the_drives_stay_idle_while_a_channel_has_a_problem(command, stepped, capsys):
+    old = rewritten("channels", "contact_force", max_age_ms=1e-3)
+    emulators: list[Emulator] = []
+    made = stepped("serial-board", prepare=emulators.append, rewrite=old)
+    assert command(made) == 2
+    assert "contact_force: " in capsys.readouterr().err
+    assert not math.isfinite(emulators[0]._started)
