@@ -30,6 +30,7 @@ def estimate(
     bandwidth: float | None = None,
     force_lag: float | None = None,
     whole: Annotated[bool, Parameter(negative="")] = False,
+    cost: Annotated[bool, Parameter(negative="")] = False,
     out: Path | None = None,
     plot: Path | None = None,
     json: Annotated[bool, Parameter(negative="")] = False,
@@ -73,6 +74,8 @@ def estimate(
         measures it.
     whole
         Take in the rest before and after the motion as well.
+    cost
+        Measure as well how long each estimator takes for a sample on this machine.
     out
         Write signals and estimates to this CSV file.
     plot
@@ -113,7 +116,7 @@ def estimate(
             evaluation = evaluate(signals, chosen(recording, columns.datum, cube, given))
         except InputError as error:
             raise InputError(f"{path}: {error}" if more else str(error)) from error
-        summary = {"file": str(path), **evaluation.summary()}
+        summary = {"file": str(path), **evaluation.summary(cost)}
         if recording:
             summary["as_online"] = agrees(evaluation, recording)
             summary["estimated_channels"] = recording.estimated_channels
