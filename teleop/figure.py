@@ -15,7 +15,7 @@ from estimation import Estimates
 from estimation.compiled import Floats
 from estimation.estimator import LEVEL_95
 from estimation.redundancy import Ambiguity
-from teleop.files import unwritable
+from teleop.files import new_file
 from teleop.recording import Recording
 
 STYLES: dict[str, dict[str, Any]] = {
@@ -237,15 +237,22 @@ def profile(axes: Axes, t: Floats, values: Floats, label: str) -> None:
     axes.patch.set_visible(False)
 
 
-def save(figure: Figure, path: Path) -> None:
+def save(figure: Figure, path: Path, overwrite: bool = False) -> None:
     """Write a figure; the format follows the file's ending.
+
+    Parameters
+    ----------
+    figure
+        What to write.
+    path
+        The file.
+    overwrite
+        Whether to overwrite a file of that name.
 
     Raises
     ------
     InputError
-        The file cannot be written.
+        The file cannot be written, or is there already.
     """
-    try:
-        figure.savefig(path, dpi=150)
-    except OSError as error:
-        raise unwritable(path, error) from error
+    with new_file(path, overwrite) as file:
+        figure.savefig(file, dpi=150, format=path.suffix[1:].lower())

@@ -7,12 +7,15 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from teleop.commands.overwriting import Overwrite
+
 
 def export(
     file: Path,
     /,
     *,
     out: Path | None = None,
+    overwrite: Overwrite = False,
     json: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
     """Write a recording as CSV, HDF5, MATLAB or Parquet, every number with all of its digits.
@@ -37,9 +40,9 @@ def export(
 
     out = out or file.with_suffix(".csv")
     name = format_of(out)
-    check_outputs(out, source=file)
+    check_outputs(out, sources=(file,), overwrite=overwrite)
     recording = load(file)
-    export_recording(out, recording)
+    export_recording(out, recording, overwrite)
     if json:
         console.print_json(
             {

@@ -8,6 +8,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from teleop.commands.overwriting import Overwrite
 from teleop.names import (
     ClockName,
     ConditioningName,
@@ -43,6 +44,7 @@ def run(
     record: Path | None = None,
     no_record: Annotated[bool, Parameter(negative="")] = False,
     plot: Path | None = None,
+    overwrite: Overwrite = False,
     json: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
     """Palpate, and estimate stiffness and damping of what is touched meanwhile.
@@ -147,7 +149,7 @@ def run(
         raise InputError(f"{record}: expected a file ending in .mcap")
     if not no_record:
         record = record or dated_path(f"{condition}-{rig.stem if rig else cube}")
-    check_outputs(record, picture=plot)
+    check_outputs(record, picture=plot, sources=(rig, tare), overwrite=overwrite)
     trial = run_trial(
         settings,
         record,
@@ -170,7 +172,7 @@ def run(
             columns["v"],
             trial.estimates,
         )
-        save(figure, plot)
+        save(figure, plot, overwrite)
     if trial.outcome.problem:
         raise InputError(f"{record}: the recording is not complete: {trial.outcome.problem}")
     if trial.fault:

@@ -114,7 +114,9 @@ def test_a_run_is_recorded_in_a_dated_folder_and_says_where(capsys, tmp_path):
 def test_a_recording_is_never_overwritten_by_a_run(refused, tmp_path):
     path = tmp_path / "run.mcap"
     path.write_bytes(b"precious")
-    assert "file exists" in refused(*RUN[:-1], "--record", str(path))
+    for overwrite in ([], ["--overwrite"]):
+        error = refused(*RUN[:-1], "--record", str(path), *overwrite)
+        assert "exists already: a recording is never overwritten" in error
     assert path.read_bytes() == b"precious"
 
 
@@ -168,7 +170,7 @@ def test_bad_arguments_are_told_in_one_line(refused, arguments, words):
 @pytest.mark.parametrize(
     ("extra", "words"),
     [
-        (["--force", "Load"], ["Load", "'Force'"]),
+        (["--overwrite", "Load"], ["Load", "'Force'"]),
         (["--datum", "here"], ["here", "1.5mm,20N"]),
         (["--preset", "mine"], ["mine", "paper"]),
         (["--bandwidth", "0"], ["bandwidth"]),

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from teleop.errors import InputError
+from teleop.files import new_file
 from teleop.table import read_signals, write_table
 
 GOOD = "Time [s],Position [mm],Force [gf]\n0.0,1.0,100\n0.01,1.5,150\n0.03,2.0,200\n"
@@ -182,12 +183,14 @@ def test_what_is_written_is_read_back_to_the_bit(tmp_path):
         "Force": rng.normal(size=50),
     }
     path = tmp_path / "out.csv"
-    write_table(path, columns, {"Time": "s", "Displacement": "m", "Force": "N"})
+    with new_file(path) as file:
+        write_table(file, columns, {"Time": "s", "Displacement": "m", "Force": "N"})
     recording = read_signals(path)
     for got, name in zip(recording[:3], columns, strict=True):
         assert np.array_equal(got, columns[name])
 
 
 def test_a_table_that_cannot_be_written_is_told(tmp_path):
-    with pytest.raises(InputError, match="no such file"):
-        write_table(tmp_path / "none" / "out.csv", {}, {})
+    missing = tmp_path / "none" / "out.csv"
+    with pytest.raises(InputError, match="no such file"), new_file(missing) as file:
+        write_table(file, {}, {})
