@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 from matplotlib import colormaps
@@ -16,6 +17,7 @@ from estimation.compiled import Floats
 from estimation.estimator import LEVEL_95
 from estimation.redundancy import Ambiguity
 from teleop.files import new_file
+from teleop.printable import printable
 from teleop.recording import Recording
 
 STYLES: dict[str, dict[str, Any]] = {
@@ -137,7 +139,7 @@ def timing_figure(recording: Recording) -> Figure:
 
 def plain(text: str) -> str:
     """A text for a figure as it is, whatever characters a file's name has."""
-    return text.encode("utf-8", "replace").decode().replace("$", r"\$")
+    return printable(text).replace("$", r"\$")
 
 
 def ambiguity_figure(t: Floats, tied: Ambiguity, winner: Estimates) -> Figure:
@@ -255,4 +257,11 @@ def save(figure: Figure, path: Path, overwrite: bool = False) -> None:
         The file cannot be written, or is there already.
     """
     with new_file(path, overwrite) as file:
-        figure.savefig(file, dpi=150, format=path.suffix[1:].lower())
+        render(figure, file, dpi=150, format=path.suffix[1:].lower())
+
+
+def render(figure: Figure, file: IO[Any], **options: Any) -> None:
+    """Write a figure to a file; a character that the font does not have becomes a box."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Glyph .* missing from font")
+        figure.savefig(file, **options)

@@ -54,5 +54,5 @@ def export(
             }
         )
     else:
-        print(out)
+        console.plain_console().print(str(out))
     return 0

@@ -47,7 +47,11 @@ def recover(
             }
         )
     elif recovery.damage:
-        print(f"{out}: {recovery.ticks} ticks, {recovery.duration:.3f} s, {recovery.lost}")
+        console.plain_console().print(
+            f"{out}: {recovery.ticks} ticks, {recovery.duration:.3f} s, {recovery.lost}"
+        )
     else:
-        print(f"{file}: complete already, {recovery.ticks} ticks: nothing to recover")
+        console.plain_console().print(
+            f"{file}: complete already, {recovery.ticks} ticks: nothing to recover"
+        )
     return 0

@@ -43,6 +43,7 @@ def report(
     force_lag
         Lag of the force channel [s] to make up for.
     """
+    from teleop import console
     from teleop.black_box import fault_of
     from teleop.commands.estimate import chosen
     from teleop.estimate import FEWEST, evaluate
@@ -61,5 +62,5 @@ def report(
         )
         text = report_page(file.name, evaluate(signals, settings), recording)
     write_text(page, text, overwrite)
-    print(page)
+    console.plain_console().print(str(page))
     return 0

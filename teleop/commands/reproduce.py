@@ -76,5 +76,5 @@ def reproduce(
                 METHOD_HEADINGS,
                 method_cells(reproduction.methods),
             )
-        print(page)
+        console.plain_console().print(str(page))
     return 0

@@ -39,6 +39,8 @@ def message_size(definition: str) -> int:
     ValueError
         It is not the definition of a tick: doubles with distinct names, the time first.
     """
+    if "\0" in definition:
+        raise ValueError("the definition of its ticks is not text")
     lines = [line for line in definition.split("\n") if line and not line.startswith("#")]
     matches = [COLUMN.fullmatch(line) for line in lines]
     names = [match[1] for match in matches if match]
@@ -86,9 +88,9 @@ def checked_event(document: bytes) -> dict[str, Any]:
 
 
 def is_readable(metadata: dict[str, str]) -> bool:
-    """Whether the JSON in a record of metadata, if any, is whole."""
+    """Whether a record of metadata is text, and its JSON, if any, whole."""
     try:
         loads(metadata.get("json", "{}"))
     except ValueError:
         return False
-    return True
+    return not any("\0" in text for pair in metadata.items() for text in pair)

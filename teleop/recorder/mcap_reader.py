@@ -32,10 +32,23 @@ HEAD = struct.Struct("<BQHIQQ")
 """Of a message's record: opcode, length, channel, sequence, two times."""
 LARGEST_RECORD = 128 << 20
 """Largest record that is read [bytes]."""
+MOST_EVENTS = 100_000
 LATEST_START = 1 << 62
 """Latest wall-clock time at which a trial began [ns], about the year 2116."""
 CUT = "its end is missing"
 """Damage of a file whose writer was killed, or whose disk was full."""
+
+
+def machine_memory() -> int:
+    """Memory of this machine, or 8 GiB where it does not say [bytes]."""
+    try:
+        return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    except (AttributeError, ValueError, OSError):
+        return 8 << 30
+
+
+LARGEST_TICKS = machine_memory() // 4
+"""Most ticks that are read [bytes]; what is made of them takes as much again, and more."""
 
 
 @dataclass
@@ -135,6 +148,7 @@ def read_records(file: BinaryIO, contents: Contents) -> None:
         for record in reader.records:
             if isinstance(record, Chunk):
                 read_chunk(record, contents, channels)
+                check_memory(file, contents)
             elif isinstance(record, Metadata) and is_readable(record.metadata):
                 contents.metadata[record.name] = dict(record.metadata)
             elif isinstance(record, Metadata):
@@ -147,8 +161,18 @@ def read_records(file: BinaryIO, contents: Contents) -> None:
             f"damaged: a record is larger than {LARGEST_RECORD >> 20} MiB" if too_large else CUT
         )
     except (McapError, struct.error, ValueError, OverflowError, MemoryError) as error:
-        damage = f"damaged: {' '.join(str(error).split())}" if file.read(1) else CUT
+        why = " ".join(str(error).split()) or "a record cannot be read"
+        damage = f"damaged: {why}" if file.read(1) else CUT
     contents.damage = contents.damage or damage
+
+
+def check_memory(file: BinaryIO, contents: Contents) -> None:
+    """Raise InputError where a recording, however small its file, would fill the memory."""
+    if len(contents.messages) > LARGEST_TICKS or len(contents.events) > MOST_EVENTS:
+        raise InputError(
+            f"{file.name}: too large for this machine's memory: more than "
+            f"{LARGEST_TICKS >> 20} MiB of ticks or {MOST_EVENTS} events"
+        )
 
 
 def read_chunk(chunk: Chunk, contents: Contents, channels: dict[int, Source]) -> None:
@@ -175,7 +199,8 @@ def records(
     """The records of a chunk but for its ticks, which go to `contents.messages` in runs."""
     place = 0
     while place < len(data):
-        opcode, length = struct.unpack_from("<BQ", data, place)
+        whole = len(data) - place >= 9
+        opcode, length = struct.unpack_from("<BQ", data, place) if whole else (0, len(data))
         if place + 9 + length > len(data):
             raise ValueError("a record that is longer than its chunk")
         if opcode == Opcode.MESSAGE:

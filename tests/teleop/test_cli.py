@@ -170,7 +170,7 @@ def test_bad_arguments_are_told_in_one_line(refused, arguments, words):
 @pytest.mark.parametrize(
     ("extra", "words"),
     [
-        (["--overwrite", "Load"], ["Load", "'Force'"]),
+        (["--force", "Load"], ["Load", "'Force'"]),
         (["--datum", "here"], ["here", "1.5mm,20N"]),
         (["--preset", "mine"], ["mine", "paper"]),
         (["--bandwidth", "0"], ["bandwidth"]),
