@@ -108,7 +108,7 @@ def reproduce(
         raise InputError(f"seeds {seeds}: expected at least 1")
     trials = [(c, q, seed) for seed in range(seeds) for c in CONDITIONS for q in CUBES]
     outcomes = []
-    with ProcessPoolExecutor() as pool:
+    with workers() as pool:
         slow = pool.map(lag_and_damping, SLOW_FREQUENCIES)
         for outcome in pool.map(partial(palpate, methods=methods), trials):
             outcomes.append(outcome)
@@ -118,6 +118,22 @@ def reproduce(
     if seeds > 1:
         study = {name: split_plot(responses(outcomes, name)) for name in RESPONSES}
     return Reproduction(outcomes, slow_trials, check_claims(outcomes[:9]), study)
+
+
+def workers() -> ProcessPoolExecutor:
+    """A process for each processor.
+
+    Raises
+    ------
+    InputError
+        The system grants no semaphores, as where /dev/shm cannot be written.
+    """
+    try:
+        return ProcessPoolExecutor()
+    except (OSError, ImportError) as error:
+        raise InputError(
+            f"trials run in several processes, which need semaphores in shared memory: {error}"
+        ) from error
 
 
 def check_folder(folder: Path, overwrite: bool) -> None:
@@ -157,7 +173,7 @@ def write(reproduction: Reproduction, folder: Path, overwrite: bool = False) -> 
         A file cannot be written, or is there already.
     """
     write_text(folder / TABLE, csv_table(as_rows(reproduction.first)), overwrite)
-    with ProcessPoolExecutor() as pool:
+    with workers() as pool:
         drawn = pool.map(draw, CAPTIONS, [reproduction.first] * 3, [folder] * 3, [overwrite] * 3)
         drawings = dict(zip(CAPTIONS.values(), drawn, strict=True))
     text = reproduction_page(
