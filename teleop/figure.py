@@ -27,6 +27,8 @@ STYLES: dict[str, dict[str, Any]] = {
 }
 """Told apart where lines coincide, in print and by the colour-blind (Okabe and Ito)."""
 PROFILE = "#8C8C8C"
+LONGEST_TITLE = 120
+"""Most characters of a title; a longer one leaves no room for the figure."""
 
 
 def estimates_figure(
@@ -139,7 +141,9 @@ def timing_figure(recording: Recording) -> Figure:
 
 def plain(text: str) -> str:
     """A text for a figure as it is, whatever characters a file's name has."""
-    return printable(text).replace("$", r"\$")
+    shown = printable(" ".join(text.split()))
+    shown = shown if len(shown) <= LONGEST_TITLE else f"{shown[: LONGEST_TITLE - 4]} ..."
+    return shown.replace("$", r"\$")
 
 
 def ambiguity_figure(t: Floats, tied: Ambiguity, winner: Estimates) -> Figure:

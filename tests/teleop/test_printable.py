@@ -12,9 +12,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from estimation import Estimates
 from teleop.cli import main
 from teleop.console import plain_console
+from teleop.figure import estimates_figure
 from teleop.printable import one_line, printable
+from teleop.web_page import svg
 
 EVIL = "\x1b]0;gone\x07\x1b[2J\x9b31m\u202e"
 
@@ -105,4 +108,12 @@ def test_a_name_that_the_font_does_not_have_is_drawn_without_a_warning(tmp_path,
     path = write_sine(tmp_path / "\u6d4b\u8bd5.csv")
     assert main(["estimate", str(path), "--plot", str(tmp_path / "a.png")]) == 0
     assert main(["report", str(path)]) == 0
+    assert [*recwarn] == []
+
+
+def test_a_title_of_any_length_leaves_room_for_the_figure(recwarn):
+    t = np.arange(3.0)
+    series = Estimates(t, t, t, t, t > 5.0)
+    figure = estimates_figure("long\n" * 1000, t, t, t, {"rls": series})
+    assert svg(figure).startswith("<svg")
     assert [*recwarn] == []
