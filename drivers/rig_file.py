@@ -21,6 +21,7 @@ from drivers.device import (
     SerialDevice,
     sole_drive,
 )
+from drivers.input_file import read_input
 from drivers.registry import device_class, kinds
 from drivers.rig import RigError
 from drivers.rig_sections import (
@@ -64,11 +65,11 @@ def read_rig_file(path: Path) -> RigFile:
     RigFileError
         It is not as expected.
     """
-    raw = path.read_bytes()
+    raw = read_input(path)
     try:
         text = raw.decode()
         tree = tomllib.loads(text)
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:
         raise RigFileError(f"{path}: not a TOML file: {error}") from error
     problems: list[str] = []
     declared = tree.pop("devices", {})

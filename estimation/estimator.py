@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from estimation.checks import check_sample, checked_samples
 from estimation.compiled import Floats, Law, Parameters, Regressors, Samples, State, Step, sweep
-from estimation.model import KELVIN_VOIGT, UNITS, Model
+from estimation.model import KELVIN_VOIGT, POWERS_OF_X, UNITS, Model
 from estimation.unrolled import Helpers, unrolled
 
 UNKNOWN = 1e12
@@ -123,6 +123,11 @@ class Estimator(ABC):
     def __getstate__(self) -> dict[str, Any]:
         """What is pickled: all but the unrolled step, which is made anew."""
         return {**vars(self), "_step": None}
+
+    @property
+    def from_contact(self) -> bool:
+        """Whether x must be measured from the contact: the model is not linear in x."""
+        return not set(POWERS_OF_X).isdisjoint(self.names)
 
     def reset(self) -> None:
         """Forget every sample."""

@@ -25,6 +25,8 @@ UNITS = {
     "n": "-",
 }
 """Units of everything that estimators tell."""
+POWERS_OF_X = ("k3", "n")
+"""Parameters of a model that is not linear in x: x must be measured from the contact."""
 REGRESSOR_UNITS = {"f0": "-", "m": "m/s^2", "k3": "m^3", "tau": "N/s"}
 """Units of the further regressors."""
 

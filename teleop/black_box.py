@@ -87,8 +87,8 @@ class BlackBox:
             raise unwritable(folder, error) from error
         if file.error:
             raise unwritable(path, file.error)
-        write_text(folder / "cause.txt", fault_text(recording, fault))
-        save(fault_figure(recording, fault), folder / "channels.svg")
+        write_text(folder / "cause.txt", fault_text(recording, fault), overwrite=True)
+        save(fault_figure(recording, fault), folder / "channels.svg", overwrite=True)
 
 
 def fault_of(recording: Recording) -> dict[str, Any] | None:

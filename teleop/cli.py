@@ -20,6 +20,7 @@ from teleop.commands.reproduce import reproduce
 from teleop.commands.rig import rig
 from teleop.commands.run import run
 from teleop.errors import InputError, SafetyStop
+from teleop.printable import complain
 
 
 def installed_version() -> str:
@@ -64,14 +65,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
         sys.stdout.flush()
     except UnusedCliTokensError as error:
         unused = " ".join(error.unused_tokens or [])
-        print(f"teleop: unexpected argument {unused!r}: see --help", file=sys.stderr)
+        complain(f"unexpected argument {unused!r}: see --help")
         return 2
     except SafetyStop as error:
-        print("teleop:", error, file=sys.stderr)
+        complain(str(error))
         return 3
     except (InputError, CycloptsError, RigError) as error:
         for line in str(error).splitlines() or [type(error).__name__]:
-            print("teleop:", " ".join(line.split()), file=sys.stderr)
+            complain(line)
         return 2
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -80,6 +81,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if error.errno != errno.ENOSPC:
             raise
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        print("teleop: standard output: no space left on device", file=sys.stderr)
+        complain("standard output: no space left on device")
         return 2
     return code or 0

@@ -1,4 +1,4 @@
-"""How estimators compare on the same samples: accuracy, honesty, and cost."""
+"""How estimators compare on the same samples: accuracy, honesty, and on request cost."""
 
 from __future__ import annotations
 
@@ -37,8 +37,6 @@ class Comparison(NamedTuple):
     """Share of the samples whose 95 % interval of the stiffness holds the reference."""
     b_coverage: float
     """The same of the damping."""
-    cost_us: float
-    """Time that a sample takes here, interpreted [us]."""
 
 
 def compare(
@@ -55,7 +53,7 @@ def compare(
     regression
         The samples that the estimators were given, n of them.
     bank
-        The estimators, for their cost.
+        The estimators.
     estimates
         What they made of the samples.
     b, k
@@ -83,7 +81,6 @@ def compare(
             b_error=rms(b_now - true_b),
             k_coverage=coverage(k_now, k_std, true_k),
             b_coverage=coverage(b_now, b_std, true_b),
-            cost_us=cost(bank[name], regression) * 1e6,
         )
     return found
 
@@ -94,7 +91,10 @@ def rms(values: Floats) -> float:
 
 
 def cost(estimator: Estimator, regression: Regression) -> float:
-    """Time that a sample takes this machine, interpreted [s]: the best of three."""
+    """Time that this machine takes for a sample, interpreted [s]: the least of three runs.
+
+    A measurement of the machine: it differs from call to call.
+    """
     part = regression.part(slice(TIMED))
     further = part.further if estimator.model.further else None
     samples = estimator.as_taken(checked_samples(part.x, part.v, part.f, part.dt, further))

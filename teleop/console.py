@@ -5,14 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TextIO
 
 from rich import box
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 from teleop.black_box import moment
 from teleop.gaps import Gap, missing_text
+from teleop.printable import printable
 from teleop.strict_json import dumps
 
 if TYPE_CHECKING:
@@ -29,9 +31,17 @@ def print_json(document: Mapping[str, Any]) -> None:
     print(dumps(dict(document), indent=2), flush=True)
 
 
-def plain_console() -> Console:
+class PlainConsole(Console):
+    """A console whose texts cannot control the terminal, whatever file they come from."""
+
+    def render_str(self, text: str, **options: Any) -> Text:
+        """The text with its control characters shown."""
+        return super().render_str(printable(text), **options)
+
+
+def plain_console(stream: TextIO | None = None) -> Console:
     """A console that takes text as it is: no markup, no highlighting, nothing cut off."""
-    console = Console(highlight=False, markup=False, soft_wrap=True)
+    console = PlainConsole(file=stream, highlight=False, markup=False, soft_wrap=True)
     console.width = max(console.width, WIDEST)
     return console
 

@@ -170,7 +170,6 @@ class Controller:
         self._rig.rearm()
         self._trips.clear()
         self.error = None
-        self._admittance.velocity = 0.0
 
     def tick(self, tick: Tick, request: Request = NO_REQUEST) -> Record:
         """Read, map, limit, write, estimate."""
@@ -192,10 +191,9 @@ class Controller:
         verdict = supervise(self._supervision, measurement, desired, request, self._limits)
         if verdict.arm and self._enable(measurement.time):
             verdict = activated(verdict)
+            self._admittance.align(measurement.slave_position, self._coupling)
         self._supervision = verdict.state
         mode = verdict.state.mode
-        if arming and mode is ACTIVE:
-            self._admittance.align(measurement.slave_position, self._coupling)
 
         mapped = self._stopwatch()
         applied = self._apply(verdict, measurement.time)

@@ -9,3 +9,9 @@ class SafetyStop(Exception):
 
 class InputError(Exception):
     """Bad input from outside; the message names what, where and what was expected."""
+
+
+class MissingColumn(InputError, KeyError):
+    """A recording has no column of this name."""
+
+    __str__ = Exception.__str__

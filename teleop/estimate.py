@@ -26,6 +26,7 @@ from estimation.model import KELVIN_VOIGT
 from estimation.presets import PAPER
 from teleop.choices import make_conditioner
 from teleop.comparison import compare
+from teleop.comparison import cost as sample_cost
 from teleop.errors import InputError
 from teleop.gaps import condition
 from teleop.motion import Datum, find_datum, moving_part, smallest_step
@@ -89,8 +90,15 @@ class Evaluation:
     gaps: tuple[tuple[float, float], ...] = ()
     """Times of the last sample before each gap and of the first after it [s]."""
 
-    def summary(self) -> dict[str, Any]:
-        """What the recording comes to, as `teleop estimate --json` prints it."""
+    def summary(self, cost: bool = False) -> dict[str, Any]:
+        """What the recording comes to, as `teleop estimate --json` prints it.
+
+        Parameters
+        ----------
+        cost
+            Whether to measure the time that each estimator takes for a sample. It differs from
+            call to call; all else is the same.
+        """
         estimates = {
             name: summarise(self.t, self.regression, series, self.bank[name])._asdict()
             for name, series in self.estimates.items()
@@ -106,6 +114,9 @@ class Evaluation:
                 rows = compare(self.regression, self.bank, group, batch.b, batch.k)
                 for name, row in rows.items():
                     estimates[name] |= row._asdict()
+        if cost:
+            for name in estimates:
+                estimates[name]["cost_us"] = sample_cost(self.bank[name], self.regression) * 1e6
         return {
             "samples": self.samples,
             "samples_used": len(self.t),
@@ -122,6 +133,7 @@ class Evaluation:
             },
             "model": self.preset.model.name,
             "own_model": [name for name, e in self.bank.items() if e.model != self.preset.model],
+            "from_contact": [name for name, e in self.bank.items() if e.from_contact],
             "bandwidth_hz": self.bandwidth,
             "memory_s": 0.5 / self.preset.forgetting_rate,
             "excitation": {

@@ -91,12 +91,15 @@ def print_intervals(rows: Mapping[str, Mapping[str, Any]]) -> None:
 def interval_table(rows: Mapping[str, Mapping[str, Any]]) -> tuple[list[str], list[list[str]]]:
     """Headings and cells: the estimates at the end with their intervals, and how often held.
 
-    With a comparison, that too: see `teleop.comparison.Comparison`.
+    With a comparison, see `teleop.comparison.Comparison`, and a cost, these too.
     """
     compared = any("one_step_ratio" in row for row in rows.values())
     headings = ["at the end", "k [N/m]", "b [N s/m]", "held"]
     if compared:
-        headings += ["rms/batch", "k within", "b within", "cost [us]"]
+        headings += ["rms/batch", "k within", "b within"]
+    timed = any("cost_us" in row for row in rows.values())
+    if timed:
+        headings.append("cost [us]")
     cells = []
     for name, row in rows.items():
         cells.append(
@@ -112,8 +115,9 @@ def interval_table(rows: Mapping[str, Mapping[str, Any]]) -> tuple[list[str], li
                 small(row["one_step_ratio"]),
                 percent(row["k_coverage"]),
                 percent(row["b_coverage"]),
-                number(row["cost_us"], 1),
             ]
+        if timed:
+            cells[-1].append(number(row["cost_us"], 1))
     return headings, cells
 
 
@@ -187,12 +191,9 @@ def print_gaps(console: Console, summary: Mapping[str, Any]) -> None:
 
 def print_model(console: Console, summary: Mapping[str, Any]) -> None:
     """What the model needs, and who does not take it."""
-    names = [*summary["estimates"]]
-    from_contact = [name for name in names if name.startswith("hc_")]
+    from_contact = summary["from_contact"]
     if summary["own_model"]:
         console.print(f"  model {summary['model']}, but for {', '.join(summary['own_model'])}")
-    if summary["model"] == "stiffening":
-        from_contact.append("the model stiffening")
     if from_contact and summary["datum"]["source"] == "mean of the motion":
         console.print(
             f"  {', '.join(from_contact)}: position must be measured from the contact, and zero "

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, BinaryIO
 
 import numpy as np
 
 from teleop.errors import InputError
-from teleop.files import unwritable
+from teleop.files import new_file
 from teleop.strict_json import dumps
 from teleop.table import write_table
 
@@ -17,18 +17,18 @@ if TYPE_CHECKING:
     from teleop.recording import Recording
 
 
-def write_csv(path: Path, recording: Recording) -> None:
+def write_csv(file: BinaryIO, recording: Recording) -> None:
     """Write a column each with `name [unit]` above it; the session and events stay behind."""
-    write_table(path, recording.columns, recording.units)
+    write_table(file, recording.columns, recording.units)
 
 
-def write_hdf5(path: Path, recording: Recording) -> None:
+def write_hdf5(disk: BinaryIO, recording: Recording) -> None:
     """Write a dataset a column with its unit, attributes of the session, and `events`."""
     try:
         import h5py
     except ImportError as error:
-        raise missing(path, "h5py", "HDF5") from error
-    with path.open("w+b") as disk, h5py.File(disk, "w", track_order=True) as file:
+        raise missing("h5py", "HDF5") from error
+    with h5py.File(disk, "w", track_order=True) as file:
         file.attrs.update(recording.session)
         file.attrs["settings"] = dumps(recording.settings)
         for name, column in recording.columns.items():
@@ -37,7 +37,7 @@ def write_hdf5(path: Path, recording: Recording) -> None:
         file.create_dataset("events", data=np.array(events, dtype=h5py.string_dtype()))
 
 
-def write_matlab(path: Path, recording: Recording) -> None:
+def write_matlab(file: BinaryIO, recording: Recording) -> None:
     """Write a variable a column, and `units`, `session`, `settings` and `events`."""
     from scipy.io import savemat
 
@@ -47,17 +47,16 @@ def write_matlab(path: Path, recording: Recording) -> None:
         "settings": dumps(recording.settings),
         "events": dumps(recording.events),
     }
-    with path.open("wb") as file:
-        savemat(file, {**recording.columns, **about}, long_field_names=True, oned_as="column")
+    savemat(file, {**recording.columns, **about}, long_field_names=True, oned_as="column")
 
 
-def write_parquet(path: Path, recording: Recording) -> None:
+def write_parquet(file: BinaryIO, recording: Recording) -> None:
     """Write a column each with its unit as metadata, and the session and events as the file's."""
     try:
         import pyarrow
         from pyarrow import parquet
     except ImportError as error:
-        raise missing(path, "pyarrow", "Parquet") from error
+        raise missing("pyarrow", "Parquet") from error
     fields = [
         pyarrow.field(name, pyarrow.float64(), metadata={"unit": recording.units[name]})
         for name in recording.columns
@@ -69,11 +68,10 @@ def write_parquet(path: Path, recording: Recording) -> None:
     }
     columns = [pyarrow.array(column) for column in recording.columns.values()]
     table = pyarrow.Table.from_arrays(columns, schema=pyarrow.schema(fields, metadata=about))
-    with path.open("wb") as file:
-        parquet.write_table(table, file)
+    parquet.write_table(table, file)
 
 
-FORMATS: dict[str, tuple[str, Callable[[Path, Recording], None]]] = {
+FORMATS: dict[str, tuple[str, Callable[[BinaryIO, Recording], None]]] = {
     ".csv": ("csv", write_csv),
     ".h5": ("hdf5", write_hdf5),
     ".hdf5": ("hdf5", write_hdf5),
@@ -96,21 +94,29 @@ def format_of(path: Path) -> str:
     return FORMATS[path.suffix.lower()][0]
 
 
-def export_recording(path: Path, recording: Recording) -> None:
+def export_recording(path: Path, recording: Recording, overwrite: bool = False) -> None:
     """Write a recording in the format of the file's ending.
+
+    Parameters
+    ----------
+    path
+        The file.
+    recording
+        What to write.
+    overwrite
+        Whether to overwrite a file of that name.
 
     Raises
     ------
     InputError
-        The file cannot be written, its ending is unknown, or a library is not installed.
+        The file cannot be written or is there already, its ending is unknown, or a library is
+        not installed.
     """
     format_of(path)
-    try:
-        FORMATS[path.suffix.lower()][1](path, recording)
-    except OSError as error:
-        raise unwritable(path, error) from error
+    with new_file(path, overwrite) as file:
+        FORMATS[path.suffix.lower()][1](file, recording)
 
 
-def missing(path: Path, library: str, name: str) -> InputError:
+def missing(library: str, name: str) -> InputError:
     """The one line that says what to install."""
-    return InputError(f"{path}: {name} needs {library}: pip install '.[export]'")
+    return InputError(f"{name} needs {library}: pip install '.[export]'")

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 from matplotlib import colormaps
@@ -15,7 +16,8 @@ from estimation import Estimates
 from estimation.compiled import Floats
 from estimation.estimator import LEVEL_95
 from estimation.redundancy import Ambiguity
-from teleop.files import unwritable
+from teleop.files import new_file
+from teleop.printable import printable
 from teleop.recording import Recording
 
 STYLES: dict[str, dict[str, Any]] = {
@@ -25,6 +27,8 @@ STYLES: dict[str, dict[str, Any]] = {
 }
 """Told apart where lines coincide, in print and by the colour-blind (Okabe and Ito)."""
 PROFILE = "#8C8C8C"
+LONGEST_TITLE = 120
+"""Most characters of a title; a longer one leaves no room for the figure."""
 
 
 def estimates_figure(
@@ -137,7 +141,9 @@ def timing_figure(recording: Recording) -> Figure:
 
 def plain(text: str) -> str:
     """A text for a figure as it is, whatever characters a file's name has."""
-    return text.encode("utf-8", "replace").decode().replace("$", r"\$")
+    shown = printable(" ".join(text.split()))
+    shown = shown if len(shown) <= LONGEST_TITLE else f"{shown[: LONGEST_TITLE - 4]} ..."
+    return shown.replace("$", r"\$")
 
 
 def ambiguity_figure(t: Floats, tied: Ambiguity, winner: Estimates) -> Figure:
@@ -237,15 +243,29 @@ def profile(axes: Axes, t: Floats, values: Floats, label: str) -> None:
     axes.patch.set_visible(False)
 
 
-def save(figure: Figure, path: Path) -> None:
+def save(figure: Figure, path: Path, overwrite: bool = False) -> None:
     """Write a figure; the format follows the file's ending.
+
+    Parameters
+    ----------
+    figure
+        What to write.
+    path
+        The file.
+    overwrite
+        Whether to overwrite a file of that name.
 
     Raises
     ------
     InputError
-        The file cannot be written.
+        The file cannot be written, or is there already.
     """
-    try:
-        figure.savefig(path, dpi=150)
-    except OSError as error:
-        raise unwritable(path, error) from error
+    with new_file(path, overwrite) as file:
+        render(figure, file, dpi=150, format=path.suffix[1:].lower())
+
+
+def render(figure: Figure, file: IO[Any], **options: Any) -> None:
+    """Write a figure to a file; a character that the font does not have becomes a box."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Glyph .* missing from font")
+        figure.savefig(file, **options)

@@ -1,19 +1,30 @@
-"""Files that a command is to write, checked before the work that they are to hold."""
+"""Files that a command reads and writes: regular ones, and none is overwritten unasked."""
 
 from __future__ import annotations
 
+import contextlib
 import os
+import secrets
+import shutil
+from collections.abc import Iterator
 from pathlib import Path
+from typing import BinaryIO
 
+from drivers.input_file import check_regular
 from teleop.errors import InputError
 
 PICTURES = (".png", ".svg", ".pdf")
+RECORDING = ".mcap"
+"""Ending of a recording: it is never overwritten."""
 
 
 def check_outputs(
-    *outputs: Path | None, picture: Path | None = None, source: Path | None = None
+    *outputs: Path | None,
+    picture: Path | None = None,
+    sources: tuple[Path | None, ...] = (),
+    overwrite: bool = False,
 ) -> None:
-    """Make sure that these files can be written, and that none would overwrite another.
+    """Make sure, before the work, that these files can be written and overwrite nothing.
 
     Parameters
     ----------
@@ -21,8 +32,10 @@ def check_outputs(
         Files to be written; None for one that is not wanted.
     picture
         A picture to be written.
-    source
-        The file that is read, which must survive.
+    sources
+        Files that are read, which must survive.
+    overwrite
+        Whether an output may replace a file of that name. A recording is never replaced.
 
     Raises
     ------
@@ -31,19 +44,18 @@ def check_outputs(
     """
     if picture and picture.suffix.lower() not in PICTURES:
         raise InputError(f"{picture}: expected a file ending in {', '.join(PICTURES)}")
-    taken = [Path(os.path.realpath(source))] if source else []
+    taken = {os.path.realpath(source) for source in sources if source}
     for path in (*outputs, picture):
         if path is None:
             continue
-        target = Path(os.path.realpath(path))
-        if target in taken:
-            raise InputError(f"{path}: would overwrite the recording or another output")
-        taken.append(target)
+        if os.path.realpath(path) in taken:
+            raise InputError(f"{path}: would overwrite an input or another output")
+        taken.add(os.path.realpath(path))
         try:
-            new = not target.exists()
-            target.open("a").close()
-            if new:
-                target.unlink()
+            check_new(path, overwrite)
+            part = beside(path)
+            part.open("xb").close()
+            part.unlink()
         except OSError as error:
             raise unwritable(path, error) from error
 
@@ -64,25 +76,94 @@ def make_folder(path: Path) -> None:
         raise unwritable(path.parent, error) from error
 
 
-def write_text(path: Path, text: str) -> None:
-    """Write a text file.
+@contextlib.contextmanager
+def new_file(path: Path, overwrite: bool = False) -> Iterator[BinaryIO]:
+    """Write a file that appears as a whole, or not at all.
+
+    Parameters
+    ----------
+    path
+        The file.
+    overwrite
+        Whether it may replace a file of that name.
+
+    Yields
+    ------
+    A binary file that can be written and read.
 
     Raises
     ------
     InputError
-        The file cannot be written.
+        It cannot be written, or is there already.
     """
+    part = None
     try:
-        path.write_text(text, encoding="utf-8")
+        check_new(path, overwrite)
+        part, target = beside(path), Path(os.path.realpath(path))
+        with part.open("x+b") as file:
+            yield file
+        if overwrite and target.exists():
+            shutil.copymode(target, part)
+        elif not overwrite:
+            with target.open("xb"):  # of two commands at the same time, one gets the name
+                pass
+        part.replace(target)
+    except FileExistsError as error:
+        raise exists(path) from error
     except OSError as error:
         raise unwritable(path, error) from error
+    finally:
+        if part:
+            with contextlib.suppress(OSError):
+                part.unlink()
+
+
+def write_text(path: Path, text: str, overwrite: bool = False) -> None:
+    """Write a text file, see `new_file`.
+
+    Raises
+    ------
+    InputError
+        It cannot be written, or is there already.
+    """
+    with new_file(path, overwrite) as file:
+        file.write(text.encode("utf-8", "backslashreplace"))
+
+
+def check_new(path: Path, overwrite: bool) -> None:
+    """Raise OSError or InputError unless a file can be made, or replaced, under this name."""
+    try:
+        check_regular(path.stat().st_mode)
+    except FileNotFoundError:
+        if not path.is_symlink():
+            return
+    if not overwrite or path.suffix.lower() == RECORDING:
+        raise exists(path)
+
+
+def beside(path: Path) -> Path:
+    """A new name for what is written, until it is whole."""
+    return Path(os.path.realpath(path)).with_name(f".teleop-{secrets.token_hex(6)}.part")
+
+
+def exists(path: Path) -> InputError:
+    """The one line that refuses to overwrite a file."""
+    if path.suffix.lower() == RECORDING:
+        return InputError(f"{path}: exists already: a recording is never overwritten")
+    return InputError(f"{path}: exists already: expected a new file, or --overwrite")
 
 
 def unreadable(path: Path, error: OSError) -> InputError:
     """The one line that says why a file cannot be read."""
-    return InputError(f"{path}: {(error.strerror or 'cannot be read').lower()}")
+    return InputError(f"{path}: {reason(error)}")
 
 
 def unwritable(path: Path, error: OSError) -> InputError:
     """The one line that says why a file cannot be written."""
-    return InputError(f"{path}: cannot be written: {(error.strerror or str(error)).lower()}")
+    return InputError(f"{path}: cannot be written: {reason(error)}")
+
+
+def reason(error: OSError) -> str:
+    """What the system says."""
+    text = error.strerror or str(error) or "unknown error"
+    return text[:1].lower() + text[1:]

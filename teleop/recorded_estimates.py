@@ -8,22 +8,35 @@ from estimation import Preset
 from teleop.errors import InputError
 from teleop.estimate import EstimateSettings, Evaluation
 from teleop.recording import Recording
-from teleop.table import Signals
+from teleop.table import LARGEST, Signals
+from teleop.tare import problems
 
 
 def recorded_signals(recording: Recording) -> Signals:
     """What the estimators were given in a recorded trial, before conditioning.
 
-    Where ticks are missing, the recorded `paired_dt` tells the time since a pair that is
-    missing too; the time since the pair before the gap takes its place.
+    Where ticks are missing, the recorded `paired_dt` is the time since a pair that is missing
+    too; the time since the pair before the gap takes its place.
+
+    Raises
+    ------
+    InputError
+        A sample is not finite, or a period is not positive.
     """
     r = recording.estimated()
-    t, dt = r["time"], r["paired_dt"].copy()
+    names = ("time", "paired_position", "paired_force", "paired_dt")
+    for name in names:
+        if not (np.abs(r[name]) < LARGEST).all():
+            raise InputError(f"the recording's {name} is not finite in every sample")
+    if not (r["paired_dt"] > 0.0).all():
+        raise InputError("the recording's paired_dt is not positive in every sample")
+    t, x, f, dt = (r[name] for name in names)
+    dt = dt.copy()
     ends = [gap.end for gap in recording.gaps if gap.end is not None]
     gaps = [int(i) for i in np.unique(np.searchsorted(t, ends)) if i < len(t)]
     for i in gaps:
         dt[i] = t[i] - t[i - 1] if i else dt[i]
-    return Signals(t, r["paired_position"], r["paired_force"], dt, "slave_position", tuple(gaps))
+    return Signals(t, x, f, dt, "slave_position", tuple(gaps))
 
 
 def recorded_settings(recording: Recording) -> EstimateSettings:
@@ -38,18 +51,22 @@ def recorded_settings(recording: Recording) -> EstimateSettings:
 
     settings = recording.settings
     try:
-        return EstimateSettings(
-            datum="file",
-            preset=TypeAdapter(Preset).validate_python(settings["preset"]),
-            conditioning=settings["conditioning"],
-            bandwidth=settings["bandwidth_hz"],
-            force_lag=settings["force_lag_s"],
-            whole=True,
-            resolution=settings["encoder_resolution_m"],
+        return TypeAdapter(EstimateSettings).validate_python(
+            {
+                "datum": "file",
+                "preset": TypeAdapter(Preset).validate_python(settings["preset"]),
+                "conditioning": settings["conditioning"],
+                "bandwidth": settings["bandwidth_hz"],
+                "force_lag": settings["force_lag_s"],
+                "whole": True,
+                "resolution": settings["encoder_resolution_m"],
+            }
         )
-    except (KeyError, TypeError, ValidationError) as error:
+    except KeyError as error:
+        raise InputError(f"the recording has no setting {error} of its estimators") from error
+    except ValidationError as error:
         raise InputError(
-            f"the recording does not tell the settings of its estimators: {error}"
+            f"the recording's settings of its estimators are not as expected: {problems(error)}"
         ) from error
 
 

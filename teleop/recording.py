@@ -13,7 +13,7 @@ import numpy as np
 from estimation import Estimates, Regression
 from estimation.compiled import Floats
 from estimation.estimator import Series
-from teleop.errors import InputError
+from teleop.errors import InputError, MissingColumn
 from teleop.gaps import Gap, missing_ticks
 from teleop.recorder.mcap_file import END
 from teleop.recorder.mcap_reader import read_intact
@@ -53,11 +53,13 @@ class Recording:
 
         Raises
         ------
-        KeyError
-            There is none of this name; tells those that there are.
+        MissingColumn
+            There is none of this name; names those that there are.
         """
         if name not in self.columns:
-            raise KeyError(f"{name!r}: expected one of {', '.join(self.columns)}")
+            raise MissingColumn(
+                f"the recording has no column {name!r}: expected one of {', '.join(self.columns)}"
+            )
         return self.columns[name]
 
     def __len__(self) -> int:

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
 from rich import box
-from rich.console import Console
 from rich.live import Live
 from rich.table import Table
 
@@ -76,7 +75,7 @@ def live_channels(stream: TextIO) -> Iterator[Callable[[list[ChannelReport]], No
     if not stream.isatty():
         yield lambda channels: None
         return
-    with Live(console=Console(file=stream), transient=True, auto_refresh=False) as live:
+    with Live(console=plain_console(stream), transient=True, auto_refresh=False) as live:
         yield lambda channels: live.update(channels_table("listening", channels), refresh=True)
 
 

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import codecs
+import contextlib
 import csv
+import io
 import math
 import re
-from collections.abc import Iterable, Mapping
+from array import array
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import NamedTuple
+from typing import BinaryIO, NamedTuple, TextIO
 
 import numpy as np
 
+from drivers.input_file import open_input
 from estimation.compiled import Floats
 from teleop.errors import InputError
-from teleop.files import unreadable, unwritable
+from teleop.files import unreadable
 from teleop.gaps import long_periods
 
 UNITS = {
@@ -39,6 +44,8 @@ NAMES = {
 
 LARGEST = 1e12
 """Largest time, position and force in SI units that is taken for a measurement."""
+LONGEST_LINE = 1 << 18
+"""Most characters in a line of a table."""
 SHORTEST = 1e-9
 """Shortest sample period [s]."""
 
@@ -144,36 +151,59 @@ def read_signals(
     InputError
         The file, a column, a unit or a value is not as expected; names file and line.
     """
-    if path.exists() and not path.is_file():
-        raise InputError(f"{path}: expected a file")
     try:
-        content = path.read_bytes()
+        with io.TextIOWrapper(open_input(path), "latin-1") as file:
+            return signals_in(path, lines_in(path, file), position, force, time)
     except OSError as error:
         raise unreadable(path, error) from error
-    if b"\0" in content:
-        raise InputError(f"{path}: not a text file: expected CSV or TSV in UTF-8 or Latin-1")
-    try:
-        text = content.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        text = content.decode("latin-1")
-    lines = ["" if line.startswith("#") else line for line in text.splitlines()]
-    if not any(line.strip() for line in lines):
-        raise InputError(f"{path}: the file is empty: expected a header line and samples")
 
-    first = next(i for i, line in enumerate(lines) if line.strip())
-    delimiter = max("\t;,", key=lines[first].count)
-    where = f"{path}, line {first + 1}"
-    header = split_line(where, lines[first], delimiter)
+
+def lines_in(path: Path, file: TextIO) -> Iterator[tuple[int, str]]:
+    """The lines of a text file that are neither blank nor comments, with their numbers.
+
+    Raises
+    ------
+    InputError
+        It is not a text file, or a line is too long.
+    """
+    number = 0
+    while line := file.readline(LONGEST_LINE + 1):
+        number += 1
+        if "\0" in line:
+            raise InputError(f"{path}: not a text file: expected CSV or TSV in UTF-8 or Latin-1")
+        if len(line) > LONGEST_LINE:
+            raise InputError(
+                f"{path}, line {number}: expected a line of at most {LONGEST_LINE} characters"
+            )
+        with contextlib.suppress(UnicodeDecodeError):
+            line = line.encode("latin-1").decode()
+        if number == 1:
+            line = line.removeprefix("\ufeff")
+        if line.strip() and not line.startswith("#"):
+            yield number, line.rstrip("\n")
+
+
+def signals_in(
+    path: Path,
+    lines: Iterator[tuple[int, str]],
+    position: str | None,
+    force: str | None,
+    time: str | None,
+) -> Signals:
+    """The signals in the lines of a table; see `read_signals`."""
+    first, line = next(lines, (0, ""))
+    if not line:
+        raise InputError(f"{path}: the file is empty: expected a header line and samples")
+    delimiter = max("\t;,", key=line.count)
+    where = f"{path}, line {first}"
+    header = split_line(where, line, delimiter)
     columns = [
         find_column(where, header, quantity, wanted)
         for quantity, wanted in (("time", time), ("position", position), ("force", force))
     ]
 
-    samples: list[list[float]] = []
-    numbers: list[int] = []
-    for number, line in enumerate(lines[first + 1 :], start=first + 2):
-        if not line.strip():
-            continue
+    samples, numbers = array("d"), array("q")
+    for number, line in lines:
         if delimiter != ",":
             line = line.replace(",", ".")
         cells = split_line(f"{path}, line {number}", line, delimiter)
@@ -181,11 +211,11 @@ def read_signals(
             raise InputError(
                 f"{path}, line {number}: {len(cells)} cells, expected {len(header)} by the header"
             )
-        samples.append([read_value(f"{path}, line {number}", cells, c, header) for c in columns])
+        samples.extend(read_value(f"{path}, line {number}", cells, c, header) for c in columns)
         numbers.append(number)
-    if len(samples) < 3:
-        raise InputError(f"{path}: {len(samples)} samples: expected at least 3")
-    t, x, f = (np.array(samples) * [column.scale for column in columns]).T
+    if len(numbers) < 3:
+        raise InputError(f"{path}: {len(numbers)} samples: expected at least 3")
+    t, x, f = (np.array(samples).reshape(-1, 3) * [column.scale for column in columns]).T
     if len({column.place for column in columns}) < len(columns):
         raise InputError(f"{where}: time, position and force must be three columns")
     for name, channel in (("time", t), ("position", x), ("force", f)):
@@ -247,20 +277,10 @@ def read_value(where: str, cells: list[str], column: Column, header: list[str]) 
     return value
 
 
-def write_table(path: Path, columns: Mapping[str, Floats], units: Mapping[str, str]) -> None:
-    """Write columns as CSV, each number with all of its digits.
-
-    Raises
-    ------
-    InputError
-        The file cannot be written.
-    """
+def write_table(file: BinaryIO, columns: Mapping[str, Floats], units: Mapping[str, str]) -> None:
+    """Write columns as CSV, each number with all of its digits."""
     header = [f"{name} [{units[name]}]" for name in columns]
     rows: Iterable[tuple[float, ...]] = zip(*(c.tolist() for c in columns.values()), strict=True)
-    try:
-        with path.open("w", newline="", encoding="utf-8") as file:
-            writer = csv.writer(file)
-            writer.writerow(header)
-            writer.writerows(rows)
-    except OSError as error:
-        raise unwritable(path, error) from error
+    writer = csv.writer(codecs.getwriter("utf-8")(file, "backslashreplace"))
+    writer.writerow(header)
+    writer.writerows(rows)

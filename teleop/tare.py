@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 from drivers import CHANNELS, Measurement
+from drivers.input_file import read_input
 from teleop.errors import InputError
 from teleop.files import unreadable, write_text
 
@@ -81,9 +82,9 @@ class Tare(NamedTuple):
 NO_TARE = Tare()
 
 
-def write_tare(tare: Tare, path: Path) -> None:
-    """Store zeros; InputError if the file cannot be written."""
-    write_text(path, json.dumps(tare._asdict(), indent=2) + "\n")
+def write_tare(tare: Tare, path: Path, overwrite: bool = False) -> None:
+    """Store zeros; InputError if the file cannot be written, or is there and not to be replaced."""
+    write_text(path, json.dumps(tare._asdict(), indent=2) + "\n", overwrite)
 
 
 def read_tare(path: Path) -> Tare:
@@ -110,7 +111,7 @@ def read_tare(path: Path) -> Tare:
         rig: Annotated[str, Field(max_length=LONGEST_TEXT)] = ""
 
     try:
-        return Tare(**File.model_validate_json(path.read_bytes()).model_dump())
+        return Tare(**File.model_validate_json(read_input(path)).model_dump())
     except OSError as error:
         raise unreadable(path, error) from error
     except ValidationError as error:

@@ -10,6 +10,8 @@ from string import Template
 
 from matplotlib.figure import Figure
 
+from teleop.figure import render
+
 
 def web_page(title: str, body: str) -> str:
     """A page of this title around a body that is HTML already."""
@@ -20,7 +22,7 @@ def web_page(title: str, body: str) -> str:
 def svg(figure: Figure) -> str:
     """A figure as an SVG element."""
     text = StringIO()
-    figure.savefig(text, format="svg")
+    render(figure, text, format="svg")
     drawing = text.getvalue()
     return drawing[drawing.index("<svg") :]
 

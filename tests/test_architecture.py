@@ -24,10 +24,12 @@ ALLOWED = {
         "cyclopts",
         "matplotlib",
         "foxglove",
+        "lz4",
         "mcap",
         "pydantic",
         "h5py",
         "pyarrow",
+        "zstandard",
     },
 }
 POSIX_ONLY = {"fcntl", "termios", "pty", "resource", "grp", "pwd", "posix", "syslog", "tty"}

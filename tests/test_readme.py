@@ -17,11 +17,12 @@ ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 RECORDING = (ROOT / "docs" / "recording.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
-COMMANDS = [
-    shlex.split(line, comments=True)[1:]
+LINES = [
+    line.partition("#")[0].strip()
     for line in [*README.splitlines(), *RECORDING.splitlines()]
     if line.startswith("    teleop ")
 ]
+COMMANDS = [shlex.split(line)[1:] for line in dict.fromkeys(LINES)]
 
 
 QUICKLY = ("--clock", "virtual", "--duration", "3")

@@ -14,6 +14,7 @@ from cantools.database.can import Database, Message
 from pydantic import Field, FiniteFloat, ValidationInfo, field_validator, model_validator
 
 from drivers.device import CanDevice, DeviceSettings, Sample
+from drivers.input_file import read_input
 from drivers.rig import RigError
 from drivers.transports.can_bus import EXTENDED
 from drivers.transports.serial_port import reason
@@ -56,10 +57,12 @@ class DbcSettings(DeviceSettings):
         """
         try:
             logging.getLogger("cantools").setLevel(logging.ERROR)
-            database = cantools.database.load_file(self.file, "dbc")
+            text = read_input(self.file).decode("cp1252", "replace").replace("\r\n", "\n")
+            database = cantools.database.load_string(text, "dbc")
         except OSError as error:
-            raise ValueError(f"file {self.file}: {reason(error)}") from error
-        except (cantools.Error, UnicodeDecodeError) as error:
+            why = (error.strerror or str(error)).lower()
+            raise ValueError(f"file {self.file}: {why}") from error
+        except cantools.Error as error:
             raise ValueError(f"file {self.file}: not a DBC file: {reason(error)}") from error
         assert isinstance(database, Database)
         known = {message.name: message for message in database.messages}

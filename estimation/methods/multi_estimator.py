@@ -164,6 +164,8 @@ class MultiEstimator(Estimator):
         lambda in (11) [1/s], >= 0: a squared error's weight falls as e^(-2 lambda t).
     correlation
         Samples for each independent one, see `LinearGainEstimator`.
+    further_parameters, further_state
+        What the step of a subclass needs besides, at the end of its parameters and state.
 
     Raises
     ------
@@ -182,7 +184,15 @@ class MultiEstimator(Estimator):
     )
     gated = False
 
-    def __init__(self, grid: Grid, forgetting_rate: float, correlation: float = 1.0) -> None:
+    def __init__(
+        self,
+        grid: Grid,
+        forgetting_rate: float,
+        correlation: float = 1.0,
+        *,
+        further_parameters: tuple[float, ...] = (),
+        further_state: tuple[float, ...] = (),
+    ) -> None:
         if not 0.0 <= forgetting_rate <= FASTEST:
             raise ValueError(
                 f"forgetting rate must be between 0 and {FASTEST:g}/s, got {forgetting_rate}"
@@ -195,7 +205,10 @@ class MultiEstimator(Estimator):
         axes = (grid.b, grid.k)
         zero = (axis.first + axis.nearest_zero * axis.spacing for axis in axes)
         spans = (axis.spacing * (axis.count - 1) for axis in axes)
-        super().__init__((*parameters, correlation), (*zero, *spans, 0.0, *(0.0,) * 12))
+        super().__init__(
+            (*parameters, correlation, *further_parameters),
+            (*zero, *spans, 0.0, *(0.0,) * 12, *further_state),
+        )
 
     def monitoring_signal(self, b: Floats | float, k: Floats | float) -> Floats:
         """(11) of the candidates (b, k) [N^2 s], arrays that broadcast."""
@@ -203,37 +216,6 @@ class MultiEstimator(Estimator):
         b, k = np.asarray(b, dtype=np.float64), np.asarray(k, dtype=np.float64)
         signal = ff + b * (b * vv - 2.0 * fv) + k * (k * xx - 2.0 * fx) + 2.0 * b * k * vx
         return np.maximum(signal, 0.0)
-
-    def confidence_set(self, level: float = 0.95) -> Floats:
-        """Candidates that the data cannot tell from the best, at a level of confidence.
-
-        Those whose monitoring signal exceeds that of the least point by no more than noise
-        would make it in a share `level` of all trials, by the chi-squared distribution with
-        two degrees of freedom.
-
-        Parameters
-        ----------
-        level
-            Confidence that the environment is among them, between 0 and 1.
-
-        Returns
-        -------
-        Array of shape (n, 2), rows of (b, k), the winner among them.
-
-        Raises
-        ------
-        ValueError
-            The level is out of its range.
-        """
-        if not 0.0 < level < 1.0:
-            raise ValueError(f"level must be between 0 and 1, got {level}")
-        _, _, _, vv, vx, xx, q_vv, q_vx, q_xx, weights, *_ = self.state[5:]
-        determinant = vv * xx - vx * vx
-        if not determinant > 1e-12 * vv * xx:
-            return self.ties(math.inf)
-        share = (xx * q_vv - 2.0 * vx * q_vx + vv * q_xx) / determinant
-        freedom = max(weights - share, 1e-6 * weights)
-        return self.ties(-math.log1p(-level) * self.parameters[9] * share / freedom)
 
     def ties(self, margin: float) -> Floats:
         """Candidates whose monitoring signal exceeds the winner's by at most `margin` of it.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from estimation.compiled import Parameters, Regressors, State
-from estimation.estimator import Estimates, Estimator
+from estimation.estimator import Estimates
 from estimation.methods.grid import Grid
 from estimation.methods.multi_estimator import (
     TIE,
@@ -109,9 +109,12 @@ class SwitchingMultiEstimator(MultiEstimator):
             raise ValueError(f"hysteresis must be >= 0, got {hysteresis}")
         if not 0.0 <= dwell < math.inf:
             raise ValueError(f"dwell time must be >= 0, got {dwell}")
-        super().__init__(grid, forgetting_rate, correlation)
-        Estimator.__init__(
-            self, (*self.parameters, 1.0 + hysteresis, dwell), (*self.state, dwell, 0.0)
+        super().__init__(
+            grid,
+            forgetting_rate,
+            correlation,
+            further_parameters=(1.0 + hysteresis, dwell),
+            further_state=(dwell, 0.0),
         )
 
     @property

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
+from teleop.commands.overwriting import Overwrite
 from teleop.commands.recording import BY_NAME, ColumnOptions
 from teleop.names import ConditioningName, CubeName, ModelName, PresetName
 
@@ -30,8 +31,10 @@ def estimate(
     bandwidth: float | None = None,
     force_lag: float | None = None,
     whole: Annotated[bool, Parameter(negative="")] = False,
+    cost: Annotated[bool, Parameter(negative="")] = False,
     out: Path | None = None,
     plot: Path | None = None,
+    overwrite: Overwrite = False,
     json: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
     """Estimate stiffness and damping from a recorded position and force.
@@ -73,6 +76,8 @@ def estimate(
         measures it.
     whole
         Take in the rest before and after the motion as well.
+    cost
+        Measure as well how long each estimator takes for a sample on this machine.
     out
         Write signals and estimates to this CSV file.
     plot
@@ -85,7 +90,7 @@ def estimate(
     from teleop.errors import InputError
     from teleop.estimate import Evaluation, evaluate
     from teleop.estimate_console import print_evaluation, print_together
-    from teleop.files import check_outputs
+    from teleop.files import check_outputs, new_file
     from teleop.gaps import gap_rows
     from teleop.recorded_estimates import agrees
     from teleop.recording_set import taken_together
@@ -93,7 +98,7 @@ def estimate(
 
     if more and (out or plot):
         raise InputError("--out and --plot take one recording: expected one file")
-    check_outputs(out, picture=plot, source=file)
+    check_outputs(out, picture=plot, sources=(file,), overwrite=overwrite)
     for i, path in enumerate(more):
         if path.resolve() in [other.resolve() for other in (file, *more[:i])]:
             raise InputError(f"{path} is named twice: expected different recordings")
@@ -114,7 +119,7 @@ def estimate(
             evaluation = evaluate(signals, chosen(recording, columns.datum, cube, given))
         except InputError as error:
             raise InputError(f"{path}: {error}" if more else str(error)) from error
-        summary = {"file": str(path), **evaluation.summary()}
+        summary = {"file": str(path), **evaluation.summary(cost)}
         if recording:
             summary["as_online"] = agrees(evaluation, recording)
             summary["missing_ticks"] = gap_rows(recording.gaps)
@@ -130,12 +135,13 @@ def estimate(
     elif together:
         print_together(together)
     if out:
-        write_table(out, *evaluation.columns())
+        with new_file(out, overwrite) as table:
+            write_table(table, *evaluation.columns())
     if plot:
         from teleop.figure import estimates_figure, save
 
         x, v, *_ = evaluation.regression
-        save(estimates_figure(file.name, evaluation.t, x, v, evaluation.estimates), plot)
+        save(estimates_figure(file.name, evaluation.t, x, v, evaluation.estimates), plot, overwrite)
     return 0
 
 

@@ -7,12 +7,15 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from teleop.commands.overwriting import Overwrite
+
 
 def export(
     file: Path,
     /,
     *,
     out: Path | None = None,
+    overwrite: Overwrite = False,
     json: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
     """Write a recording as CSV, HDF5, MATLAB or Parquet, every number with all of its digits.
@@ -30,19 +33,18 @@ def export(
     json
         Print one JSON document instead of the file's name.
     """
-    import sys
-
     from teleop import console
     from teleop.export import export_recording, format_of
     from teleop.files import check_outputs
     from teleop.gaps import gap_rows, missing_text
+    from teleop.printable import complain
     from teleop.recording import load
 
     out = out or file.with_suffix(".csv")
     name = format_of(out)
-    check_outputs(out, source=file)
+    check_outputs(out, sources=(file,), overwrite=overwrite)
     recording = load(file)
-    export_recording(out, recording)
+    export_recording(out, recording, overwrite)
     if json:
         console.print_json(
             {
@@ -55,7 +57,7 @@ def export(
             }
         )
     else:
-        print(out)
+        console.plain_console().print(str(out))
         if recording.gaps:
-            print(f"teleop: {file}: {missing_text(recording.gaps)}", file=sys.stderr)
+            complain(f"{file}: {missing_text(recording.gaps)}")
     return 0

@@ -49,9 +49,15 @@ def recover(
             }
         )
     elif recovery.damage:
-        print(f"{out}: {recovery.ticks} ticks, {recovery.duration:.3f} s, {recovery.lost}")
+        console.plain_console().print(
+            f"{out}: {recovery.ticks} ticks, {recovery.duration:.3f} s, {recovery.lost}"
+        )
     else:
-        print(f"{file}: the file is intact, {recovery.ticks} ticks: nothing to recover")
+        console.plain_console().print(
+            f"{file}: the file is intact, {recovery.ticks} ticks: nothing to recover"
+        )
     if recovery.gaps and not json:
-        print(f"{missing_text(recovery.gaps)}: these never reached the recorder")
+        console.plain_console().print(
+            f"{missing_text(recovery.gaps)}: these never reached the recorder"
+        )
     return 0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from teleop.commands.overwriting import Overwrite
 from teleop.commands.recording import BY_NAME, ColumnOptions
 from teleop.names import CubeName, PresetName
 
@@ -17,6 +18,7 @@ def report(
     preset: PresetName | None = None,
     cube: CubeName = "soft",
     force_lag: float | None = None,
+    overwrite: Overwrite = False,
 ) -> int:
     """Write a recording's estimates and figures to one HTML page that opens offline.
 
@@ -41,6 +43,7 @@ def report(
     force_lag
         Lag of the force channel [s] to make up for.
     """
+    from teleop import console
     from teleop.black_box import fault_of
     from teleop.commands.estimate import chosen
     from teleop.estimate import FEWEST, evaluate
@@ -48,15 +51,16 @@ def report(
     from teleop.report import report_page, stop_page
 
     page = out or file.with_suffix(".html")
-    check_outputs(page, source=file)
+    check_outputs(page, sources=(file,), overwrite=overwrite)
     signals, recording = columns.read(file)
     fault = fault_of(recording) if recording else None
     if recording and fault and len(signals.t) < FEWEST:
-        write_text(page, stop_page(file.name, recording))
+        text = stop_page(file.name, recording)
     else:
         settings = chosen(
             recording, columns.datum, cube, {"preset": preset, "force_lag": force_lag}
         )
-        write_text(page, report_page(file.name, evaluate(signals, settings), recording))
-    print(page)
+        text = report_page(file.name, evaluate(signals, settings), recording)
+    write_text(page, text, overwrite)
+    console.plain_console().print(str(page))
     return 0

@@ -8,6 +8,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from teleop.commands.overwriting import Overwrite
 from teleop.names import ModelName
 
 
@@ -17,6 +18,7 @@ def reproduce(
     seeds: int = 1,
     estimators: str | None = None,
     model: ModelName = "kelvin-voigt",
+    overwrite: Overwrite = False,
     json: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
     """Reproduce the paper's Table I and Figures 3 to 5 on the simulated rig.
@@ -49,21 +51,20 @@ def reproduce(
     from teleop.estimate_console import print_table
     from teleop.paper.methods import Methods
     from teleop.paper.page import METHOD_HEADINGS, method_cells
+    from teleop.paper.reproduce import check_folder, write
     from teleop.paper.reproduce import reproduce as run
-    from teleop.paper.reproduce import write
 
     names = () if estimators is None else choose_estimators(estimators)
     if model != "kelvin-voigt" and not names:
         raise InputError(f"model {model}: expected --estimators, since the paper's have none")
     methods = Methods(names, choose_model(model))
-    if out.exists() and not out.is_dir():
-        raise InputError(f"{out}: expected a folder, this is a file")
+    check_folder(out, overwrite)
     with Progress(
         console=Console(stderr=True), transient=True, disable=not sys.stderr.isatty()
     ) as progress:
         task = progress.add_task("palpating", total=9 * max(seeds, 0))
         reproduction = run(seeds, methods, lambda: progress.advance(task))
-    page = write(reproduction, out)
+    page = write(reproduction, out, overwrite)
     if json:
         console.print_json({**reproduction.summary(), "page": str(page)})
     else:
@@ -75,5 +76,5 @@ def reproduce(
                 METHOD_HEADINGS,
                 method_cells(reproduction.methods),
             )
-        print(page)
+        console.plain_console().print(str(page))
     return 0

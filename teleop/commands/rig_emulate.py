@@ -7,10 +7,12 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from teleop.commands.overwriting import Overwrite
 from teleop.names import ConditionName, CubeName, RealtimeName
 
 DEVICES_ARE_PUNCTUAL = ("SCHED_FIFO", "no garbage collection")
 """Steps of the real-time set-up that an emulator takes; the processor is left to the controller."""
+WRITER = "teleop rig emulate"
 
 
 def emulate(
@@ -23,6 +25,7 @@ def emulate(
     depth: str | None = None,
     seed: int = 0,
     fault: tuple[str, ...] = (),
+    overwrite: Overwrite = False,
     json: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
     """Serve a rig's devices in software, with the simulated plant behind them, until stopped.
@@ -38,7 +41,8 @@ def emulate(
     file
         Rig file, TOML.
     out
-        Where to write the rig file to run against the emulator.
+        Where to write the rig file to run against the emulator. A file that an emulator wrote,
+        and that nobody has edited since, is replaced.
     cube
         The cube that is palpated.
     condition
@@ -69,9 +73,11 @@ def emulate(
     from teleop.realtime import realtime
     from teleop.rig_file import load_rig_file
     from teleop.settings import TrialSettings
+    from teleop.stamp import is_unchanged, stamped
 
     rig = load_rig_file(file)
-    check_outputs(out, source=file)
+    overwrite = overwrite or is_unchanged(out, WRITER)
+    check_outputs(out, sources=(file,), overwrite=overwrite)
     faults = [read_fault(text, rig) for text in fault]
     settings = TrialSettings(condition=condition, cube=cube, seed=seed, depth=read_depth(depth))
     urgency: RealtimeName = "try" if (os.cpu_count() or 1) > 1 else "off"
@@ -79,7 +85,7 @@ def emulate(
     try:
         emulator = make_emulator(rig, settings, folder, faults)
         with stop_signals() as stopped, opened(emulator), realtime(urgency, DEVICES_ARE_PUNCTUAL):
-            write_text(out, host_file(rig, folder))
+            write_text(out, stamped(host_file(rig, folder), WRITER), overwrite)
             ports = host_ports(rig, folder)
             if json:
                 console.print_json({"rig": rig.sections.name, "file": str(out), "ports": ports})

@@ -7,6 +7,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from teleop.commands.overwriting import Overwrite
 from teleop.names import CubeName
 
 
@@ -17,6 +18,7 @@ def tare(
     contact: str = "keep",
     cube: CubeName = "soft",
     seed: int = 0,
+    overwrite: Overwrite = False,
     json: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
     """Find where force and position are zero, and store it with its date.
@@ -59,7 +61,7 @@ def tare(
     given = 0.0 if contact in ("keep", "touch") else quantity(contact, "position")
     if given is None or not abs(given) <= FARTHEST:
         raise InputError(f"contact {contact!r}: expected keep, touch, or a position such as 1.5mm")
-    check_outputs(out)
+    check_outputs(out, sources=(rig,), overwrite=overwrite)
     sensors = Sensors()
     rig_file = load_rig_file(rig) if rig else None
     clock: Clock
@@ -74,7 +76,7 @@ def tare(
     if contact == "touch":
         given = touch(touch_settings(rig_file, cube, zero, sensors, seed), record=None)
     found = dated(zero, given, rig_file.sections.name if rig_file else "simulated")
-    write_tare(found, out)
+    write_tare(found, out, overwrite)
     if json:
         console.print_json({**found._asdict(), "noise_n": zero.noise, "file": str(out)})
     else:

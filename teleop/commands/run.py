@@ -8,6 +8,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from teleop.commands.overwriting import Overwrite
 from teleop.names import (
     ClockName,
     ConditioningName,
@@ -43,6 +44,7 @@ def run(
     record: Path | None = None,
     no_record: Annotated[bool, Parameter(negative="")] = False,
     plot: Path | None = None,
+    overwrite: Overwrite = False,
     json: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
     """Palpate, and estimate stiffness and damping of what is touched meanwhile.
@@ -116,6 +118,7 @@ def run(
     from teleop.choices import choose_estimators, choose_model, make_coupling, make_signal
     from teleop.errors import InputError, SafetyStop
     from teleop.files import check_outputs, make_folder
+    from teleop.printable import complain
     from teleop.rig_file import load_rig_file
     from teleop.settings import TrialSettings
     from teleop.tare import NO_TARE, read_tare
@@ -149,7 +152,7 @@ def run(
         record = record or dated_path(f"{condition}-{rig.stem if rig else cube}")
     if record:
         make_folder(record)
-    check_outputs(record, picture=plot)
+    check_outputs(record, picture=plot, sources=(rig, tare), overwrite=overwrite)
     trial = run_trial(
         settings,
         record,
@@ -169,7 +172,7 @@ def run(
                 columns["v"],
                 trial.estimates,
             )
-            save(figure, plot)
+            save(figure, plot, overwrite)
     finally:
         if json:
             console.print_json(trial.summary())
@@ -177,7 +180,7 @@ def run(
             console.print_trial(trial.summary())
     if trial.fault:
         if trial.incomplete:
-            print("teleop:", trial.incomplete, file=sys.stderr)
+            complain(trial.incomplete)
         raise SafetyStop(f"stopped {moment(trial.fault)}: {trial.fault['text']}")
     if trial.incomplete:
         raise InputError(trial.incomplete)

@@ -36,8 +36,6 @@ class MethodResult(NamedTuple):
     """One-step error over that of batch least squares over the last second."""
     held: float
     """Share of the samples at which the estimate was held."""
-    cost_us: float
-    """Time that a sample takes, interpreted [us]."""
 
 
 class Methods(NamedTuple):
@@ -85,7 +83,6 @@ def compare_methods(trial: Trial, methods: Methods) -> dict[str, MethodResult]:
             e_f=force_error(regression.f, estimated_force(regression, series)),
             one_step_ratio=compared[name].one_step_ratio,
             held=float(np.mean(series.held)),
-            cost_us=compared[name].cost_us,
         )
         for name, series in estimates.items()
     }

@@ -137,8 +137,7 @@ all cubes. The truth is the cube's damping, and its stiffness against the displa
 sample, or at the surface for a stiffening model. Averages over all trials from the end of the first
 second on: root mean square errors (b in N s/m), how often the 95 % interval held the truth, rise
 time of the stiffness, force error, the one-step force error over that of batch least squares over
-the last second, how often the estimate was held, and what a sample cost on the machine that made
-this page.</p>
+the last second, and how often the estimate was held.</p>
 """
 METHOD_HEADINGS = (
     "",
@@ -150,7 +149,6 @@ METHOD_HEADINGS = (
     "e_f [N]",
     "rms/batch",
     "held",
-    "us",
 )
 
 
@@ -171,7 +169,6 @@ def method_cells(methods: Mapping[str, MethodResult]) -> list[list[str]]:
             f"{row.e_f:.3f}",
             f"{row.one_step_ratio:.2f}",
             share(row.held),
-            f"{row.cost_us:.1f}",
         ]
         for name, row in methods.items()
     ]

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import partial
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ from sim_backend import CUBES
 from teleop.conditions import CONDITIONS
 from teleop.errors import InputError
 from teleop.figure import estimates_figure, save, stiffness_figure
-from teleop.files import unwritable
+from teleop.files import check_outputs, unwritable, write_text
 from teleop.paper.claims import Claim, check_claims
 from teleop.paper.methods import MethodResult, Methods, averages
 from teleop.paper.page import reproduction_page
@@ -25,6 +26,7 @@ from teleop.web_page import svg
 
 SLOW_FREQUENCIES = (0.1, 1.0)
 """Frequencies [Hz] at which one trial is asked for lag and damping together."""
+TABLE, PAGE = "table1.csv", "index.html"
 CAPTIONS = {
     "figure3": "Figure 3. Free palpation of the soft cube: estimated stiffness with the "
     "displacement profile (grey), estimated damping with the velocity profile (grey).",
@@ -106,7 +108,7 @@ def reproduce(
         raise InputError(f"seeds {seeds}: expected at least 1")
     trials = [(c, q, seed) for seed in range(seeds) for c in CONDITIONS for q in CUBES]
     outcomes = []
-    with ProcessPoolExecutor() as pool:
+    with workers() as pool:
         slow = pool.map(lag_and_damping, SLOW_FREQUENCIES)
         for outcome in pool.map(partial(palpate, methods=methods), trials):
             outcomes.append(outcome)
@@ -118,51 +120,87 @@ def reproduce(
     return Reproduction(outcomes, slow_trials, check_claims(outcomes[:9]), study)
 
 
-def write(reproduction: Reproduction, folder: Path) -> Path:
-    """Write the table as CSV, the figures as SVG and PNG, and the page; returns the page's path.
+def workers() -> ProcessPoolExecutor:
+    """A process for each processor.
 
     Raises
     ------
     InputError
-        The folder cannot be made or written to.
+        The system grants no semaphores, as where /dev/shm cannot be written.
+    """
+    try:
+        return ProcessPoolExecutor()
+    except (OSError, ImportError) as error:
+        raise InputError(
+            f"trials run in several processes, which need semaphores in shared memory: {error}"
+        ) from error
+
+
+def check_folder(folder: Path, overwrite: bool) -> None:
+    """Make the folder, and make sure before the trials that its files can be written.
+
+    Raises
+    ------
+    InputError
+        The folder cannot be made, or a file in it cannot be written or is there already.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        write_csv(as_rows(reproduction.first), folder / "table1.csv")
-        with ProcessPoolExecutor() as pool:
-            drawn = pool.map(draw, CAPTIONS, [reproduction.first] * 3, [folder] * 3)
-            drawings = dict(zip(CAPTIONS.values(), drawn, strict=True))
-        page = folder / "index.html"
-        page.write_text(
-            reproduction_page(
-                reproduction.first,
-                reproduction.claims,
-                drawings,
-                reproduction.slow,
-                reproduction.study,
-                reproduction.seeds,
-                reproduction.methods,
-            ),
-            encoding="utf-8",
-        )
+    except FileExistsError as error:
+        raise InputError(f"{folder}: expected a folder, this is a file") from error
     except OSError as error:
         raise unwritable(folder, error) from error
-    return page
+    drawings = (f"{name}{ending}" for name in CAPTIONS for ending in (".png", ".svg"))
+    names = (TABLE, PAGE, *drawings)
+    check_outputs(*(folder / name for name in names), overwrite=overwrite)
 
 
-def write_csv(rows: Sequence[dict[str, Any]], path: Path) -> None:
+def write(reproduction: Reproduction, folder: Path, overwrite: bool = False) -> Path:
+    """Write the table as CSV, the figures as SVG and PNG, and the page; returns the page's path.
+
+    Parameters
+    ----------
+    reproduction
+        What was found.
+    folder
+        Where to; it is there.
+    overwrite
+        Whether to overwrite files that are there.
+
+    Raises
+    ------
+    InputError
+        A file cannot be written, or is there already.
+    """
+    write_text(folder / TABLE, csv_table(as_rows(reproduction.first)), overwrite)
+    with workers() as pool:
+        drawn = pool.map(draw, CAPTIONS, [reproduction.first] * 3, [folder] * 3, [overwrite] * 3)
+        drawings = dict(zip(CAPTIONS.values(), drawn, strict=True))
+    text = reproduction_page(
+        reproduction.first,
+        reproduction.claims,
+        drawings,
+        reproduction.slow,
+        reproduction.study,
+        reproduction.seeds,
+        reproduction.methods,
+    )
+    write_text(folder / PAGE, text, overwrite)
+    return folder / PAGE
+
+
+def csv_table(rows: Sequence[dict[str, Any]]) -> str:
     """Table I, a row for each trial and estimator, the paper's numbers beside ours."""
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        ours = ["condition", "cube", "estimator", "b", "k", "e_f", "rise_time_s"]
-        writer.writerow([*ours, "paper b", "paper k", "paper e_f", "calibrated"])
-        for row in rows:
-            writer.writerow(
-                [*(row[name] for name in ours), *row["paper"].values(), row["calibrated"]]
-            )
+    text = StringIO(newline="")
+    writer = csv.writer(text)
+    ours = ["condition", "cube", "estimator", "b", "k", "e_f", "rise_time_s"]
+    writer.writerow([*ours, "paper b", "paper k", "paper e_f", "calibrated"])
+    for row in rows:
+        writer.writerow([*(row[name] for name in ours), *row["paper"].values(), row["calibrated"]])
+    return text.getvalue()
 
 
-def draw(name: str, outcomes: Sequence[Outcome], folder: Path) -> str:
+def draw(name: str, outcomes: Sequence[Outcome], folder: Path, overwrite: bool) -> str:
     """Draw one of the paper's Figures 3, 4 and 5 as PNG and SVG; returns the SVG element."""
     trial = {(outcome.condition, outcome.cube): outcome for outcome in outcomes}
     if name == "figure3":
@@ -178,8 +216,8 @@ def draw(name: str, outcomes: Sequence[Outcome], folder: Path) -> str:
             {c: (trial[c, "soft"].t, trial[c, "soft"].series) for c in CONDITIONS},
             {c: table1()[c, "soft", "rls"].k for c in CONDITIONS},
         )
-    save(figure, folder / f"{name}.png")
+    save(figure, folder / f"{name}.png", overwrite)
     figure.set_layout_engine("none")  # the layout that was found stays
     drawing = svg(figure)
-    (folder / f"{name}.svg").write_text(drawing, encoding="utf-8")
+    write_text(folder / f"{name}.svg", drawing, overwrite)
     return drawing

@@ -139,3 +139,13 @@ def test_a_section_that_is_none_is_told(tmp_path, section, value):
         if not skip:
             kept.append(line)
     assert any(section in line for line in problems(tmp_path, "\n".join(kept)))
+
+
+@pytest.mark.parametrize(
+    "text", ["a = " + "1" * 5000, "a = " + "[" * 100_000, 'a = "' + "x" * (17 << 20) + '"']
+)
+def test_a_file_that_asks_too_much_of_a_reader_is_refused(tmp_path, text):
+    path = tmp_path / "rig.toml"
+    path.write_text(text)
+    with pytest.raises((RigFileError, OSError)):
+        read_rig_file(path)

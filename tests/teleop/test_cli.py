@@ -114,7 +114,9 @@ def test_a_run_is_recorded_in_a_dated_folder_and_says_where(capsys, tmp_path):
 def test_a_recording_is_never_overwritten_by_a_run(refused, tmp_path):
     path = tmp_path / "run.mcap"
     path.write_bytes(b"precious")
-    assert "file exists" in refused(*RUN[:-1], "--record", str(path))
+    for overwrite in ([], ["--overwrite"]):
+        error = refused(*RUN[:-1], "--record", str(path), *overwrite)
+        assert "exists already: a recording is never overwritten" in error
     assert path.read_bytes() == b"precious"
 
 

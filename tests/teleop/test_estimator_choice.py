@@ -66,12 +66,48 @@ def test_the_papers_three_are_the_default(capsys):
     assert "one_step_ratio" not in document["estimates"]["rls"]
 
 
+def test_estimates_of_one_file_are_the_same_in_every_call(capsys, tmp_path):
+    table = write_table(tmp_path / "sine.csv", 1.0, 20.0, 2100.0)
+    command = ("estimate", str(table), "--estimators", "rls,kalman,window", "--json")
+    printed = []
+    for _ in range(2):
+        assert main([*command]) == 0
+        printed.append(capsys.readouterr().out)
+    assert printed[0] == printed[1]
+
+
+def test_cost_is_measured_on_request(capsys, tmp_path):
+    table = write_table(tmp_path / "sine.csv", 1.0, 20.0, 2100.0)
+    rows = run_json(capsys, "estimate", table, "--estimators", "rls,kalman", "--cost")["estimates"]
+    assert all(row["cost_us"] > 0.0 for row in rows.values())
+    assert main(["estimate", str(table), "--cost"]) == 0
+    assert "cost [us]" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("extra", "names"),
+    [
+        (("--estimators", "rls,hc_log,hc_double"), ["hc_log", "hc_double"]),
+        (("--estimators", "rls,me", "--model", "stiffening"), ["rls"]),
+        (("--estimators", "rls,me"), []),
+    ],
+)
+def test_estimators_whose_model_is_not_linear_in_x_need_the_contact(capsys, tmp_path, extra, names):
+    table = write_table(tmp_path / "sine.csv", 1.0, 20.0, 2100.0)
+    command = ("estimate", table, *extra, "--datum", "mean")
+    assert run_json(capsys, *command)["from_contact"] == names
+    assert main([str(word) for word in command]) == 0
+    out = " ".join(capsys.readouterr().out.split())
+    assert (f"{', '.join(names)}: position must be measured from the contact" in out) is bool(names)
+
+
 def test_more_estimators_are_compared(capsys, tmp_path):
     table = write_table(tmp_path / "sine.csv", 1.0, 20.0, 2100.0)
     assert main(["estimate", str(table), "--estimators", "rls,kalman,window"]) == 0
     out = capsys.readouterr().out
-    for word in ("rms/batch", "k within", "cost [us]", "kalman", "window", "batch"):
+    for word in ("rms/batch", "k within", "kalman", "window", "batch"):
         assert word in out
+    assert "cost" not in out
     rows = run_json(capsys, "estimate", table, "--estimators", "rls,kalman,window")["estimates"]
     for row in rows.values():
         assert row["k_end"] == pytest.approx(2100.0, abs=3.0 * row["k_interval"])

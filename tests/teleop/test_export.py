@@ -3,7 +3,6 @@ from __future__ import annotations
 import csv
 import json
 import math
-import os
 import sys
 
 import numpy as np
@@ -188,14 +187,36 @@ def test_a_folder_that_is_not_there_is_told(refused, trial, tmp_path, ending):
     assert "cannot be written" in refused("export", trial, "--out", out)
 
 
-@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs /dev/full")  # noqa: PTH110
+@pytest.fixture
+def full_disk():
+    """No file can grow beyond 3000 bytes."""
+    resource = pytest.importorskip("resource")
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (3000, before[1]))
+    yield
+    resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
 @pytest.mark.parametrize("ending", ENDINGS)
-def test_a_full_disk_is_told_in_one_line(refused, trial, tmp_path, ending):
+def test_a_full_disk_is_told_in_one_line_and_leaves_nothing(
+    refused, trial, tmp_path, ending, full_disk
+):
     need(ending)
     out = tmp_path / f"full.{ending}"
-    out.symlink_to("/dev/full")
-    err = refused("export", trial, "--out", out)
-    assert "cannot be written: no space left on device" in err
+    assert "cannot be written: file too large" in refused("export", trial, "--out", out)
+    assert [*tmp_path.iterdir()] == []
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+def test_a_failed_export_keeps_the_file_that_it_was_to_overwrite(
+    refused, trial, tmp_path, ending, full_disk
+):
+    need(ending)
+    out = tmp_path / f"full.{ending}"
+    out.write_text("precious")
+    refused("export", trial, "--out", out, "--overwrite")
+    assert out.read_text() == "precious"
+    assert [*tmp_path.iterdir()] == [out]
 
 
 def test_a_file_that_is_no_recording_is_refused(refused, tmp_path):

@@ -7,6 +7,7 @@ import pytest
 
 from teleop.cli import main
 from teleop.errors import InputError
+from teleop.files import new_file
 from teleop.force_lag import measure_lag, measure_simulated_lag
 from teleop.table import write_table
 
@@ -52,11 +53,12 @@ def test_a_recording_that_is_no_lagging_spring_is_told():
 def test_the_command_measures_a_recording(tmp_path, capsys):
     x, f, dt = spring(6e-3)
     path = tmp_path / "spring.csv"
-    write_table(
-        path,
-        {"Time": np.cumsum(dt), "Displacement": x, "Force": f},
-        {"Time": "s", "Displacement": "m", "Force": "N"},
-    )
+    with new_file(path) as file:
+        write_table(
+            file,
+            {"Time": np.cumsum(dt), "Displacement": x, "Force": f},
+            {"Time": "s", "Displacement": "m", "Force": "N"},
+        )
     assert main(["lag", str(path), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["lag_s"] == pytest.approx(6e-3, rel=0.02)
     assert main(["lag", "--cube", "hard"]) == 0

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from teleop.errors import InputError
+from teleop.files import new_file
 from teleop.table import read_signals, write_table
 
 GOOD = "Time [s],Position [mm],Force [gf]\n0.0,1.0,100\n0.01,1.5,150\n0.03,2.0,200\n"
@@ -182,12 +183,35 @@ def test_what_is_written_is_read_back_to_the_bit(tmp_path):
         "Force": rng.normal(size=50),
     }
     path = tmp_path / "out.csv"
-    write_table(path, columns, {"Time": "s", "Displacement": "m", "Force": "N"})
+    with new_file(path) as file:
+        write_table(file, columns, {"Time": "s", "Displacement": "m", "Force": "N"})
     recording = read_signals(path)
     for got, name in zip(recording[:3], columns, strict=True):
         assert np.array_equal(got, columns[name])
 
 
 def test_a_table_that_cannot_be_written_is_told(tmp_path):
-    with pytest.raises(InputError, match="no such file"):
-        write_table(tmp_path / "none" / "out.csv", {}, {})
+    missing = tmp_path / "none" / "out.csv"
+    with pytest.raises(InputError, match="no such file"), new_file(missing) as file:
+        write_table(file, {}, {})
+
+
+@pytest.mark.parametrize("size", [1 << 18, 1 << 24])
+def test_a_line_is_read_no_further_than_its_greatest_length(tmp_path, size):
+    path = tmp_path / "data.csv"
+    path.write_text("Time [s],Position [mm],Force [N]\n0.0," + "1" * size)
+    with pytest.raises(InputError, match=r"line 2: expected a line of at most 262144 characters"):
+        read_signals(path)
+
+
+def test_a_header_of_very_many_columns_is_refused_in_one_short_line(tmp_path, refused):
+    path = tmp_path / "data.csv"
+    path.write_text(",".join(f"column {i}" for i in range(20_000)) + "\n")
+    assert len(refused("estimate", path, "--force", "x=N", "--time", "y=s")) < 2100
+
+
+def test_a_file_in_mixed_encodings_is_read_line_by_line(tmp_path):
+    path = tmp_path / "data.csv"
+    rows = b"".join(b"%d,%d,%d\n" % (i, i, i) for i in range(5))
+    path.write_bytes(b"# \xe9 Latin-1\nTime [s],Position [\xc2\xb5m],Force [N]\n" + rows)
+    assert read_signals(path).x[1] == pytest.approx(1e-6)

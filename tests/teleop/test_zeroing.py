@@ -110,7 +110,7 @@ def test_the_command_stores_a_dated_tare_that_run_takes(tmp_path, capsys, monkey
         (tmp_path / "tare.json").read_text()
     )
     capsys.readouterr()
-    assert main(["rig", "tare", "--contact", "1.5mm", "--json"]) == 0
+    assert main(["rig", "tare", "--contact", "1.5mm", "--overwrite", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["slave_position"] == 1.5e-3
 
 

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import csv
+import errno
 import json
 from html.parser import HTMLParser
 from pathlib import Path
@@ -157,3 +158,14 @@ def test_report_writes_a_page_that_needs_nothing_else(tmp_path, capsys):
     page.feed((tmp_path / "run.html").read_text())
     assert page.tags.count("figure") == 2
     assert all(link.startswith("#") for link in page.links)
+
+
+def test_without_shared_memory_it_is_refused_in_one_line(monkeypatch, tmp_path, capsys):
+    def no_semaphores(*_, **__):
+        raise OSError(errno.EROFS, "Read-only file system")
+
+    monkeypatch.setattr("multiprocessing.synchronize._multiprocessing.SemLock", no_semaphores)
+    assert main(["reproduce", "--out", str(tmp_path / "r")]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert "shared memory" in error

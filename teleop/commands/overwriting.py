@@ -1,0 +1,15 @@
+"""The option of every command that writes a file."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from cyclopts import Parameter
+
+Overwrite = Annotated[
+    bool,
+    Parameter(
+        negative="",
+        help="Overwrite output files that exist. Recordings are never overwritten.",
+    ),
+]
