@@ -113,8 +113,9 @@ def run_trial(
     settings: TrialSettings,
     record: Path | None = None,
     show: bool = False,
-    key: bool = False,
+    switch: StopSwitch | None = None,
     real: RealtimeName = "off",
+    overwrite: bool = False,
 ) -> Trial:
     """Run a trial to its end, to a fault, or to Ctrl-C; the drives are idle on every way out.
 
@@ -126,10 +127,12 @@ def run_trial(
         MCAP file to record to, in a process of its own; None to keep the ticks in memory.
     show
         Whether to draw a progress line on standard error.
-    key
-        Whether the Enter key of the terminal is an emergency stop.
+    switch
+        How a person stops it, entered; by default signals alone.
     real
         Whether to set the process up for real time: `require`, `try` or `off`.
+    overwrite
+        Whether the MCAP file may exist.
 
     Raises
     ------
@@ -139,13 +142,18 @@ def run_trial(
     Exception
         Whatever a tick raised, after the drives stopped and the recording was completed.
     """
+    if switch is None:
+        with StopSwitch() as switch:
+            return run_trial(settings, record, show, switch, real, overwrite)
     bank = settings.make_bank()
     layout = Layout(bank)
     metadata = session_metadata(settings)
     recorder = session = None
     if record or show:
         virtual = settings.clock == "virtual"
-        recorder = RecorderProcess(record, layout, metadata, settings.duration, show, wait=virtual)
+        recorder = RecorderProcess(
+            record, layout, metadata, settings.duration, show, virtual, overwrite, switch.hint
+        )
     memory = None if record else Memory()
     sinks: list[Sink] = [sink for sink in (recorder, memory) if sink]
     box = BlackBox(layout, settings.rate)
@@ -158,18 +166,21 @@ def run_trial(
             recorder.begin(start)
         try:
             with (
-                StopSwitch(key) as switch,
-                realtime(real) as report,
+                switch.attended(),
+                realtime(real) as real_time,
                 settings.make_rig(clock.now) as rig,
             ):
                 session = Session(settings, clock, rig, bank, layout, sinks, box, switch)
+                real_time.start()
                 while session.step():
                     pass
+                switch.finish()
                 rejected = {name: dict(counts) for name, counts in rig.rejected.items()}
         except RigError:
             if not session or not session.error:
                 raise
     finally:
+        switch.finish()
         outcomes = [sink.close() for sink in sinks]
     assert session
     outcome = outcomes[0] if record else Outcome(None, session.ticks, 0, "")
@@ -189,7 +200,7 @@ def run_trial(
     if error and not isinstance(error, RigError):
         error.add_note(f"The drives were stopped. Recording: {record}. Black box: {folder}.")
         raise error
-    interrupted = switch.interrupted
+    interrupted, report = switch.interrupted, real_time.report
     return Trial(settings, recording, bank, interrupted, outcome, report, fault, rejected, folder)
 
 

@@ -40,7 +40,6 @@ def check(
     from teleop import console, rig_console
     from teleop.clock import RealClock
     from teleop.errors import InputError
-    from teleop.interruption import in_good_order
     from teleop.realtime import realtime
     from teleop.rig_check import listen, problems, round_trips, watchdogs
     from teleop.rig_file import load_rig_file
@@ -49,7 +48,8 @@ def check(
         raise InputError(f"seconds {seconds:g}: expected 0.1 to 3600")
     rig_file = load_rig_file(file)
     clock = RealClock(rig_file.sections.rate_hz)
-    with in_good_order(), realtime("try"), WiredRig(rig_file, clock.now) as rig:
+    with realtime("try") as real_time, WiredRig(rig_file, clock.now) as rig:
+        real_time.start()
         with rig_console.live_channels(sys.stderr) as show:
             channels = listen(rig, clock, seconds, show)
         trips = dict(round_trips(rig, clock))

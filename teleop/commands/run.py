@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from datetime import datetime
+from itertools import count
 from pathlib import Path
 from typing import Annotated
 
@@ -47,8 +48,8 @@ def run(
 ) -> int:
     """Palpate, and estimate stiffness and damping of what is touched meanwhile.
 
-    Ctrl-C brings the rig to a stop in good order, twice at once. In a terminal the Enter key is
-    an emergency stop.
+    Ctrl-C ramps the slave to a stop, twice stops it at once. In a terminal Enter and Space are an
+    emergency stop.
 
     Example: `teleop run --condition autonomous --cube hard --plot hard.png`
 
@@ -118,6 +119,7 @@ def run(
     from teleop.files import check_outputs
     from teleop.rig_file import load_rig_file
     from teleop.settings import TrialSettings
+    from teleop.stop_switch import StopSwitch
     from teleop.tare import NO_TARE, read_tare
     from teleop.trial import run_trial
 
@@ -145,32 +147,44 @@ def run(
         raise InputError("--record and --no-record: expected one of them")
     if record and record.suffix.lower() != ".mcap":
         raise InputError(f"{record}: expected a file ending in .mcap")
-    if not no_record:
-        record = record or dated_path(f"{condition}-{rig.stem if rig else cube}")
     check_outputs(record, picture=plot)
-    trial = run_trial(
-        settings,
-        record,
-        show=sys.stderr.isatty(),
-        key=True,
-        real=realtime if clock == "real" else "off",
-    )
-    if json:
-        console.print_json(trial.summary())
-    else:
-        console.print_trial(trial.summary())
-    if plot and trial.estimates:
-        from teleop.figure import estimates_figure, save
+    reserved = None
+    if not (record or no_record):
+        record = reserved = new_recording(f"{condition}-{rig.stem if rig else cube}")
+    show = sys.stderr.isatty()
+    with StopSwitch(key=True) as switch:
+        if show:
+            print(f"teleop: {switch.instructions}", file=sys.stderr, flush=True)
+        try:
+            trial = run_trial(
+                settings,
+                record,
+                show,
+                switch,
+                realtime if clock == "real" else "off",
+                overwrite=bool(reserved),
+            )
+        finally:
+            if reserved and reserved.exists() and not reserved.stat().st_size:
+                reserved.unlink()
+        if json:
+            console.print_json(trial.summary())
+        else:
+            console.print_trial(trial.summary())
+        if plot and len(trial.columns["time"]):
+            from teleop.figure import estimates_figure, save
 
-        columns = trial.columns
-        figure = estimates_figure(
-            f"{condition}, {rig_file.sections.name if rig_file else f'{cube} cube'}",
-            columns["time"],
-            columns["x"],
-            columns["v"],
-            trial.estimates,
-        )
-        save(figure, plot)
+            columns = trial.columns
+            figure = estimates_figure(
+                f"{condition}, {rig_file.sections.name if rig_file else f'{cube} cube'}",
+                columns["time"],
+                columns["x"],
+                columns["v"],
+                trial.estimates,
+            )
+            save(figure, plot)
+        elif plot:
+            print(f"teleop: {plot}: not drawn: nothing was estimated", file=sys.stderr)
     if trial.outcome.problem:
         raise InputError(f"{record}: the recording is not complete: {trial.outcome.problem}")
     if trial.fault:
@@ -189,25 +203,31 @@ def read_depth(text: str | None) -> float | None:
     return depth
 
 
-def dated_path(name: str) -> Path:
-    """A new file in the folder of the day.
+def new_recording(name: str) -> Path:
+    """Create an empty file of a new name in the folder of the day.
+
+    The file is created exclusively: no two runs get the same one.
 
     Raises
     ------
     InputError
-        The folder cannot be made.
+        The folder or the file cannot be made.
     """
     from teleop.files import unwritable
 
     now = datetime.now()
     folder = Path("recordings") / f"{now:%Y-%m-%d}"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise unwritable(folder, error) from error
-    path = folder / f"{now:%H%M%S}-{name}.mcap"
-    number = 2
-    while path.exists():
-        path = folder / f"{now:%H%M%S}-{name}-{number}.mcap"
-        number += 1
-    return path
+    for number in count(1):
+        suffix = f"-{number}" if number > 1 else ""
+        path = folder / f"{now:%H%M%S}-{name}{suffix}.mcap"
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            path.open("x").close()
+        except FileExistsError as error:
+            if not path.exists():
+                raise unwritable(folder, error) from error
+        except OSError as error:
+            raise unwritable(path, error) from error
+        else:
+            return path
+    raise AssertionError

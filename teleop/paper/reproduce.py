@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -22,6 +21,7 @@ from teleop.paper.study import RESPONSES, Effect, responses, split_plot
 from teleop.paper.table1 import table1
 from teleop.paper.trials import NO_METHODS, Outcome, SlowTrial, as_rows, lag_and_damping, palpate
 from teleop.web_page import svg
+from teleop.workers import workers
 
 SLOW_FREQUENCIES = (0.1, 1.0)
 """Frequencies [Hz] at which one trial is asked for lag and damping together."""
@@ -106,7 +106,7 @@ def reproduce(
         raise InputError(f"seeds {seeds}: expected at least 1")
     trials = [(c, q, seed) for seed in range(seeds) for c in CONDITIONS for q in CUBES]
     outcomes = []
-    with ProcessPoolExecutor() as pool:
+    with workers() as pool:
         slow = pool.map(lag_and_damping, SLOW_FREQUENCIES)
         for outcome in pool.map(partial(palpate, methods=methods), trials):
             outcomes.append(outcome)
@@ -129,7 +129,7 @@ def write(reproduction: Reproduction, folder: Path) -> Path:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         write_csv(as_rows(reproduction.first), folder / "table1.csv")
-        with ProcessPoolExecutor() as pool:
+        with workers() as pool:
             drawn = pool.map(draw, CAPTIONS, [reproduction.first] * 3, [folder] * 3)
             drawings = dict(zip(CAPTIONS.values(), drawn, strict=True))
         page = folder / "index.html"

@@ -101,6 +101,8 @@ class RecorderProcess(Sink):
         Whether a full pipe holds the loop, for virtual time; in real time the tick is dropped.
     overwrite
         Whether the file may exist.
+    hint
+        What stops the run, for the progress line.
     """
 
     def __init__(
@@ -112,6 +114,7 @@ class RecorderProcess(Sink):
         show: bool,
         wait: bool,
         overwrite: bool = False,
+        hint: str = "",
     ) -> None:
         self.path = path
         self._pushed = 0
@@ -137,6 +140,7 @@ class RecorderProcess(Sink):
             "metadata": metadata,
             "duration": duration,
             "show": show,
+            "hint": hint,
             "overwrite": overwrite,
         }
         data = json.dumps(session).encode()
