@@ -3,12 +3,12 @@
     python benchmarks/second_process.py              # 20 runs beside each kind
     python benchmarks/second_process.py --times 3 --kind run
 
-A run is started and, once it moves, a second process: nothing (the baseline: what the machine does
-by itself), another run, a run that is refused since the first run has the port, a check and an
-emulator of another rig, `estimate`, and `reproduce`. Once it has ended, or after a few seconds, the
-run is ended by SIGINT. Counted are the runs that went on until then, without a fault. Beside it
-stand the longest time between two ticks of a run, and how much time the machine's host took from it
-meanwhile (steal). Exits with 1 if a run beside a second process did not go on.
+Beside a run that moves, second processes are started one after the other: none (the baseline: what
+the machine does by itself), another run, a run that is refused since the first has the port, a
+check and an emulator of another rig, `estimate`, and `reproduce`. Counted is how often the run went
+on until the second process had ended, or was ended after some seconds; a run that stopped is
+started anew. Beside it stand the longest time between two ticks, and how much time the machine's
+host took meanwhile (steal). Exits with 1 if a run beside a second process did not go on.
 """
 
 from __future__ import annotations
@@ -18,14 +18,13 @@ import contextlib
 import json
 import os
 import random
-import signal
 import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from emulated import RIGS, emulated
 
@@ -38,30 +37,16 @@ KINDS = (
     "estimate",
     "reproduce",
 )
-DURATION = 60.0
-"""Of the first run, unless it is ended [s]."""
-LONGEST = {"nothing": 4.0, "rig emulate": 4.0, "reproduce": 4.0}
-"""Time after which a second process is ended [s]; 15 for those that are not named."""
+DURATION = 3600.0
+"""Of the first run, which is ended before [s]."""
+LONGEST = {"nothing": 3.0, "rig emulate": 4.0, "reproduce": 5.0}
+"""Time after which a second process is ended [s]; 30 for those that are not named."""
+AFTER = 0.3
+"""Time after the second process for which the run must go on too [s]."""
 MOVING = 20_000
 """Bytes of a recording by which a run moves."""
-WENT_ON = 130
-"""Exit code of a run that was ended by SIGINT."""
 STEAL = 8
 """Place of the host's share in the first line of /proc/stat."""
-
-
-class Result(NamedTuple):
-    """One run beside a second process."""
-
-    code: int
-    """Exit code of the run; 130 if it went on."""
-    fault: str
-    longest_gap: float
-    """Longest time between two ticks [s]."""
-    steal: float
-    """Time that the host took meanwhile, over all processors [s]."""
-    second: int
-    """Exit code of the second process; 0 where there is none."""
 
 
 def steal() -> float:
@@ -84,46 +69,74 @@ def second_arguments(kind: str, folder: Path, rig: Path | None, other: Path) -> 
         "refused run": ["run", "--no-record", "--rig", rig],
         "rig check": ["rig", "check", other, "--seconds", "1"],
         "rig emulate": ["rig", "emulate", RIGS / "odrive-bota.toml", "--out", folder / "e.toml"],
-        "estimate": ["estimate", folder.parent / "data.mcap", "--estimators", "all"],
+        "estimate": ["estimate", folder.parents[1] / "data.mcap", "--estimators", "all"],
         "reproduce": ["reproduce", "--out", folder / "reproduction"],
     }[kind]
 
 
-def beside(kind: str, teleop: list[str], folder: Path, rig: Path | None, other: Path) -> Result:
-    """Run once, with a second process beside it."""
-    folder.mkdir()
-    path = folder / "run.mcap"
-    on = ("--rig", rig, "--condition", "autonomous") if rig else ()
-    taken = steal()
-    first = start(teleop, "run", "--json", "--duration", DURATION, "--record", path, *on)
-    while first.poll() is None and not (path.exists() and path.stat().st_size > MOVING):
-        time.sleep(0.02)
+class First:
+    """The run beside which others are started, again and again if it stops."""
+
+    def __init__(self, teleop: list[str], folder: Path, rig: Path | None) -> None:
+        self._teleop, self._folder, self._rig = teleop, folder, rig
+        self._process: subprocess.Popen[str] | None = None
+        self._count = 0
+        self.gaps: list[float] = []
+        """Longest time between two ticks of each run [s]."""
+        self.faults: list[str] = []
+        """Why runs stopped, but for the last of all."""
+
+    def ensure(self) -> None:
+        """Start it unless it goes on, and wait until it moves."""
+        if self._process:
+            return
+        self._count += 1
+        path = self._folder / f"run-{self._count}.mcap"
+        on = ("--rig", self._rig, "--condition", "autonomous") if self._rig else ()
+        arguments = ("--json", "--duration", DURATION, "--record", path, *on)
+        self._process = start(self._teleop, "run", *arguments)
+        while not (path.exists() and path.stat().st_size > MOVING):
+            if self._process.poll() is not None:
+                raise SystemExit("the first run did not start")
+            time.sleep(0.02)
+
+    def goes_on(self) -> bool:
+        """Whether it does; else its fault is kept."""
+        if self._process and self._process.poll() is None:
+            return True
+        self.end()
+        return False
+
+    def end(self) -> None:
+        """End it, and keep what it says."""
+        if not self._process:
+            return
+        stopped = self._process.poll() is not None
+        self._process.terminate()
+        out, _ = self._process.communicate()
+        code, self._process = self._process.returncode, None
+        summary = json.loads(out) if out else None
+        if summary:
+            self.gaps.append(summary["loop"]["longest_gap_s"])
+        if stopped:
+            fault = summary and summary["safety"]["fault"]
+            self.faults.append(f"exit {code}: {fault['text'] if fault else 'no fault'}")
+
+
+def beside(first: First, teleop: list[str], arguments: list[Any], longest: float) -> int | None:
+    """Start a second process; its exit code."""
+    first.ensure()
     time.sleep(random.uniform(0.0, 0.3))
-    arguments = second_arguments(kind, folder, rig, other)
-    second = start(teleop, *arguments) if arguments else None
-    code = 0
-    if second:
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            second.wait(LONGEST.get(kind, 15.0))
-        second.terminate()
-        second.communicate()
-        code = second.returncode
-    else:
-        time.sleep(LONGEST[kind])
-    first.send_signal(signal.SIGINT)
-    out, _ = first.communicate()
-    taken = steal() - taken
-    summary = (
-        json.loads(out) if out else {"safety": {"fault": None}, "loop": {"longest_gap_s": 0.0}}
-    )
-    fault = summary["safety"]["fault"]
-    return Result(
-        first.returncode,
-        fault["text"] if fault else "",
-        summary["loop"]["longest_gap_s"],
-        taken,
-        code,
-    )
+    if not arguments:
+        time.sleep(longest)
+        return None
+    second = start(teleop, *arguments)
+    with contextlib.suppress(subprocess.TimeoutExpired):
+        second.wait(longest)
+    second.terminate()
+    second.communicate()
+    time.sleep(AFTER)
+    return second.returncode
 
 
 @contextlib.contextmanager
@@ -135,21 +148,28 @@ def rigs(kind: str) -> Iterator[tuple[Path | None, Path]]:
         yield rig, other
 
 
-def report(kind: str, results: list[Result]) -> int:
-    """Print a line; how many runs did not go on."""
-    gone_on = sum(r.code == WENT_ON for r in results)
-    gaps = sorted(r.longest_gap for r in results)
-    codes = sorted({r.second for r in results})
+def measure(kind: str, teleop: list[str], folder: Path, times: int) -> int:
+    """Print a line about a kind of second process; how many runs did not go on."""
+    folder.mkdir()
+    taken, gone_on, codes = steal(), 0, set()
+    with rigs(kind) as (rig, other):
+        first = First(teleop, folder, rig)
+        for i in range(times):
+            (folder / f"{i}").mkdir()
+            arguments = second_arguments(kind, folder / f"{i}", rig, other)
+            codes.add(beside(first, teleop, arguments, LONGEST.get(kind, 30.0)))
+            gone_on += first.goes_on()
+        first.end()
+    exits = ", ".join(str(code) for code in sorted(codes - {None}, key=str)) or "none"
     print(
-        f"{kind:<14} {gone_on:2d} of {len(results)} runs went on; longest time between ticks "
-        f"[ms]: median {gaps[len(gaps) // 2] * 1e3:6.1f}, max {gaps[-1] * 1e3:6.1f}; "
-        f"steal {sum(r.steal for r in results):.2f} s; second process: exit {codes}",
+        f"{kind:<12} {gone_on:2d} of {times} went on; longest time between two ticks "
+        f"{max(first.gaps) * 1e3:6.1f} ms; steal {steal() - taken:.2f} s; "
+        f"exit codes of the second process: {exits}",
+        *(f"    {fault}" for fault in first.faults),
+        sep="\n",
         flush=True,
     )
-    for result in results:
-        if result.code != WENT_ON:
-            print(f"    exit {result.code}, steal {result.steal:.2f} s: {result.fault}", flush=True)
-    return len(results) - gone_on if kind != "nothing" else 0
+    return times - gone_on if kind != "nothing" else 0
 
 
 def main() -> int:
@@ -165,12 +185,7 @@ def main() -> int:
         made = start(teleop, "run", "--clock", "virtual", "--duration", "20", "--record", data)
         made.communicate()
         for kind in options.kind:
-            with rigs(kind) as (rig, other):
-                results = [
-                    beside(kind, teleop, Path(name) / f"{kind}-{i}", rig, other)
-                    for i in range(options.times)
-                ]
-            stopped += report(kind, results)
+            stopped += measure(kind, teleop, Path(name) / kind, options.times)
     return 1 if stopped else 0
 
 

@@ -80,6 +80,11 @@ class Interruption:
         """Tell that the program acts on the signals that have come."""
         self._waits_since = math.inf
 
+    def clean_up(self) -> None:
+        """Give the program `CLEAN_UP` from now on to end by itself."""
+        self.patience = CLEAN_UP
+        self._waits_since = time.monotonic()
+
     def on_signal(self, reason: str) -> None:
         """Handle a signal."""
         self.count += 1
@@ -87,8 +92,7 @@ class Interruption:
         now = time.monotonic()
         self._waits_since = min(self._waits_since, now)
         if now - self._waits_since >= self.patience:
-            self._waits_since = math.inf
-            self.patience = CLEAN_UP
+            self.clean_up()
             raise KeyboardInterrupt(reason)
 
     def __enter__(self) -> Self:

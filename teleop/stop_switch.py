@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 
-from teleop.interruption import CLEAN_UP, Interruption
+from teleop.interruption import Interruption
 from teleop.safety import Fault, Request
 from teleop.safety.channels import Trip
 from teleop.safety.state import NO_REQUEST
@@ -59,10 +59,6 @@ class StopSwitch(Interruption):
     def attended(self) -> StopKey | contextlib.AbstractContextManager[None]:
         """A context in which the key acts."""
         return self.key if self._wants_key else contextlib.nullcontext()
-
-    def finish(self) -> None:
-        """Give the program `CLEAN_UP` to end: the loop has ended."""
-        self.patience = CLEAN_UP
 
     def request(self, arm: bool, skipped: int, end: str = "") -> Request:
         """What the person wants at a tick.

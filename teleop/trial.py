@@ -174,13 +174,13 @@ def run_trial(
                 real_time.start()
                 while session.step():
                     pass
-                switch.finish()
+                switch.clean_up()
                 rejected = {name: dict(counts) for name, counts in rig.rejected.items()}
         except RigError:
             if not session or not session.error:
                 raise
     finally:
-        switch.finish()
+        switch.clean_up()
         outcomes = [sink.close() for sink in sinks]
     assert session
     outcome = outcomes[0] if record else Outcome(None, session.ticks, 0, "")

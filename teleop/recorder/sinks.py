@@ -198,10 +198,19 @@ class RecorderProcess(Sink):
         self._events.append(FRAME.pack(EVENT, len(data)) + data)
 
     def close(self) -> Outcome:
-        """Let the recorder finish."""
+        """Let the recorder finish; it is killed if the wait for it is interrupted."""
         assert self.process.stdin
         if self.process.stdin.closed:
             return Outcome(self.path, 0, 0, self._gone)
+        try:
+            return self._finish()
+        except BaseException:
+            self.process.kill()
+            self._release()
+            raise
+
+    def _finish(self) -> Outcome:
+        assert self.process.stdin
         with self._patience():
             with contextlib.suppress(OSError):
                 if hasattr(os, "set_blocking"):
