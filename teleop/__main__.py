@@ -6,7 +6,7 @@ from __future__ import annotations
 def main() -> int:
     """Run the command line; Ctrl-C ends it without a traceback at any time.
 
-    Once the command has ended, Ctrl-C is ignored: the exit code stands, and the rest takes a moment.
+    Once the command has ended, Ctrl-C is ignored: its exit code stands.
     """
     import signal
 

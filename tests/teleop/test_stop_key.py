@@ -12,6 +12,7 @@ import sys
 import pytest
 
 from teleop.recording import load
+from teleop.stop_switch import StopSwitch
 
 pytest.importorskip("termios", reason="needs a POSIX terminal")
 import pty
@@ -197,10 +198,19 @@ def test_a_run_whose_terminal_is_lost_ramps_down(run, tmp_path):
     going = run("--record", "a.mcap", ignored="SIGHUP")
     os.close(going.terminal)
     assert os.read(going.events, 100) == b"ended"
-    os.waitpid(going.pid, 0)
+    status = os.waitpid(going.pid, 0)[1]
+    assert os.waitstatus_to_exitcode(status) == 2  # what it prints is lost
     stop = load(tmp_path / "a.mcap").events[-2]
     assert stop["text"] == "the terminal of the stop key was lost"
     assert stop["mode"] == "stopping"
+
+
+def test_on_a_system_without_terminals_there_is_no_key_and_the_instructions_say_so(monkeypatch):
+    monkeypatch.setattr("teleop.stop_key.find_spec", lambda name: None)
+    switch = StopSwitch(key=True)
+    assert "no stop key: not available on this system" in switch.instructions
+    with switch, switch.attended():
+        assert switch.request(True, 0).arm
 
 
 def test_without_a_terminal_there_is_no_key_and_the_run_goes_on(tmp_path):
