@@ -22,6 +22,9 @@ from teleop.names import RealtimeName
 PRIORITY = 80
 """Of SCHED_FIFO on a processor of its own: above interrupt threads (50), below the kernel's
 watchdogs (99)."""
+RECORDER_PRIORITY = 70
+"""Of the process that reads the loop's pipe: above all on shared processors. The kernel locks a
+pipe while it is read: a reader that waits for a processor meanwhile would hold up the loop."""
 SHARED_PRIORITIES = range(60, 50, -1)
 """Of SCHED_FIFO on shared processors, each for one process."""
 MCL_CURRENT, MCL_FUTURE = 1, 2
@@ -31,11 +34,16 @@ FIFO = "SCHED_FIFO"
 PROCESSOR = "one processor"
 
 
+def set_priority(process: int, priority: int) -> None:
+    """Give a process, 0 for this one, a priority of SCHED_FIFO that its children do not inherit."""
+    policy = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
+    os.sched_setscheduler(process, policy, os.sched_param(priority))
+
+
 def first_in_first_out(priority: int = PRIORITY) -> Callable[[], object]:
     """SCHED_FIFO: nothing of ordinary priority keeps the loop waiting."""
     before = os.sched_getscheduler(0), os.sched_getparam(0)
-    policy = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
-    os.sched_setscheduler(0, policy, os.sched_param(priority))
+    set_priority(0, priority)
     return lambda: os.sched_setscheduler(0, *before)
 
 
@@ -120,8 +128,13 @@ class RealTime:
         self._steps = tuple(steps) if mode != "off" else ()
         self._undo = contextlib.ExitStack()
 
-    def start(self) -> None:
+    def start(self, recorder: int | None = None) -> None:
         """Take the real-time priority: from here on only the loop is to run.
+
+        Parameters
+        ----------
+        recorder
+            Process that reads what the loop writes to its pipe; it gets `RECORDER_PRIORITY`.
 
         Raises
         ------
@@ -131,6 +144,9 @@ class RealTime:
         if FIFO in self._steps:
             own = self.report.get(PROCESSOR) == DONE
             self._take(FIFO, first_in_first_out if own else shared_first_in_first_out)
+        if recorder and self.report.get(FIFO) == DONE:
+            with contextlib.suppress(OSError):
+                set_priority(recorder, RECORDER_PRIORITY)
         missing = [f"{name} ({why})" for name, why in self.report.items() if why != DONE]
         if self._mode == "require" and missing:
             raise InputError(

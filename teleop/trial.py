@@ -171,7 +171,7 @@ def run_trial(
                 settings.make_rig(clock.now) as rig,
             ):
                 session = Session(settings, clock, rig, bank, layout, sinks, box, switch)
-                real_time.start()
+                real_time.start(recorder.process.pid if recorder else None)
                 while session.step():
                     pass
                 switch.clean_up()

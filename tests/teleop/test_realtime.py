@@ -86,6 +86,16 @@ def test_nothing_of_the_set_up_runs_at_the_real_time_priority(monkeypatch):
     assert policies == [os.SCHED_OTHER] * 4
 
 
+def test_the_reader_of_the_loops_pipe_has_a_priority_above_shared_processors():
+    with subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) as reader:
+        with realtime("try", (FIFO,)) as real_time:
+            real_time.start(reader.pid)
+            if real_time.report[FIFO] == DONE:
+                priority = os.sched_getparam(reader.pid).sched_priority
+                assert max(SHARED_PRIORITIES) < priority < PRIORITY
+        reader.communicate(b"\n")
+
+
 def test_off_leaves_everything_as_it_is():
     with realtime("off") as real_time:
         real_time.start()
