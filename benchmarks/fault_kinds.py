@@ -133,13 +133,13 @@ def over_force(case: Case, travel: float, change: float) -> bool:
 
 def interrupt(times: int) -> Inject:
     def ask(case: Case) -> None:
-        case.switch._asked, case.switch._reason = times, "Ctrl-C"
+        case.switch.count, case.switch.reason = times, "Ctrl-C"
 
     return ask
 
 
 def press(case: Case) -> None:
-    case.switch._pressed = True
+    case.switch.key.pressed = True
 
 
 def lose(once: int, always: int) -> Inject:

@@ -39,7 +39,8 @@ def ours(path: Path, ticks: int) -> dict[str, dict[str, list[float]]]:
     writes: list[float] = []
     both: list[float] = []
     drains: dict[str, list[float]] = {}
-    with realtime("try"), WiredRig(read_rig_file(path), clock.now) as rig:
+    with realtime("try") as real_time, WiredRig(read_rig_file(path), clock.now) as rig:
+        real_time.start()
         for name, bus in rig.buses.items():
             drains[name] = []
             bus.poll = timed(bus.poll, drains[name])  # type: ignore[method-assign]
@@ -91,7 +92,11 @@ def peer(path: Path, ticks: int) -> dict[str, list[float]]:
     ]
     clock = RealClock(RATE)
     reads, writes, both = [], [], []
-    with realtime("try"), slcanBus(channel, bitrate=1_000_000, sleep_after_open=0.1) as bus:
+    with (
+        realtime("try") as real_time,
+        slcanBus(channel, bitrate=1_000_000, sleep_after_open=0.1) as bus,
+    ):
+        real_time.start()
         for tick in range(ticks + WARM):
             clock.wait()
             start = time.perf_counter()
@@ -110,7 +115,8 @@ def peer(path: Path, ticks: int) -> dict[str, list[float]]:
 def bare(ticks: int) -> list[float]:
     """Lateness of a loop with nothing to do."""
     clock = RealClock(RATE)
-    with realtime("try"):
+    with realtime("try") as real_time:
+        real_time.start()
         return [clock.wait().lateness for _ in range(ticks)]
 
 

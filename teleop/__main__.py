@@ -4,13 +4,20 @@ from __future__ import annotations
 
 
 def main() -> int:
-    """Run the command line; Ctrl-C while it is still being loaded ends it quietly too."""
+    """Run the command line; Ctrl-C ends it without a traceback at any time.
+
+    Once the command has ended, Ctrl-C is ignored: its exit code stands.
+    """
+    import signal
+
     try:
         from teleop.cli import main as command_line
 
-        return command_line()
+        code = command_line()
     except KeyboardInterrupt:
-        return 130
+        code = 130
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    return code
 
 
 if __name__ == "__main__":

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import os
 import sys
@@ -20,7 +21,9 @@ from teleop.commands.reproduce import reproduce
 from teleop.commands.rig import rig
 from teleop.commands.run import run
 from teleop.errors import InputError, SafetyStop
+from teleop.interruption import Interruption
 from teleop.printable import complain
+from teleop.realtime import clear_of_claimed_processors
 
 
 def installed_version() -> str:
@@ -56,12 +59,20 @@ def prepare_streams() -> None:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command.
 
-    The exit code is 0; 2 for bad input and 3 for a stop for safety, told in one line; 130 after
+    The exit code is 0; 2 for bad input and 3 for a stop for safety, each with one line; 130 after
     Ctrl-C. A defect raises, which ends in a traceback and 1.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        Ctrl-C or another signal asked to end, and the command does not handle it.
     """
     prepare_streams()
     try:
-        code = app(arguments, exit_on_error=False, print_error=False, result_action="return_value")
+        with Interruption(), clear_of_claimed_processors():
+            code = app(
+                arguments, exit_on_error=False, print_error=False, result_action="return_value"
+            )
         sys.stdout.flush()
     except UnusedCliTokensError as error:
         unused = " ".join(error.unused_tokens or [])
@@ -78,9 +89,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
     except OSError as error:
-        if error.errno != errno.ENOSPC:
+        if error.errno not in (errno.ENOSPC, errno.EIO) or error.filename:
             raise
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        complain("standard output: no space left on device")
+        with contextlib.suppress(OSError):
+            complain(f"standard output: {os.strerror(error.errno).lower()}")
         return 2
     return code or 0

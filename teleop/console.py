@@ -20,8 +20,8 @@ from teleop.strict_json import dumps
 if TYPE_CHECKING:
     from teleop.tare import Tare
 
-WIDEST = 110
-"""Columns that a table may take; a narrower terminal wraps it and loses nothing."""
+WIDTH, HEIGHT = 10_000, 25
+"""Of the console: a table takes what it needs, and a narrower terminal wraps its lines."""
 STALL = 0.05
 """A gap between ticks [s] after which a trial is told to have stalled."""
 
@@ -40,10 +40,14 @@ class PlainConsole(Console):
 
 
 def plain_console(stream: TextIO | None = None) -> Console:
-    """A console that takes text as it is: no markup, no highlighting, nothing cut off."""
-    console = PlainConsole(file=stream, highlight=False, markup=False, soft_wrap=True)
-    console.width = max(console.width, WIDEST)
-    return console
+    """A console that takes text as it is: no markup, no highlighting, nothing cut off.
+
+    Given both width and height, rich asks neither the terminal nor the environment: it takes 80
+    columns for a terminal of the type `dumb`, whatever its width is set to.
+    """
+    return PlainConsole(
+        file=stream, highlight=False, markup=False, soft_wrap=True, width=WIDTH, height=HEIGHT
+    )
 
 
 def number(value: float, digits: int) -> str:

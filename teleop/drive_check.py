@@ -264,7 +264,7 @@ def check_drives(rig: WiredRig, clock: Clock, move: bool) -> DrivesReport:
     layout = Layout(bank)
     box = BlackBox(layout, settings.rate)
     try:
-        with StopSwitch(key=True) as switch:
+        with StopSwitch(key=True) as switch, switch.attended():
             session = Session(settings, clock, tested, bank, layout, [Memory()], box, switch)
             while session.step():
                 pass

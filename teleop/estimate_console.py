@@ -64,7 +64,6 @@ def print_table(console: Console, title: str, headings: Sequence[str], rows: Any
         table.add_column(heading, justify="right" if i else "left", no_wrap=True)
     for cells in rows:
         table.add_row(*cells)
-    console.width = max(console.width, console.measure(table).maximum)
     console.print(table)
 
 

@@ -1,65 +1,65 @@
-"""How a person stops a run: Ctrl-C, a request to end, and the Enter key as an emergency stop."""
+"""How a person stops a run: Ctrl-C, a request to end, and the emergency-stop key."""
 
 from __future__ import annotations
 
 import contextlib
 import math
-import os
-import signal
-import sys
-import threading
-from types import FrameType
-from typing import Any, Self
 
+from teleop.interruption import Interruption
 from teleop.safety import Fault, Request
 from teleop.safety.channels import Trip
 from teleop.safety.state import NO_REQUEST
+from teleop.stop_key import StopKey
 
 ARM = Request(arm=True)
 KEY = Trip(Fault.EMERGENCY_STOP, "key", math.nan, math.nan, math.nan)
+ANSWER = 0.1
+"""Time in which a loop that runs answers a signal [s]."""
 
-SIGNALS = {"SIGINT": "Ctrl-C", "SIGTERM": "asked to end", "SIGHUP": "the terminal was closed"}
-"""Signals that end a run in good order; one more of them ends it at once."""
 
+class StopSwitch(Interruption):
+    """Turns signals and the stop key into requests to the safety supervisor.
 
-class StopSwitch:
-    """Turns signals and the Enter key into requests to the safety supervisor.
-
-    Used as a context manager about a run, whose signals it takes meanwhile. Python hands signals
-    to the main thread alone: elsewhere the switch has none.
+    Used as a context manager about a run and what is printed of it. Before the loop's first tick a
+    signal raises KeyboardInterrupt: nothing moves yet. From then on it is a request to the
+    supervisor, and raises KeyboardInterrupt only if the loop hangs.
 
     Parameters
     ----------
     key
-        Whether the Enter key of the terminal is an emergency stop.
+        Whether Enter and Space in the terminal are an emergency stop.
     """
 
     def __init__(self, key: bool = False) -> None:
-        self._key = key
-        self._before: dict[signal.Signals, Any] = {}
-        self._asked = 0
-        self._reason = ""
-        self._pressed = False
+        super().__init__()
+        self._wants_key = key
+        self.key = StopKey()
 
     @property
     def interrupted(self) -> bool:
         """Whether a person ended the run."""
-        return self._asked > 0
+        return self.count > 0 or bool(self.key.lost)
 
-    def __enter__(self) -> Self:
-        if threading.current_thread() is threading.main_thread():
-            for name in SIGNALS:
-                if number := getattr(signal.Signals, name, None):
-                    self._before[number] = signal.signal(number, self._on_signal)
-        if self._key and is_foreground():
-            if hasattr(signal, "SIGTTIN"):
-                self._before[signal.SIGTTIN] = signal.signal(signal.SIGTTIN, signal.SIG_IGN)
-            threading.Thread(target=self._await_key, daemon=True).start()
-        return self
+    @property
+    def _has_key(self) -> bool:
+        return self._wants_key and not self.key.missing
 
-    def __exit__(self, *_: object) -> None:
-        for number, handler in self._before.items():
-            signal.signal(number, handler)
+    @property
+    def hint(self) -> str:
+        """How to stop the run, in two words."""
+        return "Enter stops" if self._has_key else "Ctrl-C stops"
+
+    @property
+    def instructions(self) -> str:
+        """How to stop the run, in a line."""
+        if self._has_key:
+            return "Enter or Space stops at once, Ctrl-C ramps down"
+        why = f"; no stop key: {self.key.missing}" if self.key.missing else ""
+        return f"Ctrl-C ramps down, Ctrl-C twice stops at once{why}"
+
+    def attended(self) -> StopKey | contextlib.AbstractContextManager[None]:
+        """A context in which the key acts."""
+        return self.key if self._wants_key else contextlib.nullcontext()
 
     def request(self, arm: bool, end: str = "") -> Request:
         """What the person wants at a tick.
@@ -71,28 +71,9 @@ class StopSwitch:
         end
             Why the run is to end by itself; empty to go on.
         """
-        if not (end or self._asked or self._pressed):
+        self.patience = ANSWER
+        reason, key = self.reason or self.key.lost or end, self.key
+        if not (reason or key.pressed):
             return ARM if arm else NO_REQUEST
-        trips = (KEY,) if self._pressed else ()
-        return Request(arm, self._reason or end, self._asked > 1, trips)
-
-    def _on_signal(self, number: int, frame: FrameType | None) -> None:
-        self._reason = SIGNALS[signal.Signals(number).name]
-        self._asked += 1
-
-    def _await_key(self) -> None:
-        """Sleep until a line comes from the terminal, which ends with the Enter key."""
-        with contextlib.suppress(OSError):
-            if os.read(sys.stdin.fileno(), 1024):
-                self._pressed = True
-
-
-def is_foreground() -> bool:
-    """Whether standard input is a terminal from which this process may read."""
-    try:
-        descriptor = sys.stdin.fileno()
-        if not os.isatty(descriptor):
-            return False
-        return not hasattr(os, "tcgetpgrp") or os.tcgetpgrp(descriptor) == os.getpgrp()
-    except (OSError, ValueError, AttributeError):
-        return False
+        self.answer()
+        return Request(arm, reason, self.count > 1, (KEY,) if key.pressed else ())

@@ -133,8 +133,9 @@ def run_trial(
     settings: TrialSettings,
     record: Path | None = None,
     show: bool = False,
-    key: bool = False,
+    switch: StopSwitch | None = None,
     real: RealtimeName = "off",
+    overwrite: bool = False,
 ) -> Trial:
     """Run a trial to its end, to a fault, or to Ctrl-C; the drives are idle on every way out.
 
@@ -146,10 +147,12 @@ def run_trial(
         MCAP file to record to, in a process of its own; None to keep the ticks in memory.
     show
         Whether to draw a progress line on standard error.
-    key
-        Whether the Enter key of the terminal is an emergency stop.
+    switch
+        How a person stops it, entered; by default signals alone.
     real
         Whether to set the process up for real time: `require`, `try` or `off`.
+    overwrite
+        Whether the MCAP file may exist.
 
     Raises
     ------
@@ -159,13 +162,18 @@ def run_trial(
     Exception
         Whatever a tick raised, after the drives stopped and the recording was completed.
     """
+    if switch is None:
+        with StopSwitch() as switch:
+            return run_trial(settings, record, show, switch, real, overwrite)
     bank = settings.make_bank()
     layout = Layout(bank)
     metadata = session_metadata(settings)
     recorder = session = None
     if record or show:
         virtual = settings.clock == "virtual"
-        recorder = RecorderProcess(record, layout, metadata, settings.duration, show, wait=virtual)
+        recorder = RecorderProcess(
+            record, layout, metadata, settings.duration, show, virtual, overwrite, switch.hint
+        )
     memory = None if record else Memory()
     sinks: list[Sink] = [sink for sink in (recorder, memory) if sink]
     box = BlackBox(layout, settings.rate)
@@ -177,20 +185,23 @@ def run_trial(
             recorder.begin(start)
         try:
             with (
-                StopSwitch(key) as switch,
-                realtime(real) as report,
+                switch.attended(),
+                realtime(real) as real_time,
                 settings.make_rig(clock.now) as rig,
             ):
                 if settings.rig:
                     check_wire(rig, clock, cost)
                 session = Session(settings, clock, rig, bank, layout, sinks, box, switch)
+                real_time.start(recorder.process.pid if recorder else None)
                 while session.step():
                     pass
+                switch.clean_up()
                 rejected = {name: dict(counts) for name, counts in rig.rejected.items()}
         except RigError:
             if not session or not session.error:
                 raise
     finally:
+        switch.clean_up()
         outcomes = [sink.close() for sink in sinks]
     assert session
     outcome = outcomes[0] if record else Outcome(None, session.ticks, 0, "")
@@ -217,7 +228,7 @@ def run_trial(
         bank,
         switch.interrupted,
         outcome,
-        report,
+        real_time.report,
         fault,
         rejected,
         folder,

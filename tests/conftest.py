@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import subprocess
 import sys
 from importlib.util import find_spec
@@ -12,6 +13,10 @@ from hypothesis import settings
 
 settings.register_profile("shared machine", deadline=None, max_examples=50)
 settings.load_profile("shared machine")
+
+for ending in (signal.SIGINT, getattr(signal, "SIGHUP", None)):
+    if ending and signal.getsignal(ending) is signal.SIG_IGN:  # as nohup and scripts leave them
+        signal.signal(ending, signal.default_int_handler)
 
 COMPILER = pytest.StashKey[subprocess.Popen]()
 

@@ -45,7 +45,6 @@ def check(
     from teleop.clock import RealClock
     from teleop.drive_check import check_drives
     from teleop.errors import InputError, SafetyStop
-    from teleop.interruption import in_good_order
     from teleop.realtime import realtime
     from teleop.rehearsal import tick_cost
     from teleop.rig_check import listen, problems, round_trips
@@ -57,7 +56,8 @@ def check(
     rig_file = load_rig_file(file)
     tick_cost(TrialSettings(condition="autonomous"))  # the first ticks of a process are slow
     clock = RealClock(rig_file.sections.rate_hz)
-    with in_good_order(), realtime("try"), WiredRig(rig_file, clock.now) as rig:
+    with realtime("try") as real_time, WiredRig(rig_file, clock.now) as rig:
+        real_time.start()
         with rig_console.live_channels(sys.stderr) as show:
             channels = listen(rig, clock, seconds, show)
         trips = dict(round_trips(rig, clock))

@@ -84,13 +84,18 @@ def emulate(
     folder = Path(tempfile.mkdtemp(prefix="teleop-"))
     try:
         emulator = make_emulator(rig, settings, folder, faults)
-        with stop_signals() as stopped, opened(emulator), realtime(urgency, DEVICES_ARE_PUNCTUAL):
+        with (
+            stop_signals() as stopped,
+            opened(emulator),
+            realtime(urgency, DEVICES_ARE_PUNCTUAL) as real_time,
+        ):
             write_text(out, stamped(host_file(rig, folder), WRITER), overwrite)
             ports = host_ports(rig, folder)
             if json:
                 console.print_json({"rig": rig.sections.name, "file": str(out), "ports": ports})
             else:
                 rig_console.print_emulation(rig.sections.name, ports, out, condition, cube)
+            real_time.start()
             emulator.serve(stopped)
     finally:
         shutil.rmtree(folder, ignore_errors=True)

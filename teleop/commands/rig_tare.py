@@ -51,7 +51,6 @@ def tare(
     from teleop.clock import Clock, RealClock, VirtualClock
     from teleop.errors import InputError
     from teleop.files import check_outputs
-    from teleop.interruption import in_good_order
     from teleop.rig_file import load_rig_file
     from teleop.table import quantity
     from teleop.tare import FARTHEST, write_tare
@@ -71,7 +70,7 @@ def tare(
     else:
         clock = VirtualClock(1000.0)
         opened = off_the_cube(cube, clock.now, sensors, seed)
-    with in_good_order(), opened:
+    with opened:
         zero = force_zero(opened, clock)
     if contact == "touch":
         given = touch(touch_settings(rig_file, cube, zero, sensors, seed), record=None)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from datetime import datetime
+from itertools import count
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
@@ -19,6 +20,9 @@ from teleop.names import (
     RealtimeName,
     SignalName,
 )
+
+if TYPE_CHECKING:
+    from teleop.trial import Trial
 
 
 def run(
@@ -49,8 +53,8 @@ def run(
 ) -> int:
     """Palpate, and estimate stiffness and damping of what is touched meanwhile.
 
-    Ctrl-C brings the rig to a stop in good order, twice at once. In a terminal the Enter key is
-    an emergency stop.
+    Ctrl-C ramps the slave to a stop, twice stops it at once. In a terminal Enter and Space are an
+    emergency stop.
 
     Example: `teleop run --condition autonomous --cube hard --plot hard.png`
 
@@ -121,6 +125,7 @@ def run(
     from teleop.printable import complain
     from teleop.rig_file import load_rig_file
     from teleop.settings import TrialSettings
+    from teleop.stop_switch import StopSwitch
     from teleop.tare import NO_TARE, read_tare
     from teleop.trial import run_trial
 
@@ -148,43 +153,63 @@ def run(
         raise InputError("--record and --no-record: expected one of them")
     if record and record.suffix.lower() != ".mcap":
         raise InputError(f"{record}: expected a file ending in .mcap")
-    if not no_record:
-        record = record or dated_path(f"{condition}-{rig.stem if rig else cube}")
     if record:
         make_folder(record)
     check_outputs(record, picture=plot, sources=(rig, tare), overwrite=overwrite)
-    trial = run_trial(
-        settings,
-        record,
-        show=sys.stderr.isatty(),
-        key=True,
-        real=realtime if clock == "real" else "off",
-    )
-    try:
-        if plot and trial.estimates:
-            from teleop.figure import estimates_figure, save
-
-            columns = trial.columns
-            figure = estimates_figure(
-                f"{condition}, {rig_file.sections.name if rig_file else f'{cube} cube'}",
-                columns["time"],
-                columns["x"],
-                columns["v"],
-                trial.estimates,
+    reserved = None
+    if not (record or no_record):
+        record = reserved = new_recording(f"{condition}-{rig.stem if rig else cube}")
+    show = sys.stderr.isatty()
+    with StopSwitch(key=True) as switch:
+        if show:
+            print(f"teleop: {switch.instructions}", file=sys.stderr, flush=True)
+        try:
+            trial = run_trial(
+                settings,
+                record,
+                show,
+                switch,
+                realtime if clock == "real" else "off",
+                overwrite=bool(reserved),
             )
-            save(figure, plot, overwrite)
-    finally:
+        finally:
+            if reserved and reserved.exists() and not reserved.stat().st_size:
+                reserved.unlink()
+        problems = [trial.incomplete] if trial.incomplete else []
+        if plot and len(trial.columns["time"]):
+            try:
+                draw(trial, plot, overwrite)
+            except InputError as error:
+                problems.append(str(error))
+        elif plot:
+            complain(f"{plot}: not drawn: nothing was estimated")
         if json:
             console.print_json(trial.summary())
         else:
             console.print_trial(trial.summary())
     if trial.fault:
-        if trial.incomplete:
-            complain(trial.incomplete)
+        for problem in problems:
+            complain(problem)
         raise SafetyStop(f"stopped {moment(trial.fault)}: {trial.fault['text']}")
-    if trial.incomplete:
-        raise InputError(trial.incomplete)
+    if problems:
+        raise InputError("; ".join(problems))
     return 130 if trial.interrupted else 0
+
+
+def draw(trial: Trial, plot: Path, overwrite: bool) -> None:
+    """Draw the estimates of a trial; InputError if the file cannot be written."""
+    from teleop.figure import estimates_figure, save
+
+    settings, columns = trial.settings, trial.columns
+    palpated = settings.rig.sections.name if settings.rig else f"{settings.cube} cube"
+    figure = estimates_figure(
+        f"{settings.condition}, {palpated}",
+        columns["time"],
+        columns["x"],
+        columns["v"],
+        trial.estimates,
+    )
+    save(figure, plot, overwrite)
 
 
 def read_depth(text: str | None) -> float | None:
@@ -198,25 +223,31 @@ def read_depth(text: str | None) -> float | None:
     return depth
 
 
-def dated_path(name: str) -> Path:
-    """A new file in the folder of the day.
+def new_recording(name: str) -> Path:
+    """Create an empty file of a new name in the folder of the day.
+
+    The file is created exclusively: no two runs get the same one.
 
     Raises
     ------
     InputError
-        The folder cannot be made.
+        The folder or the file cannot be made.
     """
     from teleop.files import unwritable
 
     now = datetime.now()
     folder = Path("recordings") / f"{now:%Y-%m-%d}"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise unwritable(folder, error) from error
-    path = folder / f"{now:%H%M%S}-{name}.mcap"
-    number = 2
-    while path.exists():
-        path = folder / f"{now:%H%M%S}-{name}-{number}.mcap"
-        number += 1
-    return path
+    for number in count(1):
+        suffix = f"-{number}" if number > 1 else ""
+        path = folder / f"{now:%H%M%S}-{name}{suffix}.mcap"
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            path.open("x").close()
+        except FileExistsError as error:
+            if not path.exists():
+                raise unwritable(folder, error) from error
+        except OSError as error:
+            raise unwritable(path, error) from error
+        else:
+            return path
+    raise AssertionError

@@ -14,7 +14,6 @@ The true damping is an assumption of a few N s/m, rising with stiffness.
 
 from __future__ import annotations
 
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -26,6 +25,7 @@ from teleop.paper.table1 import CALIBRATED, table1
 from teleop.paper.trials import paper_trial
 from teleop.settings import TrialSettings
 from teleop.trial import run_trial
+from teleop.workers import workers
 
 K_TOLERANCE = 0.02
 """Error of k, as a share of it, that weighs as much as ..."""
@@ -78,7 +78,7 @@ def calibrate(cube: str) -> tuple[Cube, float]:
 
 def main() -> None:
     """Print the values for `sim_backend/paper_rig.py`, and how near they come."""
-    with ProcessPoolExecutor() as pool:
+    with workers() as pool:
         fits = list(pool.map(calibrate, CUBES))
     for cube, (body, lag) in zip(CUBES, fits, strict=True):
         print(f"{cube}: Cube(k1={body.k1:.4g}, k3={body.k3:.3g}, b={body.b:g}), lag {lag:.3g} s")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import partial
 from io import StringIO
@@ -23,6 +22,7 @@ from teleop.paper.study import RESPONSES, Effect, responses, split_plot
 from teleop.paper.table1 import table1
 from teleop.paper.trials import NO_METHODS, Outcome, SlowTrial, as_rows, lag_and_damping, palpate
 from teleop.web_page import svg
+from teleop.workers import workers
 
 SLOW_FREQUENCIES = (0.1, 1.0)
 """Frequencies [Hz] at which one trial is asked for lag and damping together."""
@@ -118,22 +118,6 @@ def reproduce(
     if seeds > 1:
         study = {name: split_plot(responses(outcomes, name)) for name in RESPONSES}
     return Reproduction(outcomes, slow_trials, check_claims(outcomes[:9]), study)
-
-
-def workers() -> ProcessPoolExecutor:
-    """A process for each processor.
-
-    Raises
-    ------
-    InputError
-        The system grants no semaphores, as where /dev/shm cannot be written.
-    """
-    try:
-        return ProcessPoolExecutor()
-    except (OSError, ImportError) as error:
-        raise InputError(
-            f"trials run in several processes, which need semaphores in shared memory: {error}"
-        ) from error
 
 
 def check_folder(folder: Path, overwrite: bool) -> None:

@@ -57,6 +57,7 @@ class Progress:
     def __init__(self, session: dict[str, Any]) -> None:
         self._shown = session["show"]
         self._duration = session["duration"]
+        self._hint = f"[{session['hint']}]  " if session.get("hint") else ""
         self._names = session["estimators"]
         columns = [name for name, _, _ in session["columns"]]
         self._places = [len(CDR) + 8 * columns.index(f"{name}_b") for name in self._names]
@@ -74,7 +75,8 @@ class Progress:
             b, k = PAIR.unpack_from(message, place)
             told.append(f"  {name} {k:6.0f} {b:+5.0f}")
         estimates = "".join(told[:SHOWN])
-        self._draw(f"{t:4.1f} of {self._duration:g} s  k [N/m], b [N s/m]:{estimates}")
+        progress = f"{self._hint}{t:4.1f} of {self._duration:g} s"
+        self._draw(f"{progress}  k [N/m], b [N s/m]:{estimates}")
 
     def tell(self, text: str) -> None:
         """Write a line that stays."""

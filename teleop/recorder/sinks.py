@@ -103,6 +103,8 @@ class RecorderProcess(Sink):
         Whether a full pipe holds the loop, for virtual time; in real time the tick is dropped.
     overwrite
         Whether the file may exist.
+    hint
+        What stops the run, for the progress line.
     """
 
     def __init__(
@@ -114,6 +116,7 @@ class RecorderProcess(Sink):
         show: bool,
         wait: bool,
         overwrite: bool = False,
+        hint: str = "",
     ) -> None:
         self.path = path
         self._pushed = 0
@@ -139,6 +142,7 @@ class RecorderProcess(Sink):
             "metadata": metadata,
             "duration": duration,
             "show": show,
+            "hint": hint,
             "overwrite": overwrite,
         }
         data = json.dumps(session).encode()
@@ -200,10 +204,19 @@ class RecorderProcess(Sink):
         self._waiting.append(FRAME.pack(EVENT, len(data)) + data)
 
     def close(self) -> Outcome:
-        """Let the recorder finish."""
+        """Let the recorder finish; it is killed if the wait for it is interrupted."""
         assert self.process.stdin
         if self.process.stdin.closed:
             return Outcome(self.path, 0, 0, self._gone)
+        try:
+            return self._finish()
+        except BaseException:
+            self.process.kill()
+            self._release()
+            raise
+
+    def _finish(self) -> Outcome:
+        assert self.process.stdin
         with self._patience():
             with contextlib.suppress(OSError):
                 if hasattr(os, "set_blocking"):

@@ -132,7 +132,7 @@ def test_a_closed_terminal_ends_the_run_in_good_order(tmp_path):
 
 
 def test_a_run_in_the_background_of_a_shell_does_not_read_its_terminal(tmp_path):
-    from teleop.stop_switch import is_foreground
+    from teleop.stop_key import is_foreground
 
     run = subprocess.run(
         [sys.executable, "-m", "teleop", "run", "--duration", "0.2", "--no-record", "--json"],

@@ -1,0 +1,166 @@
+"""The emergency-stop key: Enter or Space in the terminal of a run."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import select
+import signal
+import sys
+import threading
+from importlib.util import find_spec
+from types import FrameType
+from typing import Any, Self
+
+KEYS = b"\r\n "
+"""Enter and Space."""
+NAP = 0.2
+"""Time between two looks at a terminal that cannot be read for now [s]."""
+IN_BACKGROUND = (
+    "\nteleop: in the background: the stop key does not act until the run is in the foreground\n"
+)
+
+
+class StopKey:
+    """Reads the keys of the terminal on standard input in a thread.
+
+    Used as a context manager about a run, in the main thread. Meanwhile the terminal passes on
+    each key at once and does not echo it; Ctrl-C and Ctrl-Z act as ever. The terminal is as before
+    on exit, and while the process is suspended.
+
+    Attributes
+    ----------
+    pressed
+        Whether Enter or Space was pressed.
+    lost
+        Why the key cannot be read any more; empty while it can.
+    missing
+        Why there is no key; empty if there is one.
+    """
+
+    def __init__(self) -> None:
+        self.pressed = False
+        self.lost = ""
+        self.missing = unavailable()
+        self._undo = contextlib.ExitStack()
+        self._descriptor = -1
+        self._before: list[Any] | None = None
+        """The terminal's modes before the run; None while they are in force."""
+
+    def __enter__(self) -> Self:
+        if self.missing:
+            return self
+        import termios
+
+        self._descriptor = sys.stdin.fileno()
+        with contextlib.ExitStack() as undo:
+            handlers: dict[signal.Signals, Any] = {
+                signal.SIGTTIN: signal.SIG_IGN,
+                signal.SIGTTOU: signal.SIG_IGN,
+                signal.SIGTSTP: self._on_suspend,
+                signal.SIGCONT: self._on_continue,
+            }
+            for number, handler in handlers.items():
+                before = signal.getsignal(number)
+                if before is not signal.SIG_IGN:
+                    undo.callback(signal.signal, number, before)
+                    signal.signal(number, handler)
+            undo.callback(self._restore_modes)
+            try:
+                self._take_keys()
+            except termios.error as error:
+                self.missing = str(error.args[-1]).lower()
+                return self
+            ended, end = os.pipe()
+            thread = threading.Thread(target=self._watch, args=(ended,), daemon=True)
+            undo.callback(os.close, ended)
+            undo.callback(thread.join, 1.0)
+            undo.callback(os.close, end)
+            thread.start()
+            self._undo = undo.pop_all()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._undo.close()
+
+    def _take_keys(self) -> None:
+        """Let the terminal pass on each key at once."""
+        import termios
+
+        before = termios.tcgetattr(self._descriptor)
+        modes = [*before[:6], [*before[6]]]
+        modes[3] &= ~(termios.ICANON | termios.ECHO)
+        modes[6][termios.VMIN], modes[6][termios.VTIME] = 1, 0
+        termios.tcsetattr(self._descriptor, termios.TCSANOW, modes)
+        self._before = self._before or before
+
+    def _restore_modes(self) -> None:
+        import termios
+
+        if self._before:
+            with contextlib.suppress(termios.error):
+                termios.tcsetattr(self._descriptor, termios.TCSANOW, self._before)
+        self._before = None
+
+    def _on_suspend(self, number: int, frame: FrameType | None) -> None:
+        """Ctrl-Z: give the terminal back, and stop as without a handler.
+
+        Without a shell that could continue the process, the system does not stop it.
+        """
+        self._restore_modes()
+        signal.signal(signal.SIGTSTP, signal.SIG_DFL)
+        os.kill(os.getpid(), signal.SIGTSTP)
+        signal.signal(signal.SIGTSTP, self._on_suspend)
+        self._on_continue()
+
+    def _on_continue(self, *_: object) -> None:
+        """Take the keys again, if the terminal is this process's again."""
+        if is_foreground():
+            self._take_keys()
+        else:
+            with contextlib.suppress(OSError):
+                os.write(2, IN_BACKGROUND.encode())
+
+    def _watch(self, ended: int) -> None:
+        """Read keys until the end of the run.
+
+        Ctrl-D is a key like any other. A terminal that gives nothing, or an error, is lost unless
+        it still is a terminal: then the process is in the background, or the modes were changed
+        from outside.
+        """
+        while not self.lost:
+            try:
+                if ended in select.select([self._descriptor, ended], [], [])[0]:
+                    return
+                keys = os.read(self._descriptor, 1024)
+            except (OSError, ValueError):
+                keys = b""
+            if any(key in KEYS for key in keys):
+                self.pressed = True
+            elif not keys:
+                if not os.isatty(self._descriptor):
+                    self.lost = "the terminal of the stop key was lost"
+                elif select.select([ended], [], [], NAP)[0]:
+                    return
+
+
+def unavailable() -> str:
+    """Why there is no key; empty if there is one."""
+    if find_spec("termios") is None:
+        return "not available on this system"
+    if not is_foreground():
+        return "standard input is no terminal of this process"
+    if threading.current_thread() is not threading.main_thread():
+        return "not the main thread"
+    return ""
+
+
+def is_foreground() -> bool:
+    """Whether standard input is a terminal from which this process may read."""
+    try:
+        descriptor = sys.stdin.fileno()
+        if not os.isatty(descriptor):
+            return False
+        return not hasattr(os, "tcgetpgrp") or os.tcgetpgrp(descriptor) == os.getpgrp()
+    except (OSError, ValueError, AttributeError):
+        return False
