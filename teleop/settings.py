@@ -119,15 +119,15 @@ class TrialSettings:
                 f"duration {self.duration:g} s: expected at least one tick, {1.0 / self.rate:g} s, "
                 f"and at most {LONGEST:g} s"
             )
-        try:
-            self.raw_limits.shifted(self.tare.zeros)
-        except ValueError as error:
-            raise InputError(f"tare: {error}") from error
         if self.signal.highest > 0.05 * self.rate:
             raise InputError(
                 f"frequency {self.signal.highest:g} Hz in the excitation: expected at most a "
                 f"twentieth of the rate, {0.05 * self.rate:g} Hz"
             )
+        try:
+            self.raw_limits.shifted(self.tare.zeros)
+        except ValueError as error:
+            raise InputError(f"tare: {error}") from error
 
     @property
     def setup(self) -> Setup:

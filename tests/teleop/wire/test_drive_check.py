@@ -6,8 +6,10 @@ Travel and force are those of the simulated plant, not what the rig under test r
 from __future__ import annotations
 
 import contextlib
+import itertools
 import json
 import math
+import signal
 from collections.abc import Callable
 from typing import Any
 
@@ -252,3 +254,20 @@ def test_the_drives_stay_idle_while_a_channel_has_a_problem(command, stepped, ca
     assert command(made) == 2
     assert "contact_force: " in capsys.readouterr().err
     assert not math.isfinite(emulators[0]._started)
+
+
+def test_ctrl_c_during_the_check_ends_it_with_130(command, stepped, capsys):
+    def prepare(emulator: Emulator) -> None:
+        step, driven = emulator.step, itertools.count()
+
+        def interrupt(wires: Any = None) -> None:
+            if emulator.bench.driven and next(driven) == 400:
+                signal.raise_signal(signal.SIGINT)
+            step(wires)
+
+        emulator.step = interrupt
+
+    assert command(stepped("serial-board", prepare=prepare), "--json") == 130
+    out, err = capsys.readouterr()
+    assert err == ""
+    assert all(drive["commanded_m"] is None for drive in json.loads(out)["drives"])
