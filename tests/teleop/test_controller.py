@@ -25,7 +25,7 @@ from teleop.settings import TrialSettings
 from teleop.tare import NO_TARE, Tare
 
 PERIOD = 1e-3
-FAILED = Request(trip=Trip(Fault.EMERGENCY_STOP, "key", math.nan, math.nan, math.nan))
+FAILED = Request(trips=(Trip(Fault.EMERGENCY_STOP, "key", math.nan, math.nan, math.nan),))
 WIDE = Limits(
     max_velocity=10.0,
     max_acceleration=1e6,

@@ -210,7 +210,7 @@ def test_on_a_system_without_terminals_there_is_no_key_and_the_instructions_say_
     switch = StopSwitch(key=True)
     assert "no stop key: not available on this system" in switch.instructions
     with switch, switch.attended():
-        assert switch.request(True, 0).arm
+        assert switch.request(True).arm
 
 
 def test_without_a_terminal_there_is_no_key_and_the_run_goes_on(tmp_path):
