@@ -22,7 +22,7 @@ from teleop.commands.rig import rig
 from teleop.commands.run import run
 from teleop.errors import InputError, SafetyStop
 from teleop.interruption import Interruption
-from teleop.printable import complain
+from teleop.printable import complain, give_up_output
 from teleop.realtime import clear_of_claimed_processors
 
 
@@ -47,8 +47,15 @@ for command in (run, estimate, report, export, recover, lag, reproduce):
 app.command(rig)
 
 
+NARROWEST = 20
+"""Fewest columns for which help is laid out; its tables have no room in fewer."""
+
+
 def prepare_streams() -> None:
-    """Make closed streams harmless, and let a terminal's narrow encoding stop no output."""
+    """Make closed streams harmless, and let no narrow encoding or width stop an output."""
+    columns = os.environ.get("COLUMNS", "")
+    if columns.isdecimal() and int(columns[:9]) < NARROWEST:
+        del os.environ["COLUMNS"]  # 0 is what a terminal of unknown size may set
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:
             setattr(sys, name, Path(os.devnull).open("w"))  # noqa: SIM115
@@ -85,14 +92,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         for line in str(error).splitlines() or [type(error).__name__]:
             complain(line)
         return 2
-    except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except BrokenPipeError as error:
+        give_up_output(error)
         return 1
     except OSError as error:
         if error.errno not in (errno.ENOSPC, errno.EIO) or error.filename:
             raise
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         with contextlib.suppress(OSError):
-            complain(f"standard output: {os.strerror(error.errno).lower()}")
+            complain(give_up_output(error))
         return 2
     return code or 0

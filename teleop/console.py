@@ -38,6 +38,10 @@ class PlainConsole(Console):
         """The text with its control characters shown."""
         return super().render_str(printable(text), **options)
 
+    def on_broken_pipe(self) -> None:
+        """Raise the BrokenPipeError: rich would exit, whatever remains to be reported."""
+        raise
+
 
 def plain_console(stream: TextIO | None = None) -> Console:
     """A console that takes text as it is: no markup, no highlighting, nothing cut off.

@@ -28,7 +28,7 @@ from teleop.choices import make_conditioner
 from teleop.comparison import compare
 from teleop.comparison import cost as sample_cost
 from teleop.errors import InputError
-from teleop.gaps import condition
+from teleop.gaps import closed_up, condition
 from teleop.motion import Datum, find_datum, moving_part, smallest_step
 from teleop.names import ConditioningName, PresetName
 from teleop.recorder.schema import answers, estimate_columns
@@ -187,7 +187,7 @@ def evaluate(signals: Signals, settings: EstimateSettings) -> Evaluation:
     motion = slice(None) if settings.whole else moving_part(signals.x)
     if len(signals.dt[motion]) < FEWEST:
         raise InputError(f"only {len(signals.dt[motion])} samples move: expected at least {FEWEST}")
-    frequency = dominant_frequency(signals.x[motion], signals.dt[motion])
+    frequency = dominant_frequency(signals.x[motion], closed_up(signals.dt, signals.gaps)[motion])
     bandwidth = settings.bandwidth
     if bandwidth is None:
         bandwidth = 10.0 * frequency if settings.preset == "scaled" else PAPER_BANDWIDTH

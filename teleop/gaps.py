@@ -23,8 +23,8 @@ LISTED = 4
 class Gap(NamedTuple):
     """A stretch of time without ticks in a recording of ticks."""
 
-    start: float
-    """Time of the last tick before it [s]."""
+    start: float | None
+    """Time of the last tick before it [s]; None where the recording begins with it."""
     end: float | None
     """Time of the first tick after it [s]; None where the recording ends with it."""
     ticks: int
@@ -33,6 +33,8 @@ class Gap(NamedTuple):
     @property
     def text(self) -> str:
         """Where it is."""
+        if self.start is None:
+            return f"{self.ticks} before {self.end:.3f} s"
         if self.end is None:
             return f"{self.ticks} after {self.start:.3f} s"
         return f"{self.ticks} from {self.start:.3f} to {self.end:.3f} s"
@@ -60,6 +62,8 @@ def missing_ticks(t: Floats, dt: Floats, dropped: Floats, in_all: int = 0) -> tu
     after = 1 + np.flatnonzero(np.diff(t) - dt[1:] > SAME_TIME)
     lost = np.nan_to_num(np.diff(dropped, prepend=dropped[0]))
     gaps = [Gap(float(t[i - 1]), float(t[i]), int(lost[i])) for i in after]
+    if in_all and (first := int(np.nan_to_num(dropped[0]))) > 0:
+        gaps.insert(0, Gap(None, float(t[0]), first))
     if (rest := in_all - int(np.nan_to_num(dropped[-1]))) > 0:
         gaps.append(Gap(float(t[-1]), None, rest))
     return tuple(gaps)
@@ -83,6 +87,21 @@ def gap_rows(gaps: Sequence[Gap]) -> list[dict[str, Any]]:
 def long_periods(dt: Floats) -> NDArray[np.intp]:
     """The samples before which there is a gap, going by the median period."""
     return np.flatnonzero(dt > LONG * np.median(dt))
+
+
+def closed_up(dt: Floats, gaps: Sequence[int]) -> Floats:
+    """Sample periods with the median period in place of each gap.
+
+    Parameters
+    ----------
+    dt
+        Time since the sample before [s], shape (n,).
+    gaps
+        Numbers of the samples before which samples are missing.
+    """
+    periods = dt.copy()
+    periods[list(gaps)] = np.median(dt)
+    return periods
 
 
 def condition(

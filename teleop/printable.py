@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import sys
 
@@ -28,3 +29,9 @@ def one_line(text: str) -> str:
 def complain(text: str) -> None:
     """Print one line on standard error."""
     print("teleop:", one_line(text), file=sys.stderr)
+
+
+def give_up_output(error: OSError) -> str:
+    """Write nothing more to standard output, which failed; returns the line that reports it."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return f"standard output: {(error.strerror or str(error)).lower()}"

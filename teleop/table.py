@@ -42,6 +42,9 @@ NAMES = {
 }
 """Names by which a quantity's column is found, in any case."""
 
+MICRO, GREEK_MU = "\u00b5", "\u03bc"
+"""The sign of micro and the letter that looks like it: Unicode has both, and prefers the letter."""
+
 LARGEST = 1e12
 """Largest time, position and force in SI units that is taken for a measurement."""
 LONGEST_LINE = 1 << 18
@@ -80,7 +83,7 @@ class Column(NamedTuple):
 
 def split_header(cell: str) -> tuple[str, str | None]:
     """Name and unit of a header cell such as `Force [gf]` or `Force (gf)`."""
-    cell = cell.strip()
+    cell = cell.strip().replace(GREEK_MU, MICRO)
     start = max(cell.rfind("["), cell.rfind("("))
     if start < 0 or not cell.endswith(("]", ")")):
         return cell, None
@@ -97,7 +100,7 @@ def find_column(where: str, header: list[str], quantity: str, wanted: str | None
     else:
         name, equals, given = wanted.rpartition("=")
         if wanted not in header and equals:
-            wanted, unit = name, given
+            wanted, unit = name, given.replace(GREEK_MU, MICRO)
         name, named_unit = split_header(wanted)
         unit = unit or named_unit
         names = [name]
@@ -244,7 +247,7 @@ NUMBER = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\d\s.]+)"
 
 def quantity(text: str, kind: str) -> float | None:
     """A number with a unit of this kind, such as 1.5mm, in SI units; None if it is none."""
-    match = NUMBER.fullmatch(text.strip())
+    match = NUMBER.fullmatch(text.strip().replace(GREEK_MU, MICRO))
     if not match or match[2] not in UNITS[kind]:
         return None
     value = float(match[1]) * UNITS[kind][match[2]]

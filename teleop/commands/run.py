@@ -122,7 +122,7 @@ def run(
     from teleop.choices import choose_estimators, choose_model, make_coupling, make_signal
     from teleop.errors import InputError, SafetyStop
     from teleop.files import check_outputs, make_folder
-    from teleop.printable import complain
+    from teleop.printable import complain, give_up_output
     from teleop.rig_file import load_rig_file
     from teleop.settings import TrialSettings
     from teleop.stop_switch import StopSwitch
@@ -183,10 +183,15 @@ def run(
                 problems.append(str(error))
         elif plot:
             complain(f"{plot}: not drawn: nothing was estimated")
-        if json:
-            console.print_json(trial.summary())
-        else:
-            console.print_trial(trial.summary())
+        try:
+            if json:
+                console.print_json(trial.summary())
+            else:
+                console.print_trial(trial.summary())
+        except OSError as error:
+            if not (trial.fault or problems):
+                raise
+            problems.append(give_up_output(error))
     if trial.fault:
         for problem in problems:
             complain(problem)
@@ -217,8 +222,8 @@ def read_depth(text: str | None) -> float | None:
     from teleop.errors import InputError
     from teleop.table import quantity
 
-    depth = quantity(text, "position") if text else None
-    if text and depth is None:
+    depth = None if text is None else quantity(text, "position")
+    if text is not None and depth is None:
         raise InputError(f"depth {text!r}: expected a length with its unit, such as 5mm")
     return depth
 

@@ -332,6 +332,33 @@ def test_a_full_disk_behind_standard_output_is_told():
     assert done.stderr == "teleop: standard output: no space left on device\n"
 
 
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+@pytest.mark.parametrize("json", ["", "--json"])
+@pytest.mark.parametrize(
+    ("output", "reason"), [("> /dev/full", "no space left on device"), ("| true", "broken pipe")]
+)
+def test_a_safety_stop_is_reported_also_without_standard_output(output, reason, json):
+    # the limits of so shallow a palpation lie below the noise of the force sensor
+    run = f"{sys.executable} -m teleop run --clock virtual --depth 1e-3um --no-record {json}"
+    command = f"{{ {run}; echo $? >&2; }} {output}"
+    done = subprocess.run(["sh", "-c", command], capture_output=True, text=True)
+    lost, stopped, code = done.stderr.splitlines()
+    assert lost == f"teleop: standard output: {reason}"
+    assert stopped.startswith("teleop: stopped before the drives were armed: force limit: ")
+    assert code == "3"
+
+
+@pytest.mark.parametrize("columns", ["0", "1", "10", "79", "x", "-5"])
+def test_help_is_printed_whatever_the_width(columns, capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", columns)
+    assert main(["run", "--help"]) == 0
+    assert "--duration" in capsys.readouterr().out
+
+
+def test_an_empty_depth_is_refused(refused):
+    assert "expected a length with its unit" in refused("run", "--clock", "virtual", "--depth", "")
+
+
 def test_a_request_to_end_stops_a_run_like_ctrl_c():
     terminal = Terminal("run", "--duration", "600", "--no-record", "--json")
     while not re.search(rb"0\.[1-9] of 600 s", terminal.text):

@@ -31,14 +31,15 @@ def ticks_without(lost, count=200, skipped=()):
     return t[kept], dt[kept], np.cumsum(~kept)[kept].astype(float), t, kept
 
 
-@given(lost=st.sets(st.integers(1, 199)), skipped=st.sets(st.integers(1, 199)))
+@given(lost=st.sets(st.integers(0, 199), max_size=199), skipped=st.sets(st.integers(1, 199)))
 def test_every_missing_tick_is_in_one_gap_between_recorded_ticks(lost, skipped):
     t, dt, dropped, whole, kept = ticks_without(lost, skipped=skipped)
     gaps = missing_ticks(t, dt, dropped, len(lost))
     assert sum(gap.ticks for gap in gaps) == len(lost)
     inside = np.zeros(len(whole), dtype=bool)
     for gap in gaps:
-        inside |= (whole > gap.start) & (whole < (np.inf if gap.end is None else gap.end))
+        start = -np.inf if gap.start is None else gap.start
+        inside |= (whole > start) & (whole < (np.inf if gap.end is None else gap.end))
     np.testing.assert_array_equal(inside, ~kept)
     assert bool(missing_text(gaps)) == bool(lost)
 
@@ -114,6 +115,19 @@ def test_a_gap_does_not_shift_the_estimates_after_it(end):
     evaluation = evaluate(linear((3.1, end)), EstimateSettings(preset="paper", whole=True))
     later = evaluation.t > end + 0.3
     np.testing.assert_allclose(evaluation.estimates["rls"].k[later], 2000.0, atol=15.0)
+
+
+@pytest.mark.parametrize("conditioning", CONDITIONING)
+def test_a_gap_of_any_length_does_not_change_the_settings_that_follow_the_data(conditioning):
+    signals, settings = linear(), EstimateSettings(conditioning=conditioning, resolution=1e-6)
+    t = signals.t + 3600.0 * (signals.t > 4.0)
+    long = signals._replace(t=t, dt=periods(t))
+    short, long = evaluate(signals, settings), evaluate(long, settings)
+    assert long.bandwidth == pytest.approx(10.0, rel=0.15)
+    assert long.bandwidth == pytest.approx(short.bandwidth)
+    assert len(long.t) == len(short.t)
+    np.testing.assert_allclose(long.estimates["rls"].k[-1], 2000.0, atol=15.0)
+    np.testing.assert_allclose(long.estimates["rls"].b[-1], 20.0, atol=2.0)
 
 
 def test_signals_without_a_gap_are_conditioned_as_one():
@@ -206,7 +220,7 @@ def test_a_command_names_the_missing_ticks_and_does_not_advise_to_recover(slow, 
     out, _ = capsys.readouterr()
     assert "nothing to recover" in out
     assert text in out
-    for command in (["export", str(path)], ["export", str(path), "--json"]):
+    for command in (["export", str(path)], ["export", str(path), "--json", "--overwrite"]):
         assert main(command) == 0
         out, err = capsys.readouterr()
         assert text in err or len(json.loads(out)["missing_ticks"]) == 2
@@ -231,6 +245,18 @@ def test_ticks_that_were_dropped_last_are_reported(slow, tmp_path):
     assert gap.end is None
     assert gap.ticks == trial.outcome.dropped
     assert "after" in trial.incomplete
+
+
+def test_ticks_that_were_dropped_first_are_reported(slow, tmp_path, capsys):
+    slow(*range(20))
+    path = tmp_path / "a.mcap"
+    run_trial(SETTINGS, path)
+    recording = load(path)
+    assert recording.gaps == ((None, recording["time"][0], 20),)
+    assert main(["estimate", str(path)]) == 0
+    assert f"20 ticks are missing from the recording: 20 before {recording['time'][0]:.3f} s" in (
+        capsys.readouterr().out
+    )
 
 
 def test_the_estimates_of_a_run_with_missing_ticks_are_not_claimed_to_be_reproduced(slow, tmp_path):

@@ -5,7 +5,7 @@ import pytest
 
 from teleop.errors import InputError
 from teleop.files import new_file
-from teleop.table import read_signals, write_table
+from teleop.table import quantity, read_signals, write_table
 
 GOOD = "Time [s],Position [mm],Force [gf]\n0.0,1.0,100\n0.01,1.5,150\n0.03,2.0,200\n"
 
@@ -30,7 +30,7 @@ def test_reads_in_si_units_and_keeps_the_jitter(write):
 
 @pytest.mark.parametrize(
     ("unit", "size"),
-    [("m", 1.0), ("mm", 1e-3), ("um", 1e-6), ("µm", 1e-6)],
+    [("m", 1.0), ("mm", 1e-3), ("um", 1e-6), ("\u00b5m", 1e-6), ("\u03bcm", 1e-6)],
 )
 def test_knows_units_of_position(write, unit, size):
     recording = read_signals(write(GOOD.replace("mm", unit)))
@@ -150,6 +150,14 @@ def test_an_unknown_column_names_those_there_are(write):
         read_signals(write(GOOD), force="Load")
     with pytest.raises(InputError, match="unknown unit 'stone'"):
         read_signals(write(GOOD.replace(" [gf]", "")), force="Force=stone")
+
+
+@pytest.mark.parametrize("mu", ["\u00b5", "\u03bc"])
+def test_both_characters_for_micro_are_one_unit(write, mu):
+    path = write(GOOD.replace("[mm]", "").replace("Time [s]", "Time [\u00b5s]"))
+    signals = read_signals(path, position=f"Position={mu}m", time=f"Time [{mu}s]")
+    np.testing.assert_allclose(signals.x, [1e-6, 1.5e-6, 2e-6])
+    assert quantity(f"2{mu}m", "position") == pytest.approx(2e-6)
 
 
 def test_a_unit_that_contradicts_the_header_is_told(write):
