@@ -105,6 +105,8 @@ class RecorderProcess(Sink):
         Whether the file may exist.
     hint
         What stops the run, for the progress line.
+    instructions
+        How to stop the run, for a line at the start.
     """
 
     def __init__(
@@ -117,6 +119,7 @@ class RecorderProcess(Sink):
         wait: bool,
         overwrite: bool = False,
         hint: str = "",
+        instructions: str = "",
     ) -> None:
         self.path = path
         self._pushed = 0
@@ -143,6 +146,7 @@ class RecorderProcess(Sink):
             "duration": duration,
             "show": show,
             "hint": hint,
+            "instructions": instructions,
             "overwrite": overwrite,
         }
         data = json.dumps(session).encode()

@@ -3,6 +3,7 @@ from __future__ import annotations
 import csv
 import json
 import math
+import subprocess
 import sys
 
 import numpy as np
@@ -187,34 +188,35 @@ def test_a_folder_that_is_not_there_is_told(refused, trial, tmp_path, ending):
     assert "cannot be written" in refused("export", trial, "--out", out)
 
 
-@pytest.fixture
-def full_disk():
-    """No file can grow beyond 3000 bytes."""
+def export_on_a_full_disk(*arguments):
+    """Export in a process in which no file can grow beyond 3000 bytes."""
     resource = pytest.importorskip("resource")
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (3000, before[1]))
-    yield
-    resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    done = subprocess.run(
+        [sys.executable, "-m", "teleop", "export", *arguments],
+        capture_output=True,
+        text=True,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (3000, 3000)),
+    )
+    assert done.returncode == 2, done.stderr
+    assert done.stdout == ""
+    return done.stderr
 
 
 @pytest.mark.parametrize("ending", ENDINGS)
-def test_a_full_disk_is_told_in_one_line_and_leaves_nothing(
-    refused, trial, tmp_path, ending, full_disk
-):
+def test_a_full_disk_is_told_in_one_line_and_leaves_nothing(trial, tmp_path, ending):
     need(ending)
-    out = tmp_path / f"full.{ending}"
-    assert "cannot be written: file too large" in refused("export", trial, "--out", out)
+    error = export_on_a_full_disk(trial, "--out", tmp_path / f"full.{ending}")
+    assert "cannot be written: file too large" in error
+    assert error.count("\n") == 1
     assert [*tmp_path.iterdir()] == []
 
 
 @pytest.mark.parametrize("ending", ENDINGS)
-def test_a_failed_export_keeps_the_file_that_it_was_to_overwrite(
-    refused, trial, tmp_path, ending, full_disk
-):
+def test_a_failed_export_keeps_the_file_that_it_was_to_overwrite(trial, tmp_path, ending):
     need(ending)
     out = tmp_path / f"full.{ending}"
     out.write_text("precious")
-    refused("export", trial, "--out", out, "--overwrite")
+    export_on_a_full_disk(trial, "--out", out, "--overwrite")
     assert out.read_text() == "precious"
     assert [*tmp_path.iterdir()] == [out]
 
