@@ -5,7 +5,6 @@ Travel and force are those of the simulated plant, not what the rig under test r
 
 from __future__ import annotations
 
-import contextlib
 import itertools
 import json
 import math
@@ -21,6 +20,7 @@ from teleop.cli import main
 from teleop.clock import VirtualClock
 from teleop.drive_check import STROKES, check_drives
 from teleop.errors import InputError
+from teleop.realtime import RealTime
 from teleop.safety import Fault
 from teleop.safety.rig_limits import rig_limits
 
@@ -220,7 +220,7 @@ def command(monkeypatch):
     def run(settings: Any, *options: str) -> int:
         monkeypatch.setattr("teleop.clock.RealClock", VirtualClock)
         monkeypatch.setattr("drivers.wired_rig.WiredRig", lambda file, now: settings.make_rig(now))
-        monkeypatch.setattr("teleop.realtime.realtime", contextlib.nullcontext)
+        monkeypatch.setattr("teleop.realtime.realtime", lambda mode: RealTime("off", ()))
         monkeypatch.setattr("teleop.rig_check.round_trips", lambda rig, clock: [])
         path = str(settings.file.path)
         return main(["rig", "check", path, "--seconds", "0.2", "--move", *options])
