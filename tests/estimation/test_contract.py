@@ -24,6 +24,7 @@ from estimation.compiled import (
     compiled_sweep,
     interpreted_sweep,
 )
+from estimation.records import numbers
 
 PRESET = paper_preset("medium")
 VARIANTS = {
@@ -74,7 +75,7 @@ def test_compiled_and_interpreted_give_the_same_numbers_to_the_bit(make, palpati
     answers = compiled_sweep(fast.law, fast.state, samples)
     expected = interpreted_sweep(slow.law, slow.state, samples)
     assert np.array_equal(answers, expected, equal_nan=True)
-    assert np.array_equal(fast.state, slow.state, equal_nan=True)
+    assert repr(fast.state) == repr(slow.state)
 
 
 @pytest.mark.usefixtures("compiled_estimators")
@@ -97,7 +98,7 @@ def test_is_finite_whatever_the_signals(seed, size, name):
     estimator = ESTIMATORS[name]()
     estimates = estimator.run(x, v, f, rng.uniform(1e-5, 0.1, 300))
     assert np.isfinite(estimates[:2]).all()
-    assert not np.isinf(estimator.state).any()
+    assert not np.isinf(numbers(estimator.state)).any()
 
 
 @settings(max_examples=80, deadline=None)
@@ -120,7 +121,7 @@ def test_recovers_from_a_gap_in_the_data(seed, gap, name, at):
     estimator = ESTIMATORS[name]()
     estimates = estimator.run(x, v, f, dt)
     assert np.isfinite(estimates[:2]).all()
-    assert not np.isinf(estimator.state).any()
+    assert not np.isinf(numbers(estimator.state)).any()
     assert estimates.k[-1] == pytest.approx(5000.0, rel=0.05)
 
 
