@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from estimation.own_copies import called_functions, own_copy
 from estimation.records import to_record, update_from
 from estimation.step import Below, State, Step
 
@@ -61,14 +62,16 @@ def sweep(law: Law, state: State, samples: Samples) -> Floats:
 
 def interpreted_sweep(law: Law, state: State, samples: Samples) -> Floats:
     """`sweep` by the interpreter."""
-    step, parameters = law
+    step, parameters = interpreted(law.step), law.parameters
     columns = (column.tolist() for column in samples)
-    answers = []
+    answers: list[float] = []
     for phi, f, dt, taken in zip(*columns, strict=True):
         state.held = not taken
         if taken:
             step(parameters, state, phi, f, dt)
-        answers.append((*state.theta, *state.std, state.held))
+        answers += state.theta
+        answers += state.std
+        answers.append(state.held)
     return np.array(answers, dtype=np.float64).reshape(-1, 2 * len(state.theta) + 1)
 
 
@@ -88,6 +91,10 @@ def compiled_sweep(law: Law, state: State, samples: Samples) -> Floats:
     return answers
 
 
+interpreted = cache(own_copy)
+"""A step for the interpreter."""
+
+
 @cache
 def compiled(step: Step, regressors: int) -> Callable[..., None]:
     """The loop over a step as machine code: (parameters, state, *samples, answers)."""
@@ -102,7 +109,7 @@ def compiled(step: Step, regressors: int) -> Callable[..., None]:
     source = "".join(inspect.getsource(sys.modules[module]) for module in sorted(modules))
     digest = hashlib.sha256((source + package_source()).encode()).hexdigest()[:16]
     known = {
-        "_step": machine_code(step),
+        "_step": own_copy(step, numba.njit(error_model="numpy")),
         "_regressors": regressors,
         "_to_fixed_tuple": to_fixed_tuple,
     }
@@ -110,34 +117,6 @@ def compiled(step: Step, regressors: int) -> Callable[..., None]:
     loop.__module__ = __name__
     loop.__qualname__ = f"{step.__module__}.{step.__name__}.{regressors}.{digest}"
     return numba.njit(cache=True, error_model="numpy")(loop)
-
-
-def machine_code(function: Callable[..., Any], done: dict[Any, Any] | None = None) -> Any:
-    """A function for compiled code, and the functions that it calls with it.
-
-    Each step has copies of its own: numba may take a record for another that it begins with.
-    """
-    import numba
-
-    done = {} if done is None else done
-    if function not in done:
-        called = {name: machine_code(value, done) for name, value in calls(function).items()}
-        known = {**function.__globals__, **called}
-        copy = FunctionType(function.__code__, known, function.__name__)
-        done[function] = numba.njit(copy, error_model="numpy")
-    return done[function]
-
-
-def calls(function: Callable[..., Any]) -> dict[str, FunctionType]:
-    """The functions of modules that a function calls, by the names that it has for them."""
-    known = function.__globals__
-    found = {name: known.get(name) for name in function.__code__.co_names}
-    return {name: value for name, value in found.items() if isinstance(value, FunctionType)}
-
-
-def called_functions(function: Callable[..., Any]) -> set[Callable[..., Any]]:
-    """A function and all that it calls, directly or not."""
-    return {function}.union(*(called_functions(value) for value in calls(function).values()))
 
 
 @cache

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from estimation.checks import check_sample, checked_samples
-from estimation.compiled import Floats, Law, Samples, sweep
+from estimation.compiled import Floats, Law, Samples, interpreted, sweep
 from estimation.model import KELVIN_VOIGT, UNITS, Model
-from estimation.step import Regressors, State
+from estimation.step import B, K, Regressors, State, Step
 
 UNKNOWN = 1e12
 """A standard deviation from here on says that nothing has been learned."""
@@ -105,6 +105,13 @@ class Estimator(ABC):
     def step(parameters: Any, state: Any, phi: Regressors, f: float, dt: float) -> None:
         """Take in one sample: update the state in place."""
 
+    _step: ClassVar[Step]
+
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        if "step" in vars(cls):
+            cls._step = staticmethod(interpreted(cls.step))
+
     def __init__(
         self,
         parameters: Any,
@@ -126,9 +133,9 @@ class Estimator(ABC):
     def estimate(self) -> Estimate:
         """The present estimate."""
         state = self.state
-        b, k, *values = state.theta
-        b_std, k_std, *stds = state.std
-        return Estimate(b, k, b_std, k_std, state.held, (*values, *stds))
+        theta, std = state.theta, state.std
+        further = (*theta[2:], *std[2:]) if len(theta) > 2 else ()
+        return Estimate(theta[B], theta[K], std[B], std[K], state.held, further)
 
     @property
     def values(self) -> dict[str, tuple[float, float]]:
@@ -177,7 +184,7 @@ class Estimator(ABC):
             phi = [*phi, 1.0]
         state = self.state
         state.held = False
-        self.step(self.parameters, state, phi, f, dt)
+        type(self)._step(self.parameters, state, phi, f, dt)
         return self.estimate
 
     def hold(self) -> Estimate:

@@ -75,14 +75,16 @@ def slide(
     for i in below[m + 1]:
         new = z[i]
         old = kept * oldest[i]
+        row, fresh_row = sums[i], fresh[i]
         for j in below[i + 1]:
             product = new * z[j]
-            sums[i][j] += product - old * oldest[j]
-            fresh[i][j] += product
-    for i in below[m]:
-        peak[i] = max(peak[i], sums[i][i])
+            row[j] += product - old * oldest[j]
+            fresh_row[j] += product
     for i in below[m + 1]:
         oldest[i] = z[i]
+    for i in below[m]:
+        if sums[i][i] > peak[i]:
+            peak[i] = sums[i][i]
     state.count = min(state.count + 1, parameters.samples)
     state.place += 1
     if state.place >= parameters.samples:
@@ -120,23 +122,21 @@ def factorise(state: WindowState) -> bool:
     """
     sums, L, peak = state.sums, state.L, state.peak
     m = len(peak)
-    regular = True
-    for j in below[m + 1]:
-        for later in below[m + 1 - j]:
-            i = j + later
-            total = sums[i][j]
+    for i in below[m + 1]:
+        row, sums_row = L[i], sums[i]
+        for j in below[i]:
+            total = sums_row[j]
             for n in below[j]:
-                total -= L[i][n] * L[n][j]
-            L[i][j] = total
-        if j < m:
-            pivot = L[j][j]
-            regular = regular and pivot > SINGULAR * peak[j] + NOTHING
-            if regular:
-                for later in below[m - j]:
-                    i = j + 1 + later
-                    L[j][i] = L[i][j]
-                    L[i][j] /= pivot
-    return regular
+                total -= row[n] * L[n][j]
+            L[j][i] = total
+            row[j] = total / L[j][j]
+        total = sums_row[i]
+        for n in below[i]:
+            total -= row[n] * L[n][i]
+        row[i] = total
+        if i < m and not total > SINGULAR * peak[i] + NOTHING:
+            return False
+    return True
 
 
 def solve(parameters: WindowParameters, state: WindowState) -> None:

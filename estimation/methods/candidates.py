@@ -17,10 +17,14 @@ class GridAxis:
     """The first value."""
     spacing: float
     """Distance between neighbours."""
-    last: float
+    last: int
     """Index of the last value."""
     zero: float
     """Index of the value nearest zero."""
+    span: float
+    """From the first value to the last."""
+    per_square: float
+    """1 / last^2."""
 
 
 @dataclass(slots=True)
@@ -29,8 +33,10 @@ class MovingAxis:
 
     first: float
     spacing: float
-    last: float
+    last: int
     zero: float
+    span: float
+    per_square: float
     middle: float
     """The middle value, in units of the spacing."""
     settled: float
@@ -45,27 +51,25 @@ def least_candidate(
     The tie-breaking term is a `share` of the signal that the grid spans.
     """
     vv, vx, xx = state.vv, state.vx, state.xx
-    b_first, b_step, b_last = b.first, b.spacing, b.last
-    k_first, k_step, k_last = k.first, k.spacing, k.last
-    b_curvature = b_step * b_step * vv
-    k_curvature = k_step * k_step * xx
-    tie = (
-        share * (state.ff + b_curvature * b_last * b_last + k_curvature * k_last * k_last) + 1e-100
-    )
-    b_tie = tie / (b_last * b_last)
-    k_tie = tie / (k_last * k_last)
+    b_first, b_step = b.first, b.spacing
+    k_first, k_step = k.first, k.spacing
+    spanned = state.ff + b.span * b.span * vv + k.span * k.span * xx
+    tie = share * spanned + 1e-100
+    b_tie, k_tie = tie * b.per_square, tie * k.per_square
     i, j = least_in_box(
-        b_curvature + b_tie,
+        b_step * b_step * vv + b_tie,
         b_step * k_step * vx,
-        k_curvature + k_tie,
+        k_step * k_step * xx + k_tie,
         b_step * (b_first * vv + k_first * vx - state.fv) - b_tie * b.zero,
         k_step * (b_first * vx + k_first * xx - state.fx) - k_tie * k.zero,
-        int(b_last),
-        int(k_last),
+        b.last,
+        k.last,
     )
     return b_first + i * b_step, k_first + j * k_step
 
 
 def grid_axis(axis: Axis) -> GridAxis:
-    """An axis as `step` needs it."""
-    return GridAxis(axis.first, axis.spacing, float(axis.count - 1), float(axis.nearest_zero))
+    """An axis as a step needs it."""
+    last = axis.count - 1
+    zero = float(axis.nearest_zero)
+    return GridAxis(axis.first, axis.spacing, last, zero, axis.spacing * last, 1.0 / (last * last))

@@ -13,7 +13,8 @@ from estimation.methods.monitoring import (
     NO_SUMS,
     MonitoringState,
     decay_and_add,
-    deviations,
+    deviation,
+    least_point,
     monitoring_signal,
 )
 from estimation.methods.multi_estimator import FASTEST
@@ -65,7 +66,9 @@ def step(
     decay_and_add(parameters.twice_lambda, state, v, x, f, dt)
     b, k = least_candidate(state, state.b, state.k, TIE)
     state.theta[B], state.theta[K] = b, k
-    state.std[B], state.std[K] = deviations(parameters.correlation, state, UNKNOWN, UNKNOWN, dt)
+    least = least_point(parameters.correlation, state, dt)
+    state.std[B] = deviation(least.b_variance, least.b - b, UNKNOWN)
+    state.std[K] = deviation(least.k_variance, least.k - k, UNKNOWN)
     noise = parameters.correlation * monitoring_signal(state, b, k) / state.weights
     tie = 100.0 * TIE * state.ff
     follow(parameters, state.b, b, parameters.finest_b, state.vv, noise * state.q_vv, tie, dt)
@@ -108,14 +111,15 @@ def place(axis: MovingAxis, half: float, middle: float, spacing: float) -> None:
     axis.middle = middle
     axis.spacing = spacing
     axis.first = (middle - half) * spacing
-    axis.last = 2.0 * half
-    axis.zero = min(max(half - middle, 0.0), axis.last)
+    axis.zero = min(max(half - middle, 0.0), 2.0 * half)
+    axis.span = 2.0 * half * spacing
     axis.settled = 0.0
 
 
-def moving_axis(half: float, spacing: float) -> MovingAxis:
+def moving_axis(half: int, spacing: float) -> MovingAxis:
     """The first axis, about zero."""
-    axis = MovingAxis(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    last = 2 * half
+    axis = MovingAxis(0.0, 0.0, last, 0.0, 0.0, 1.0 / (last * last), 0.0, 0.0)
     place(axis, half, 0.0, spacing)
     return axis
 
@@ -189,8 +193,8 @@ class CoarseToFine(Estimator):
                 [UNKNOWN, UNKNOWN],
                 False,
                 *NO_SUMS,
-                moving_axis(half, b_step),
-                moving_axis(half, k_step),
+                moving_axis(int(half), b_step),
+                moving_axis(int(half), k_step),
             ),
         )
 
@@ -199,7 +203,7 @@ class CoarseToFine(Estimator):
         """Where the grid is now."""
         half = self.parameters.half
         b, k = (
-            Axis(axis.first, (axis.middle + half) * axis.spacing, int(axis.last) + 1)
+            Axis(axis.first, (axis.middle + half) * axis.spacing, axis.last + 1)
             for axis in (self.state.b, self.state.k)
         )
         return Grid(b, k)

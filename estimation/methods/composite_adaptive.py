@@ -108,17 +108,18 @@ def gather(
         now = instant * s[i]
         behind = weight * W[i]
         move[i] = error * now + filtered_error * behind
+        row, factor_row = R[i], factor[i]
         for j in below[i + 1]:
-            value = kept * R[i][j] + behind * W[j]
-            R[i][j] = value
-            factor[i][j] = value + now * s[j]
-        R[i][i] += floor
-        factor[i][i] += floor
+            value = kept * row[j] + behind * W[j]
+            row[j] = value
+            factor_row[j] = value + now * s[j]
+        row[i] += floor
+        factor_row[i] += floor
 
 
 def solve(parameters: CompositeParameters, state: CompositeState) -> None:
     """Move <- (R + instant s s')^-1 move, by Cholesky's factors in the place of the matrix."""
-    factor, move = state.factor, state.move
+    factor, move, floor = state.factor, state.move, parameters.floor
     m = len(move)
     for i in below[m]:
         row = factor[i]
@@ -133,7 +134,9 @@ def solve(parameters: CompositeParameters, state: CompositeState) -> None:
             pivot -= value * value
             total -= value * move[j]
         # the information is no less than its floor, but rounding may make it so
-        pivot = math.sqrt(max(pivot, parameters.floor))
+        if pivot < floor:
+            pivot = floor
+        pivot = math.sqrt(pivot)
         row[i] = pivot
         move[i] = total / pivot
     for back in below[m]:

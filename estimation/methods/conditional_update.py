@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from estimation.methods.recursive_least_squares import step as least_squares_step
+from estimation.methods.recursive_least_squares import take_in_and_forget
 from estimation.methods.ud_factors import (
     FactoredEstimator,
     FactoredParameters,
     FactoredState,
     kept,
-    project,
+    predicted_variance,
 )
 from estimation.model import KELVIN_VOIGT, Model
 from estimation.step import Regressors
@@ -33,8 +33,9 @@ def step(
     dt: float,
 ) -> None:
     """Recursive least squares where z' P z > c (1 - beta); elsewhere nothing changes."""
-    if project(parameters, state, phi) > parameters.c * (1.0 - kept(parameters, state, dt)):
-        least_squares_step(parameters, state, phi, f, dt)
+    beta = kept(parameters, state, dt)
+    if predicted_variance(parameters, state, phi) > parameters.c * (1.0 - beta):
+        take_in_and_forget(parameters, state, phi, f, dt, beta)
     else:
         state.held = True
 

@@ -11,7 +11,6 @@ from estimation.methods.ud_factors import (
     FactoredState,
     add_variance,
     learn,
-    project,
     take_in,
     trace,
 )
@@ -37,8 +36,7 @@ def step(
     dt: float,
 ) -> None:
     """P <- P - P z z' P / (1 + z' P z), then P <- c1 P / tr P + c2 I; gain P z / (1 + z' P z)."""
-    project(parameters, state, phi)
-    spread = take_in(state, 1.0)
+    spread = take_in(parameters, state, phi, 1.0)
     share = parameters.c1 / trace(state)
     for j in below[len(phi)]:
         state.D[j] *= share

@@ -9,7 +9,7 @@ from estimation.methods.ud_factors import (
     add,
     kept,
     learn,
-    project,
+    predicted_variance,
     take_in,
 )
 from estimation.model import KELVIN_VOIGT, Model
@@ -29,8 +29,8 @@ def step(
     """
     m = len(phi)
     beta = kept(parameters, state, dt)
-    r = project(parameters, state, phi)
-    spread = take_in(state, 1.0)
+    r = predicted_variance(parameters, state, phi)
+    spread = take_in(parameters, state, phi, 1.0)
     if r > NO_NEWS:
         for i in below[m]:
             state.y[i] = state.L[i]

@@ -20,7 +20,9 @@ LARGEST_LOG = 230.0
 
 def clamp(value: float, low: float, high: float) -> float:
     """The value, or the bound that it is beyond."""
-    return min(max(value, low), high)
+    if value < low:
+        return low
+    return high if value > high else value
 
 
 def check_contact(memory: float, displacement: float, velocity: float, threshold: float) -> None:

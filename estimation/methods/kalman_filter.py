@@ -13,7 +13,6 @@ from estimation.methods.ud_factors import (
     FactoredState,
     add_variance,
     learn,
-    project,
     take_in,
     variance,
 )
@@ -74,8 +73,7 @@ def step(
 ) -> None:
     """P <- P + Q dt, L = P phi / (1 + phi' P phi), P <- P - L phi' P."""
     walk(parameters, state, dt)
-    project(parameters, state, phi)
-    spread = take_in(state, 1.0)
+    spread = take_in(parameters, state, phi, 1.0)
     learn(parameters, state, phi, f, dt, spread)
 
 

@@ -10,9 +10,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from estimation.linear_gain import NOISE_MEMORY
-from estimation.step import B, K, State
+from estimation.step import State
 
 
 @dataclass(slots=True)
@@ -32,13 +33,19 @@ class MonitoringState(State):
     q_xx: float
     weights: float
     """Sum of the weights [s]."""
+    dt: float
+    """Time between the last two samples [s], and what follows from it:"""
+    decay: float
+    """the factor by which the sums decay,"""
+    weight: float
+    """and the weight of the last sample [s]."""
     evidence: float
     """Share of the noise memory that has been filled."""
     noise: float
     """Variance of the noise [N^2]."""
 
 
-NO_SUMS = (0.0,) * 12
+NO_SUMS = (0.0,) * 15
 """The fields of a `MonitoringState`, but for those of `State`, before the first sample."""
 
 
@@ -51,9 +58,12 @@ def decay_and_add(
     with w = (1 - e^(-2 lambda dt)) / 2 lambda. Its e^2 = (b v + k x - f)^2 expands into
     products of (f, v, x).
     """
-    loss = -math.expm1(-twice_lambda * dt)
-    decay = 1.0 - loss
-    weight = loss / twice_lambda if twice_lambda > 0.0 else dt
+    if dt != state.dt:  # samples are even for most of the time
+        state.dt = dt
+        loss = -math.expm1(-twice_lambda * dt)
+        state.decay = 1.0 - loss
+        state.weight = loss / twice_lambda if twice_lambda > 0.0 else dt
+    decay, weight = state.decay, state.weight
     vv, vx, xx = weight * v * v, weight * v * x, weight * x * x
     state.ff = state.ff * decay + weight * f * f
     state.fv = state.fv * decay + weight * f * v
@@ -79,20 +89,30 @@ def monitoring_signal(state: MonitoringState, b: float, k: float) -> float:
     return mu if mu > 0.0 else 0.0
 
 
-def deviations(
-    correlation: float, state: MonitoringState, b_most: float, k_most: float, dt: float
-) -> tuple[float, float]:
-    """Root mean square errors of the estimate, at most `b_most` and `k_most`.
+class LeastPoint(NamedTuple):
+    """Where the monitoring signal is least, and the variances of b and k there."""
 
-    The form's own least point is weighted least squares, R theta = r. White noise of variance s
-    gives it the covariance s R^-1 Q R^-1, with Q the sum of squared weights, and mu the
-    expectation s (sum of weights - tr R^-1 Q), which gives s, as a mean over `NOISE_MEMORY`. The
-    square of the estimate's distance from the least point adds to its variance.
+    b: float
+    k: float
+    b_variance: float
+    """inf where the data do not determine b and k."""
+    k_variance: float
+
+
+UNDETERMINED = LeastPoint(0.0, 0.0, math.inf, math.inf)
+
+
+def least_point(correlation: float, state: MonitoringState, dt: float) -> LeastPoint:
+    """The least point of the quadratic form, and its variances.
+
+    It is weighted least squares, R theta = r. White noise of variance s gives it the covariance
+    s R^-1 Q R^-1, with Q the sum of squared weights, and mu the expectation
+    s (sum of weights - tr R^-1 Q), which gives s, as a mean over `NOISE_MEMORY`.
     """
     vv, vx, xx = state.vv, state.vx, state.xx
     determinant = vv * xx - vx * vx
     if not determinant > 1e-12 * vv * xx + 1e-300:
-        return b_most, k_most
+        return UNDETERMINED
     inverse = 1.0 / determinant
     bb, bk, kk = xx * inverse, -vx * inverse, vv * inverse
     q_vv, q_vx, q_xx, weights = state.q_vv, state.q_vx, state.q_xx, state.weights
@@ -100,7 +120,7 @@ def deviations(
     k_v, k_x = bk * q_vv + kk * q_vx, bk * q_vx + kk * q_xx
     freedom = weights - b_v - k_x
     if not freedom > 1e-6 * weights:
-        return b_most, k_most
+        return UNDETERMINED
     fv, fx = state.fv, state.fx
     b, k = bb * fv + bk * fx, bk * fv + kk * fx
     residual = state.ff - b * fv - k * fx
@@ -109,10 +129,11 @@ def deviations(
     share /= state.evidence * freedom
     state.noise += share * ((residual if residual > 0.0 else 0.0) - freedom * state.noise)
     noise = correlation * state.noise
-    b -= state.theta[B]
-    k -= state.theta[K]
-    b_square = noise * (b_v * bb + b_x * bk) + b * b
-    k_square = noise * (k_v * bk + k_x * kk) + k * k
-    b_std = math.sqrt(b_square) if b_square > 0.0 else 0.0
-    k_std = math.sqrt(k_square) if k_square > 0.0 else 0.0
-    return b_std if b_std < b_most else b_most, k_std if k_std < k_most else k_most
+    return LeastPoint(b, k, noise * (b_v * bb + b_x * bk), noise * (k_v * bk + k_x * kk))
+
+
+def deviation(variance: float, distance: float, most: float) -> float:
+    """Root mean square error of a value at a distance from the least point, at most `most`."""
+    square = variance + distance * distance
+    std = math.sqrt(square) if square > 0.0 else 0.0
+    return std if std < most else most

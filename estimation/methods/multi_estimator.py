@@ -14,7 +14,13 @@ from estimation.compiled import Floats
 from estimation.estimator import Estimates, Estimator
 from estimation.methods.candidates import GridAxis, grid_axis, least_candidate
 from estimation.methods.grid import Grid
-from estimation.methods.monitoring import NO_SUMS, MonitoringState, decay_and_add, deviations
+from estimation.methods.monitoring import (
+    NO_SUMS,
+    MonitoringState,
+    decay_and_add,
+    deviation,
+    least_point,
+)
 from estimation.step import B, K, Regressors
 
 Indices = NDArray[np.int64]
@@ -48,14 +54,11 @@ def step(
     v, x = phi
     b_axis, k_axis = parameters.b, parameters.k
     decay_and_add(parameters.twice_lambda, state, v, x, f, dt)
-    state.theta[B], state.theta[K] = least_candidate(state, b_axis, k_axis, TIE)
-    state.std[B], state.std[K] = deviations(
-        parameters.correlation,
-        state,
-        b_axis.spacing * b_axis.last,
-        k_axis.spacing * k_axis.last,
-        dt,
-    )
+    least = least_point(parameters.correlation, state, dt)
+    b, k = least_candidate(state, b_axis, k_axis, TIE)
+    state.theta[B], state.theta[K] = b, k
+    state.std[B] = deviation(least.b_variance, least.b - b, b_axis.span)
+    state.std[K] = deviation(least.k_variance, least.k - k, k_axis.span)
 
 
 class MultiEstimator(Estimator):
@@ -108,7 +111,7 @@ class MultiEstimator(Estimator):
         """The state before the first sample: the candidate nearest zero."""
         axes = parameters.b, parameters.k
         zero = [axis.first + axis.zero * axis.spacing for axis in axes]
-        spans = [axis.spacing * axis.last for axis in axes]
+        spans = [axis.span for axis in axes]
         return MonitoringState(zero, spans, False, *NO_SUMS)
 
     def monitoring_signal(self, b: Floats | float, k: Floats | float) -> Floats:

@@ -8,7 +8,6 @@ from estimation.methods.ud_factors import (
     FactoredState,
     kept,
     learn,
-    project,
     take_in,
 )
 from estimation.model import KELVIN_VOIGT, Model
@@ -19,12 +18,23 @@ def step(
     parameters: FactoredParameters, state: FactoredState, phi: Regressors, f: float, dt: float
 ) -> None:
     """(3)-(4): L = P z / (beta + z' P z), P <- (P - L z' P) / beta."""
-    beta = kept(parameters, state, dt)
-    project(parameters, state, phi)
-    spread = take_in(state, beta)
+    take_in_and_forget(parameters, state, phi, f, dt, kept(parameters, state, dt))
+
+
+def take_in_and_forget(
+    parameters: FactoredParameters,
+    state: FactoredState,
+    phi: Regressors,
+    f: float,
+    dt: float,
+    beta: float,
+) -> None:
+    """(3)-(4) with a forgetting factor beta."""
+    D = state.D
+    spread = take_in(parameters, state, phi, beta)
     growth = 1.0 / beta
     for j in below[len(phi)]:
-        state.D[j] *= growth
+        D[j] *= growth
     learn(parameters, state, phi, f, dt, spread)
 
 

@@ -12,7 +12,6 @@ from estimation.methods.ud_factors import (
     add,
     kept,
     learn,
-    project,
     take_in,
 )
 from estimation.model import KELVIN_VOIGT, Model
@@ -69,8 +68,7 @@ def step(
     else:
         beta = kept(parameters, state, dt)
         add(state, (1.0 - beta) / (beta * information(state)), len(phi))
-        project(parameters, state, phi)
-        spread = take_in(state, 1.0)
+        spread = take_in(parameters, state, phi, 1.0)
         learn(parameters, state, phi, f, dt, spread)
 
 

@@ -11,7 +11,8 @@ from estimation.methods.grid import Grid
 from estimation.methods.monitoring import (
     MonitoringState,
     decay_and_add,
-    deviations,
+    deviation,
+    least_point,
     monitoring_signal,
 )
 from estimation.methods.multi_estimator import (
@@ -63,13 +64,9 @@ def step(
             theta[B], theta[K] = b, k
             state.since = 0.0
             state.switches += 1
-    state.std[B], state.std[K] = deviations(
-        parameters.correlation,
-        state,
-        b_axis.spacing * b_axis.last,
-        k_axis.spacing * k_axis.last,
-        dt,
-    )
+    least = least_point(parameters.correlation, state, dt)
+    state.std[B] = deviation(least.b_variance, least.b - theta[B], b_axis.span)
+    state.std[K] = deviation(least.k_variance, least.k - theta[K], k_axis.span)
 
 
 class SwitchingMultiEstimator(MultiEstimator):

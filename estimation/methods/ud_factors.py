@@ -54,21 +54,27 @@ class FactoredState(LinearGainState):
     D: Vector
     """Diagonal of D, (m,)."""
     y: Vector
-    """A vector for `project`, `take_in` and `add`, (m,)."""
+    """A vector for `add`, (m,)."""
+    bound: float
+    """No less than the trace of P."""
 
 
 def kept(parameters: FactoredParameters, state: FactoredState, dt: float) -> float:
     """Share of the information that is kept: beta, or more where a variance would wind up.
 
     Whichever direction is forgotten, no variance grows by more than 1/beta, so none ever
-    exceeds `WINDUP` times its initial value.
+    exceeds `WINDUP` times its initial value. Nor does the trace, which is no less than any
+    variance, so that it need not be computed for each sample.
     """
     beta = parameters.beta
     if parameters.rate > 0.0:
         beta = math.exp(-parameters.rate * dt)
-    if trace(state) > beta * WINDUP:  # no variance exceeds the trace
-        for i in below[len(state.D)]:
-            beta = max(beta, variance(state, i) / WINDUP)
+    if state.bound > beta * WINDUP:
+        state.bound = trace(state)
+        if state.bound > beta * WINDUP:
+            for i in below[len(state.D)]:
+                beta = max(beta, variance(state, i) / WINDUP)
+    state.bound /= beta
     return beta if beta < 1.0 else 1.0
 
 
@@ -95,37 +101,45 @@ def variance(state: FactoredState, i: int) -> float:
     return total
 
 
-def project(parameters: FactoredParameters, state: FactoredState, phi: Regressors) -> float:
-    """Make y = U' z of the scaled regressors z; return z' P z."""
-    s, U, D, y = parameters.s, state.U, state.D, state.y
+def predicted_variance(
+    parameters: FactoredParameters, state: FactoredState, phi: Regressors
+) -> float:
+    """Z' P z = |D^1/2 U' z|^2: variance of the force that P predicts, by that of the noise."""
+    s, U, D = parameters.s, state.U, state.D
+    m = len(phi)
     total = 0.0
-    for j in below[len(phi)]:
+    for n in below[m]:
+        j = m - 1 - n
         column = U[j]
-        value = s[j] * phi[j]
+        y = s[j] * phi[j]
         for i in below[j]:
-            value += column[i] * (s[i] * phi[i])
-        y[j] = value
-        total += value * value * D[j]
+            y += column[i] * (s[i] * phi[i])
+        total += y * y * D[j]
     return total
 
 
-def take_in(state: FactoredState, noise: float) -> float:
-    """P <- P - P z z' P / (noise + z' P z), with y = U' z; return the denominator.
+def take_in(
+    parameters: FactoredParameters, state: FactoredState, phi: Regressors, noise: float
+) -> float:
+    """P <- P - P z z' P / (noise + z' P z); return the denominator.
 
-    Leaves P z, with the former P, in the gain L. Bierman's update (1977, chapter V).
+    Leaves P z, with the former P, in the gain L. Bierman's update (1977, chapter V), with
+    y = U' z.
     """
-    U, D, y, L = state.U, state.D, state.y, state.L
+    s, U, D, L = parameters.s, state.U, state.D, state.L
     now = noise
-    for j in below[len(D)]:
+    for j in below[len(phi)]:
         column = U[j]
+        y = s[j] * phi[j]
+        for i in below[j]:
+            y += column[i] * (s[i] * phi[i])
         before = now
-        value = y[j]
-        gain = D[j] * value
-        now += value * gain
+        gain = D[j] * y
+        now += y * gain
         D[j] *= before / now
         for i in below[j]:
             former = column[i]
-            column[i] -= L[i] * value / before
+            column[i] -= L[i] * y / before
             L[i] += gain * former
         L[j] = gain
     return now
@@ -244,7 +258,11 @@ class FactoredEstimator(LinearGainEstimator):
         """The state before the first sample: P = I."""
         m = len(guess_variance)
         return FactoredState(
-            **linear_gain_state(guess_variance), U=diagonal([1.0] * m), D=[1.0] * m, y=zeros(m)
+            **linear_gain_state(guess_variance),
+            U=diagonal([1.0] * m),
+            D=[1.0] * m,
+            y=zeros(m),
+            bound=float(m),
         )
 
     @staticmethod

@@ -48,7 +48,7 @@ def test_conditional_update_without_news_changes_nothing_and_says_held(palpation
     before = deepcopy(estimator.state)
     zeros = np.zeros(100)
     assert estimator.run(zeros, zeros, zeros + 5.0, 1e-3).held.all()
-    assert replace(estimator.state, y=before.y, held=before.held) == before
+    assert replace(estimator.state, bound=before.bound, held=before.held) == before
 
 
 def test_conditional_update_does_not_wind_up_while_a_probe_rests(palpation):

@@ -13,7 +13,7 @@ from estimation.methods.ud_factors import (
     FactoredState,
     add,
     add_variance,
-    project,
+    predicted_variance,
     take_in,
     trace,
     variance,
@@ -32,7 +32,7 @@ def factored(m, seed):
 
 def state_of(u, d, y):
     fields = linear_gain_state([1.0] * len(d))
-    return FactoredState(**fields, U=u.T.tolist(), D=d.tolist(), y=y.tolist())
+    return FactoredState(**fields, U=u.T.tolist(), D=d.tolist(), y=y.tolist(), bound=0.0)
 
 
 def unscaled(m):
@@ -62,8 +62,9 @@ def test_a_measurement_is_taken_in_as_by_the_plain_formula(m, seed, size):
     z *= 10.0**size
     p, noise = u * d @ u.T, 0.7
     state = state_of(u, d, z)
-    assert project(unscaled(m), state, z.tolist()) == pytest.approx(z @ p @ z, rel=1e-9)
-    assert take_in(state, noise) == pytest.approx(noise + z @ p @ z, rel=1e-9)
+    scaled = unscaled(m), state, z.tolist()
+    assert predicted_variance(*scaled) == pytest.approx(z @ p @ z, rel=1e-9)
+    assert take_in(*scaled, noise) == pytest.approx(noise + z @ p @ z, rel=1e-9)
     assert_close(state.L, p @ z)
     u, d, z = exactly(u), exactly(d), exactly(z)
     p = u * d @ u.T
@@ -101,9 +102,8 @@ def test_stays_positive_whatever_is_taken_in_and_added(seed):
     state = state_of(u, d, np.zeros(3))
     for _ in range(60):
         z = rng.choice([-1.0, 0.0, 1.0], 3) * 10.0 ** rng.uniform(-30.0, 30.0, 3)
-        project(unscaled(3), state, z.tolist())
         state.D = [10.0 * value for value in state.D]
-        take_in(state, 1.0)
+        take_in(unscaled(3), state, z.tolist(), 1.0)
         state.y = rng.normal(size=3).tolist()
         add(state, 1e-9, 3)
         covariance_in(state)
