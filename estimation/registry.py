@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 
+from estimation import tuning
 from estimation.estimator import Estimator
 from estimation.method_settings import MethodSettings
 from estimation.methods.active_observer import ActiveObserver
@@ -68,7 +69,12 @@ BUILT_IN: dict[str, Factory] = {
     "ai": ai,
     "me": lambda p: MultiEstimator(p.grid, p.forgetting_rate, p.correlation),
     "rls_conditional": lambda p: ConditionalUpdate(
-        p.forgetting**2, p.covariance, p.sample_period, 1.5, p.model, p.correlation
+        p.forgetting**tuning.CONDITIONAL_FORGETTING,
+        p.covariance,
+        p.sample_period,
+        tuning.CONDITIONAL_THRESHOLD,
+        p.model,
+        p.correlation,
     ),
     "rls_directional": lambda p: DirectionalForgetting(
         p.forgetting, p.covariance, p.sample_period, p.model, p.correlation
@@ -77,7 +83,7 @@ BUILT_IN: dict[str, Factory] = {
         p.forgetting, p.covariance, p.sample_period, 1.0, p.model, p.correlation
     ),
     "rls_trace": lambda p: ConstantTrace(
-        2.2e-4 * p.model.regressors * (1.0 - p.forgetting),
+        tuning.TRACE * p.model.regressors * (1.0 - p.forgetting),
         p.covariance,
         model=p.model,
         correlation=p.correlation,
@@ -92,7 +98,7 @@ BUILT_IN: dict[str, Factory] = {
     "observer": lambda p: ActiveObserver(
         (
             *process_noise(p.memory, p.sample_period, p.sizes),
-            *process_noise(0.1 * p.memory, p.sample_period, (1.0,)),
+            *process_noise(tuning.OBSERVER_MEMORY * p.memory, p.sample_period, (1.0,)),
         ),
         (*p.covariance, 1e4),
         (*ceiling(p), 1.0),
@@ -100,33 +106,47 @@ BUILT_IN: dict[str, Factory] = {
         p.correlation,
     ),
     "passive": lambda p: PassiveLeastSquares(
-        p.forgetting**1.25, p.covariance, p.sample_period, p.model, p.correlation
+        p.forgetting**tuning.PASSIVE_FORGETTING,
+        p.covariance,
+        p.sample_period,
+        p.model,
+        p.correlation,
     ),
-    "window": lambda p: BatchWindow(2.0 * p.memory, p.sample_period, p.model, p.correlation),
+    "window": lambda p: BatchWindow(
+        tuning.WINDOW * p.memory, p.sample_period, p.model, p.correlation
+    ),
     "ai_normalised": lambda p: NormalisedIdentification(
-        0.55 / p.memory, p.sizes, p.memory, p.model, p.correlation
+        tuning.NORMALISED_RATE / p.memory, p.sizes, p.memory, p.model, p.correlation
     ),
     "indirect": lambda p: IndirectAdaptive(
-        1.35 / p.memory, p.sizes, model=p.model, correlation=p.correlation
+        tuning.INDIRECT_RATE / p.memory, p.sizes, model=p.model, correlation=p.correlation
     ),
-    "reference": lambda p: ReferenceModel(1.25 / p.memory, p.sizes, 10.0 / p.memory, model=p.model),
+    "reference": lambda p: ReferenceModel(
+        tuning.REFERENCE_RATE / p.memory,
+        p.sizes,
+        tuning.REFERENCE_BANDWIDTH / p.memory,
+        model=p.model,
+    ),
     "composite": lambda p: CompositeAdaptive(
-        2.0 / p.memory, p.sizes, 5.0 / p.memory, model=p.model
+        tuning.COMPOSITE_FORGETTING / p.memory,
+        p.sizes,
+        tuning.COMPOSITE_BANDWIDTH / p.memory,
+        model=p.model,
     ),
     "spectral": lambda p: SpectralRatio(motion=max(0.02 * p.x_size, 1e-9)),
     "hc_double": lambda p: DoubleStage(p.memory, p.x_size, p.v_size, 0.003 * p.f_size),
     "hc_log": lambda p: Logarithmic(
-        0.3 * p.memory, p.x_size, p.v_size, 0.003 * p.f_size, p.correlation
+        tuning.LOGARITHMIC_MEMORY * p.memory, p.x_size, p.v_size, 0.003 * p.f_size, p.correlation
     ),
     "me_switching": lambda p: SwitchingMultiEstimator(
         p.grid,
-        1.5 * p.forgetting_rate,
+        tuning.SWITCHING_FORGETTING * p.forgetting_rate,
         hysteresis=0.05,
         dwell=0.25 * p.memory,
         correlation=p.correlation,
     ),
     "me_moving": lambda p: CoarseToFine(
-        1.25 * p.forgetting_rate,
+        tuning.MOVING_FORGETTING * p.forgetting_rate,
         patience=0.5 * p.memory,
         spacing=(p.f_size / p.v_size / 40.0, p.f_size / p.x_size / 4.0),
         correlation=p.correlation,
