@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -23,7 +24,9 @@ def taken_together(evaluations: Mapping[str, Evaluation]) -> dict[str, Any]:
     length = max(e.preset.segment for e in evaluations.values())
     segments = PooledSegments(length)
     for evaluation in evaluations.values():
-        segments.parameters[1] = evaluation.preset.correlation
+        segments.parameters = replace(
+            segments.parameters, correlation=evaluation.preset.correlation
+        )
         x, v, f, dt, _ = evaluation.regression
         apart = dt.copy()
         apart[0] = 2.0 * length
