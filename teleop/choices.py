@@ -13,7 +13,7 @@ from estimation import (
 )
 from estimation.filters import angular
 from estimation.model import KELVIN_VOIGT, Model, model_named
-from estimation.presets import named_estimators
+from estimation.registry import named_estimators
 from teleop.admittance import Coupling
 from teleop.errors import InputError
 from teleop.injector import Chirp, Multisine, Signal, Sine
