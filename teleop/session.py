@@ -100,7 +100,7 @@ class Session:
                     self._leave = self._elapsed + AFTER * self._clock.rate
         if record.t >= self._last or self.controller.over:
             self._end = END
-        if record.mode is not IDLE:
+        if record.mode is not IDLE or self.error:
             return self._elapsed < self._leave
         if self._end and not self._armed:
             raise RigError("the drives did not get ready in the time of the trial")

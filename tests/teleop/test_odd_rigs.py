@@ -224,3 +224,14 @@ def test_drives_that_never_get_ready_end_the_run_in_one_line(monkeypatch):
     monkeypatch.setattr(OddRig, "enable", lambda self: False, raising=False)
     with pytest.raises(RigError, match="the drives did not get ready in the time of the trial"):
         run_trial(settings())
+
+
+def test_drives_that_cannot_be_idled_at_the_last_tick_are_a_rig_failure(monkeypatch):
+    def refuse(self):
+        raise RigError("no answer")
+
+    monkeypatch.setattr(OddRig, "idle", refuse)
+    trial = run_trial(settings())
+    assert trial.fault
+    assert trial.fault["fault"] == Fault.RIG_FAILURE
+    assert "no answer" in trial.fault["text"]
