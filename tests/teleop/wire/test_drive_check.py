@@ -125,8 +125,11 @@ LOW = rewritten(
 
 
 @pytest.mark.parametrize("name", RIGS)
-@pytest.mark.parametrize(("factor", "cube"), [(20.0, "medium"), (2.0, "soft"), (-1.0, "soft")])
-def test_a_tenth_of_a_low_force_limit_is_not_exceeded(stepped, name, factor, cube):
+@pytest.mark.parametrize(
+    ("cube", "factor"),
+    [("hard", f) for f in (20.0, 5.0, -1.0)] + [("medium", 20.0), ("soft", 2.0), ("soft", -1.0)],
+)
+def test_a_tenth_of_a_low_force_limit_is_not_exceeded(stepped, name, cube, factor):
     checked = Checked(stepped(name, cube=cube, rewrite=LOW, **drive_goes(factor)))
     assert checked.stayed_small(), (checked.travel, checked.force)
     assert checked.report.fault or checked.problems["slave"]
