@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Mapping
+from copy import deepcopy
 from dataclasses import replace
 
 import numpy as np
@@ -53,7 +54,8 @@ def swept(
 ) -> float:
     """Cost of a sweep, from the estimator's present state each time."""
     given = estimator.as_taken(checked_samples(*palpation(samples), 1.0 / RATE))
-    return per_sample(lambda: sweep(estimator.law, list(estimator.state), given), samples, repeats)
+    law, state = estimator.law, estimator.state
+    return per_sample(lambda: sweep(law, deepcopy(state), given), samples, repeats)
 
 
 def updated(update: Callable[..., object], samples: int = 3000) -> float:

@@ -41,7 +41,7 @@ class FileSink(Sink):
     def __init__(self, path: Path, layout: Layout, columns: Any) -> None:
         self.path = path
         self._file = McapFile(path, columns, layout.definition, {})
-        self._file.begin(0)
+        self._file.begin(10**18)
         self.pushed: list[bytes] = []
         self.alive = True
 

@@ -22,7 +22,8 @@ from estimation.methods.pooled_segments import PooledSegments
 from estimation.methods.recursive_least_squares import RecursiveLeastSquares
 from estimation.metrics import coverage, estimated_force, force_error, predicted_force, rise_time
 from estimation.model import MODELS, Model
-from estimation.presets import METHODS, Preset, paper_preset, scaled_preset
+from estimation.presets import Preset, paper_preset, scaled_preset
+from estimation.registry import METHODS
 
 __all__ = [
     "METHODS",

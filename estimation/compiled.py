@@ -1,31 +1,25 @@
-"""A step function over arrays: interpreted, or compiled with numba (the `fast` extra)."""
+"""A step over arrays of samples: interpreted, or compiled with numba (the `fast` extra)."""
 
 from __future__ import annotations
 
 import hashlib
 import inspect
 import sys
-from collections.abc import Callable, MutableSequence, Sequence
+from collections.abc import Callable
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 from types import FunctionType
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from estimation.unrolled import Helpers, unrolled
+from estimation.own_copies import called_functions, own_copy
+from estimation.records import to_record, update_from
+from estimation.step import Below, State, Step
 
 Floats = NDArray[np.float64]
-State = MutableSequence[float]
-Parameters = Sequence[float]
-Regressors = Sequence[float]
-Step = Callable[[Parameters, State, Regressors, float, float], None]
-"""(parameters, state, phi, f, dt): moves the state on by one sample, in place.
-
-Before it, the state says that nothing is held; a step that holds the estimate says so.
-"""
 
 WORTH_COMPILING = 20_000
 """From this many samples on, loading numba costs less than interpreting."""
@@ -45,41 +39,43 @@ class Samples(NamedTuple):
 
 
 class Law(NamedTuple):
-    """A step with all that it needs."""
+    """A step with its parameters."""
 
     step: Step
-    helpers: Helpers
-    parameters: list[float]
-    width: int
-    """How many entries of the state are its answer; the last of them says whether it holds."""
+    parameters: Any
 
 
-def sweep(law: Law, state: list[float], samples: Samples) -> Floats:
-    """The answer after each sample, shape (n, width); the state is moved on in place.
+def sweep(law: Law, state: State, samples: Samples) -> Floats:
+    """The estimate after each sample; the state is updated in place.
 
     Compiled code gives the interpreter's numbers to the bit: both run the same operations in
     the same order, without fused multiply-add.
+
+    Returns
+    -------
+    Array of shape (n, 2 m + 1): the m values of `theta`, those of `std`, and `held`.
     """
     if len(samples.f) >= WORTH_COMPILING and find_spec("numba"):
         return compiled_sweep(law, state, samples)
     return interpreted_sweep(law, state, samples)
 
 
-def interpreted_sweep(law: Law, state: list[float], samples: Samples) -> Floats:
+def interpreted_sweep(law: Law, state: State, samples: Samples) -> Floats:
     """`sweep` by the interpreter."""
-    step, _ = unrolled(law.step, law.helpers, samples.phi.shape[1])
-    width, held = law.width, law.width - 1
+    step, parameters = interpreted(law.step), law.parameters
     columns = (column.tolist() for column in samples)
-    answers = []
+    answers: list[float] = []
     for phi, f, dt, taken in zip(*columns, strict=True):
-        state[held] = 0.0 if taken else 1.0
+        state.held = not taken
         if taken:
-            step(law.parameters, state, phi, f, dt)
-        answers.append(state[:width])
-    return np.array(answers, dtype=np.float64).reshape(-1, width)
+            step(parameters, state, phi, f, dt)
+        answers += state.theta
+        answers += state.std
+        answers.append(state.held)
+    return np.array(answers, dtype=np.float64).reshape(-1, 2 * len(state.theta) + 1)
 
 
-def compiled_sweep(law: Law, state: list[float], samples: Samples) -> Floats:
+def compiled_sweep(law: Law, state: State, samples: Samples) -> Floats:
     """`sweep` as machine code.
 
     Raises
@@ -87,31 +83,65 @@ def compiled_sweep(law: Law, state: list[float], samples: Samples) -> Floats:
     ImportError
         numba is not installed.
     """
-    loop = compiled(law.step, law.helpers, samples.phi.shape[1])
-    after = np.array(state)
-    answers: Floats = loop(np.array(law.parameters), after, *samples, law.width)
-    state[:] = after.tolist()
+    loop = compiled(law.step, samples.phi.shape[1])
+    record = to_record(state)
+    answers = np.empty((len(samples.f), 2 * len(state.theta) + 1))
+    loop(to_record(law.parameters), record, *samples, answers)
+    update_from(record[0], state)
     return answers
 
 
-@cache
-def compiled(step: Step, helpers: Helpers, regressors: int) -> Callable[..., Floats]:
-    """The loop over a step as machine code: (parameters, state, *samples, width) -> answers."""
-    import numba
+interpreted = cache(own_copy)
+"""A step for the interpreter."""
 
-    plain, called = unrolled(step, helpers, regressors)
-    for helper in called:
-        numba.extending.register_jitable(helper)
+
+@cache
+def compiled(step: Step, regressors: int) -> Callable[..., None]:
+    """The loop over a step as machine code: (parameters, state, *samples, answers)."""
+    import numba
+    from numba.np.unsafe.ndarray import to_fixed_tuple
+
     # numba's disk cache looks neither into called functions nor past a closure. So the step
     # is a global of a copy of `_template`, and the copy's name carries the source of the
-    # modules of the step and its helpers, and of this package, whose constants they import.
-    modules = {function.__module__ for function in (step, *helpers)}
+    # modules of all functions that it calls, and of this package, whose constants they import.
+    teach_below()
+    modules = {function.__module__ for function in called_functions(step)}
     source = "".join(inspect.getsource(sys.modules[module]) for module in sorted(modules))
     digest = hashlib.sha256((source + package_source()).encode()).hexdigest()[:16]
-    loop = FunctionType(_template.__code__, {"np": np, "_step": numba.njit(plain)})
+    known = {
+        "_step": own_copy(step, numba.njit(error_model="numpy")),
+        "_regressors": regressors,
+        "_to_fixed_tuple": to_fixed_tuple,
+    }
+    loop = FunctionType(_template.__code__, known)
     loop.__module__ = __name__
     loop.__qualname__ = f"{step.__module__}.{step.__name__}.{regressors}.{digest}"
-    return numba.njit(cache=True)(loop)
+    return numba.njit(cache=True, error_model="numpy")(loop)
+
+
+@cache
+def teach_below() -> None:
+    """Let numba take `below[n]` for `range(n)`."""
+    import operator
+
+    from numba.core import types
+    from numba.core.imputils import lower_constant
+    from numba.extending import models, overload, register_model, typeof_impl
+
+    class BelowType(types.Type):
+        """The type of `below`."""
+
+    kind = BelowType("below")
+    typeof_impl.register(Below)(lambda value, context: kind)
+    register_model(BelowType)(models.OpaqueModel)
+
+    @lower_constant(BelowType)  # type: ignore[no-untyped-call, untyped-decorator]
+    def lower(context: Any, builder: Any, kind: Any, value: Any) -> Any:
+        return context.get_dummy_value()
+
+    @overload(operator.getitem)
+    def item(table, n):  # type: ignore[no-untyped-def]  # numba compares the signatures
+        return (lambda table, n: range(n)) if table is kind else None
 
 
 @cache
@@ -121,25 +151,36 @@ def package_source() -> str:
     return "".join(file.read_text(encoding="utf-8") for file in files)
 
 
-def _step(parameters: Floats, state: Floats, phi: Floats, f: float, dt: float) -> None:
+_regressors = 2
+"""Stands for the number of regressors in `_template`."""
+
+
+def _step(parameters: Any, state: Any, phi: Any, f: float, dt: float) -> None:
     """Stands for the estimator's step in `_template`."""
     raise NotImplementedError
 
 
+def _to_fixed_tuple(row: Any, length: int) -> Any:
+    """Stands for numba's function of this name in `_template`."""
+    raise NotImplementedError
+
+
 def _template(
-    parameters: Floats,
-    state: Floats,
+    parameters: Any,
+    states: Any,
     phi: Floats,
     f: Floats,
     dt: Floats,
     taken: NDArray[np.bool_],
-    width: int,
-) -> Floats:
-    answers = np.empty((len(f), width))
+    answers: Floats,
+) -> None:
+    given, state = parameters[0], states[0]
+    size = len(state.theta)
     for n in range(len(f)):
-        state[width - 1] = 0.0 if taken[n] else 1.0
+        state.held = not taken[n]
         if taken[n]:
-            _step(parameters, state, phi[n], f[n], dt[n])
-        for column in range(width):
-            answers[n, column] = state[column]
-    return answers
+            _step(given, state, _to_fixed_tuple(phi[n], _regressors), f[n], dt[n])
+        for i in range(size):
+            answers[n, i] = state.theta[i]
+            answers[n, size + i] = state.std[i]
+        answers[n, 2 * size] = 1.0 if state.held else 0.0

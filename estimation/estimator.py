@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
+from copy import deepcopy
 from types import MappingProxyType
 from typing import Any, ClassVar, NamedTuple
 
@@ -11,9 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from estimation.checks import check_sample, checked_samples
-from estimation.compiled import Floats, Law, Parameters, Regressors, Samples, State, Step, sweep
+from estimation.compiled import Floats, Law, Samples, interpreted, sweep
 from estimation.model import KELVIN_VOIGT, POWERS_OF_X, UNITS, Model
-from estimation.unrolled import Helpers, unrolled
+from estimation.step import B, K, Regressors, State, Step
 
 UNKNOWN = 1e12
 """A standard deviation from here on says that nothing has been learned."""
@@ -78,15 +79,14 @@ class Estimates(NamedTuple):
 class Estimator(ABC):
     """Online estimator of an environment f = phi' theta, such as Kelvin-Voigt f = b v + k x, (1).
 
-    A subclass gives `step`, a function on scalars that moves the state on by one sample, the
-    functions that it calls in `helpers`, and its `parameters`. Its state begins with the value
-    of each of `names`, their standard deviations, and whether the estimate is held. `update`
-    and `run` both apply this one step, so they give the same numbers to the bit.
+    A subclass gives `step`, the function that takes in one sample (`estimation/step.py`), its
+    parameters and its first state. `update` and `run` both apply this one step, so they give the
+    same numbers to the bit.
 
     Parameters
     ----------
     parameters
-        What `step` is given.
+        The parameters of `step`, a frozen dataclass.
     initial_state
         The state before the first sample.
     model
@@ -95,34 +95,35 @@ class Estimator(ABC):
         What is estimated, b and k first; by default the model's parameters.
     """
 
-    helpers: ClassVar[Helpers] = ()
     gated: ClassVar[bool] = True
-    """Whether a bank's gate holds the estimate where samples have nothing to say."""
+    """Whether a bank's gate holds the estimate while there is no contact or no motion."""
     constant: ClassVar[bool] = False
     """Whether its step takes the regressor 1 after those of the model."""
 
     @staticmethod
     @abstractmethod
-    def step(parameters: Parameters, state: State, phi: Regressors, f: float, dt: float) -> None:
-        """Move the state on by one sample, in place."""
+    def step(parameters: Any, state: Any, phi: Regressors, f: float, dt: float) -> None:
+        """Take in one sample: update the state in place."""
+
+    _step: ClassVar[Step]
+
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        if "step" in vars(cls):
+            cls._step = staticmethod(interpreted(cls.step))
 
     def __init__(
         self,
-        parameters: Parameters,
-        initial_state: Sequence[float],
+        parameters: Any,
+        initial_state: State,
         model: Model = KELVIN_VOIGT,
         names: tuple[str, ...] | None = None,
     ) -> None:
         self.model = model
         self.names = names or model.parameters
-        self.parameters = [float(value) for value in parameters]
-        self._initial_state = tuple(float(value) for value in initial_state)
-        self.state = list(self._initial_state)
-        self._step: Step | None = None
-
-    def __getstate__(self) -> dict[str, Any]:
-        """What is pickled: all but the unrolled step, which is made anew."""
-        return {**vars(self), "_step": None}
+        self.parameters = parameters
+        self._initial_state = initial_state
+        self.state = deepcopy(initial_state)
 
     @property
     def from_contact(self) -> bool:
@@ -131,23 +132,21 @@ class Estimator(ABC):
 
     def reset(self) -> None:
         """Forget every sample."""
-        self.state = list(self._initial_state)
+        self.state = deepcopy(self._initial_state)
 
     @property
     def estimate(self) -> Estimate:
         """The present estimate."""
-        state, size = self.state, len(self.names)
-        if size == 2:
-            return Estimate(state[0], state[1], state[2], state[3], state[4] != 0.0)
-        further = (*state[2:size], *state[size + 2 : 2 * size])
-        held = state[2 * size] != 0.0
-        return Estimate(state[0], state[1], state[size], state[size + 1], held, further)
+        state = self.state
+        theta, std = state.theta, state.std
+        further = (*theta[2:], *std[2:]) if len(theta) > 2 else ()
+        return Estimate(theta[B], theta[K], std[B], std[K], state.held, further)
 
     @property
     def values(self) -> dict[str, tuple[float, float]]:
         """Value and standard deviation of everything that is estimated, by name."""
-        size = len(self.names)
-        return {name: (self.state[i], self.state[size + i]) for i, name in enumerate(self.names)}
+        pairs = zip(self.state.theta, self.state.std, strict=True)
+        return dict(zip(self.names, pairs, strict=True))
 
     @property
     def units(self) -> tuple[str, ...]:
@@ -188,15 +187,14 @@ class Estimator(ABC):
         """Take in one sample of floats that `check_sample` has passed, phi = [v, x, ...]."""
         if self.constant:
             phi = [*phi, 1.0]
-        if self._step is None:
-            self._step, _ = unrolled(type(self).step, self.helpers, len(phi))
-        self.state[2 * len(self.names)] = 0.0
-        self._step(self.parameters, self.state, phi, f, dt)
+        state = self.state
+        state.held = False
+        type(self)._step(self.parameters, state, phi, f, dt)
         return self.estimate
 
     def hold(self) -> Estimate:
-        """Leave the estimate as it is, and say so."""
-        self.state[2 * len(self.names)] = 1.0
+        """Leave the estimate as it is, and mark it as held."""
+        self.state.held = True
         return self.estimate
 
     def run(
@@ -254,8 +252,8 @@ class Estimator(ABC):
 
     @property
     def law(self) -> Law:
-        """The step with all that it needs."""
-        return Law(type(self).step, self.helpers, self.parameters, 2 * len(self.names) + 1)
+        """The step with its parameters."""
+        return Law(type(self).step, self.parameters)
 
     def check_further(self, count: int) -> None:
         """Raise ValueError unless the model has so many regressors besides v and x."""

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from estimation.compiled import Law, Parameters, Regressors, Samples, State, sweep
+from estimation.compiled import Law, Samples, sweep
+from estimation.step import Regressors, State
 
 
 class GateSettings(NamedTuple):
@@ -22,17 +24,42 @@ class GateSettings(NamedTuple):
     """Memory [s] of both."""
 
 
-def step(parameters: Parameters, state: State, phi: Regressors, f: float, dt: float) -> None:
+@dataclass(frozen=True, slots=True)
+class GateParameters:
+    """Parameters of `step`."""
+
+    window: float
+    """Memory of the mean squares [s]."""
+    v_square: float
+    """Mean square of the velocity above which there is motion [m^2/s^2]."""
+    f_square: float
+    """Mean square of the force above which there is contact [N^2]."""
+
+
+@dataclass(slots=True)
+class GateState(State):
+    """State of `step`: an estimate of no parameters, which is held while the gate is shut."""
+
+    v_square: float
+    """Mean square of the velocity [m^2/s^2]."""
+    f_square: float
+    """Mean square of the force [N^2]."""
+
+
+def step(
+    parameters: GateParameters, state: GateState, phi: Regressors, f: float, dt: float
+) -> None:
     """Mean squares of velocity and force, and whether either is too small.
 
-    Contact ends with the sample that has no force, not once the mean has forgotten it.
+    Contact ends with the first sample without force, not once the mean has decayed.
     """
-    share = dt / (parameters[0] + dt)
+    v = phi[0]
+    share = dt / (parameters.window + dt)
     square = f * f
-    state[0] += share * (phi[0] * phi[0] - state[0])
-    state[1] += share * (square - state[1])
-    contact = min(state[1], square)
-    state[2] = 0.0 if state[0] > parameters[1] and contact > parameters[2] else 1.0
+    state.v_square += share * (v * v - state.v_square)
+    state.f_square += share * (square - state.f_square)
+    contact = min(state.f_square, square)
+    state.held = not (state.v_square > parameters.v_square and contact > parameters.f_square)
 
 
 class Gate:
@@ -60,19 +87,19 @@ class Gate:
                 f"{force} N, {speed} m/s, {window} s"
             )
         self.settings = settings
-        self._law = Law(step, (), [window, speed * speed, force * force], 3)
+        self._law = Law(step, GateParameters(window, speed * speed, force * force))
         self.reset()
 
     def reset(self) -> None:
         """Forget every sample."""
-        self._state = [0.0, 0.0, 1.0]
+        self._state = GateState([], [], True, 0.0, 0.0)
 
     def update(self, phi: Regressors, f: float, dt: float) -> bool:
         """Whether it is open for this sample of phi = [v, x, ...], force [N] and period [s]."""
         step(self._law.parameters, self._state, phi, f, dt)
-        return self._state[2] == 0.0
+        return not self._state.held
 
     def run(self, samples: Samples) -> NDArray[np.bool_]:
         """Whether it is open for each of n samples, shape (n,)."""
         answers = sweep(self._law, self._state, samples)
-        return np.asarray(answers[:, 2] == 0.0)
+        return np.asarray(answers[:, 0] == 0.0)

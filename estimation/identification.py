@@ -16,7 +16,8 @@ from estimation.conditioning import MatchedFilter, Regression
 from estimation.estimator import LEVEL_95, Estimates
 from estimation.excitation import dominant_frequency
 from estimation.model import model_named
-from estimation.presets import PAPER, Preset, named_estimators, scaled_preset
+from estimation.presets import Preset, scaled_preset
+from estimation.registry import PAPER, named_estimators
 
 if TYPE_CHECKING:
     import pandas

@@ -1,137 +1,164 @@
-"""What all estimators of the form theta <- theta + L (f - phi' theta) share: an honest interval.
+"""What all estimators of the form theta <- theta + L (f - phi' theta) share: their intervals.
 
 The gain L of such an estimator depends on the regressors alone, not on the noise. So if the
 environment is theta_0 and its force comes with white noise of variance s, the error e of the
 estimate goes as e <- (I - L phi') e + L noise, and its covariance as
 
-    s C,    C <- (I - L phi') C (I - L phi')' + L L',
+    s C,    C <- (I - L phi') C (I - L phi')' + L L',                                   (C)
 
 whatever the method makes of its gain: forgetting, a bounded trace, a gradient. A Riccati
 covariance P holds for one method under its own assumptions; C holds for each of them (P. S.
 Maybeck, "Stochastic Models, Estimation, and Control", vol. 1, 1979, section 6.8, performance of
 a filter of any gain).
 
-The force error then has the variance s (1 + phi' C phi), from which s is had. An error that tells
-of the first guess more than of noise weighs less by as much, and so does one that moves nothing.
-Where noise is correlated over so many samples that only one of `correlation` counts, C is larger
-by as much.
-
-A state of m regressors is
-
-    theta (m), standard deviations (m), held, evidence, noise variance, L (m), C (m x m), C phi (m)
-
-and from `own(m)` on what the method itself needs.
+The force error then has the variance s (1 + phi' C phi), which gives s. An error that comes from
+the first guess more than from noise has less weight by as much, and so has one of a sample that
+moves nothing. Where noise is correlated, so that only one of `correlation` samples counts, C is
+larger by as much.
 """
 
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
 from math import sqrt
-from typing import ClassVar
+from typing import Any
 
 import numpy as np
 
 from estimation.checks import check_correlation
-from estimation.compiled import Floats, Parameters, Regressors, State
+from estimation.compiled import Floats
 from estimation.estimator import Estimator
 from estimation.model import KELVIN_VOIGT, Model
-from estimation.unrolled import Helpers
+from estimation.step import Matrix, Regressors, State, Vector, below, diagonal, zeros
 
 DIFFUSE = 1e4
-"""Variance of the first guess of a parameter, in units of what the method takes it for.
+"""Variance of the first guess of a parameter, in units of the method's own variance for it.
 
 Before the first sample the noise is not known, and 1 N stands for it.
 """
 NOISE_MEMORY = 1.0
 """Memory [s] of the noise variance."""
 CORRELATED = 1.0 - 1e-12
-"""Two parameters correlate no more than that; rounding may have it that they do."""
+"""Largest correlation of two parameters; rounding may give more."""
 LEAST = 1e-100
-"""A sample that weighs less tells nothing of the noise."""
+"""A sample of less weight has no information on the noise."""
 
 
-def gain_at(regressors: int) -> int:
-    """Index of L in the state."""
-    return 2 * regressors + 3
+@dataclass(frozen=True, slots=True)
+class LinearGainParameters:
+    """What `correct` needs."""
+
+    correlation: float
+    """Samples for each independent one, >= 1."""
 
 
-def own(regressors: int) -> int:
-    """Index from which on the state is the method's own."""
-    return 4 * regressors + 3 + regressors * regressors
+@dataclass(slots=True)
+class LinearGainState(State):
+    """What `correct` updates."""
+
+    L: Vector
+    """Gain, (m,); the method computes it before it calls `correct`."""
+    C: Matrix
+    """Covariance of theta for a noise variance of 1, (m, m)."""
+    C_phi: Vector
+    """C phi, (m,)."""
+    noise: float
+    """Variance s of the noise [N^2]."""
+    evidence: float
+    """Mean weight of the samples that gave `noise`."""
 
 
-def correct(parameters: Parameters, state: State, phi: Regressors, f: float, dt: float) -> None:
-    """Move theta by L, which stands in the state, times the force error; C and deviations too.
-
-    The first two parameters are the rate [1/s] at which noise is forgotten and `correlation`.
-    """
+def correct(
+    parameters: LinearGainParameters,
+    state: LinearGainState,
+    phi: Regressors,
+    f: float,
+    dt: float,
+) -> None:
+    """Theta <- theta + L (f - phi' theta), C by (C), and the standard deviations sqrt(s C_ii)."""
+    theta, std, L, C, C_phi = state.theta, state.std, state.L, state.C, state.C_phi
     m = len(phi)
-    gain = 2 * m + 3
-    c = gain + m
-    u = c + m * m
     error = f
-    for i in range(m):
-        error -= phi[i] * state[i]
     spread = 1.0
     learned = 0.0
-    for i in range(m):
+    for i in below[m]:
+        row = C[i]
         total = 0.0
-        for j in range(m):
-            total += state[c + i * m + j] * phi[j]
-        state[u + i] = total
+        for j in below[m]:
+            total += row[j] * phi[j]
+        C_phi[i] = total
+        error -= phi[i] * theta[i]
         spread += phi[i] * total
-        learned += phi[i] * state[gain + i]
-    if spread < 1.0:  # which is rounding
+        learned += phi[i] * L[i]
+    if spread < 1.0:  # by rounding
         spread = 1.0
-    noise = state[2 * m + 2]
     if learned > LEAST * spread:
-        certainty = 1.0 / spread
-        weight = learned * certainty
-        share = parameters[0] * dt
-        if share > 1.0:
-            share = 1.0
-        evidence = (1.0 - share) * state[2 * m + 1] + share * weight
-        state[2 * m + 1] = evidence
-        share *= weight / evidence
-        if share > 1.0:
-            share = 1.0
-        noise += share * (error * error * certainty - noise)
-        state[2 * m + 2] = noise
-    noise *= parameters[1]
-    for i in range(m):
-        move = state[gain + i]
-        state[i] += move * error
-        change = spread * move - state[u + i]
-        for j in range(i):
-            value = state[c + i * m + j] - move * state[u + j] + change * state[gain + j]
-            state[c + i * m + j] = value
-            state[c + j * m + i] = value
-        # (I - L phi') C (I - L phi')' is not negative, and neither may it be by rounding
-        variance = state[c + i * m + i] + move * (change - state[u + i])
+        update_noise(state, error, spread, learned, dt)
+    noise = parameters.correlation * state.noise
+    for i in below[m]:
+        move = L[i]
+        row = C[i]
+        theta[i] += move * error
+        change = spread * move - C_phi[i]
+        for j in below[i]:
+            value = row[j] - move * C_phi[j] + change * L[j]
+            row[j] = value
+            C[j][i] = value
+        # (I - L phi') C (I - L phi')' is not negative, but rounding may make it so
+        variance = row[i] + move * (change - C_phi[i])
         least = move * move
         if variance < least:
             variance = least
-        state[c + i * m + i] = variance
-        state[m + i] = sqrt(noise * variance)
+        row[i] = variance
+        std[i] = sqrt(noise * variance)
+
+
+def update_noise(
+    state: LinearGainState, error: float, spread: float, learned: float, dt: float
+) -> None:
+    """Mean of error^2 / spread, each sample with the weight phi' L / spread."""
+    certainty = 1.0 / spread
+    weight = learned * certainty
+    share = dt / NOISE_MEMORY
+    if share > 1.0:
+        share = 1.0
+    state.evidence = (1.0 - share) * state.evidence + share * weight
+    share *= weight / state.evidence
+    if share > 1.0:
+        share = 1.0
+    state.noise += share * (error * error * certainty - state.noise)
+
+
+def linear_gain_state(guess_variance: Sequence[float]) -> dict[str, Any]:
+    """The fields of a `LinearGainState` before the first sample, by name."""
+    m = len(guess_variance)
+    variances = [DIFFUSE * variance for variance in guess_variance]
+    return {
+        "theta": zeros(m),
+        "std": [sqrt(variance) for variance in variances],
+        "held": False,
+        "L": zeros(m),
+        "C": diagonal(variances),
+        "C_phi": zeros(m),
+        "noise": 0.0,
+        "evidence": 0.0,
+    }
 
 
 class LinearGainEstimator(Estimator):
     """An estimator theta <- theta + L (f - phi' theta), whose step ends with `correct`.
 
+    Its parameters are a `LinearGainParameters` and its state a `LinearGainState`, or derived
+    from these.
+
     Parameters
     ----------
-    parameters
-        The method's own.
-    guess_variance
-        Variance of the first guess, zero, of each parameter, as the method takes it, per N^2
-        of force variance; shape (regressors,).
-    own_state
-        What the method itself needs of a state.
-    model
-        The regressors.
-    correlation
-        Samples for each one that is independent, >= 1: white noise of the force has 1, and
-        noise behind a filter of bandwidth B sampled at a rate of r has r / 2B.
+    parameters, initial_state, model
+        As `Estimator`. In the parameters, `correlation` is the number of samples for each
+        independent one: white noise of the force has 1, and noise behind a filter of bandwidth
+        B sampled at a rate of r has r / 2B.
 
     Raises
     ------
@@ -139,46 +166,29 @@ class LinearGainEstimator(Estimator):
         The correlation is below 1.
     """
 
-    helpers: ClassVar[Helpers] = (correct,)
+    parameters: LinearGainParameters
+    state: LinearGainState
 
     def __init__(
         self,
-        parameters: Parameters,
-        guess_variance: Parameters,
-        own_state: Parameters = (),
+        parameters: LinearGainParameters,
+        initial_state: LinearGainState,
         model: Model = KELVIN_VOIGT,
-        correlation: float = 1.0,
     ) -> None:
-        check_correlation(correlation)
-        m = model.regressors
-        covariance = [0.0] * (m * m)
-        covariance[:: m + 1] = [DIFFUSE * variance for variance in guess_variance]
-        super().__init__(
-            (1.0 / NOISE_MEMORY, correlation, *parameters),
-            (
-                *[0.0] * m,
-                *[sqrt(DIFFUSE * variance) for variance in guess_variance],
-                *[0.0] * (gain_at(m) - m),
-                *covariance,
-                *[0.0] * m,
-                *own_state,
-            ),
-            model,
-        )
+        check_correlation(parameters.correlation)
+        super().__init__(parameters, initial_state, model)
 
     @staticmethod
     @abstractmethod
-    def step(parameters: Parameters, state: State, phi: Regressors, f: float, dt: float) -> None:
-        """Find L, put it into the state, and `correct`."""
+    def step(parameters: Any, state: Any, phi: Regressors, f: float, dt: float) -> None:
+        """Compute the gain L, put it into the state, and `correct`."""
 
     @property
     def covariance(self) -> Floats:
         """Covariance of the estimate for constant parameters, shape (m, m)."""
-        m = len(self.names)
-        c = gain_at(m) + m
-        matrix = np.reshape(self.state[c : c + m * m], (m, m))
-        deviations = np.sqrt(np.diag(matrix))
+        C = np.array(self.state.C)
+        deviations = np.sqrt(np.diag(C))
         most = CORRELATED * np.outer(deviations, deviations)
-        np.fill_diagonal(most, np.diag(matrix))
-        noise = self.state[2 * m + 2] * self.parameters[1]
-        return np.asarray(noise * np.clip(matrix, -most, most))
+        np.fill_diagonal(most, np.diag(C))
+        noise = self.state.noise * self.parameters.correlation
+        return np.asarray(noise * np.clip(C, -most, most))

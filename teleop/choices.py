@@ -13,12 +13,14 @@ from estimation import (
 )
 from estimation.filters import angular
 from estimation.model import KELVIN_VOIGT, Model, model_named
-from estimation.presets import named_estimators
+from estimation.registry import named_estimators
 from teleop.admittance import Coupling
 from teleop.errors import InputError
 from teleop.injector import Chirp, Multisine, Signal, Sine
 from teleop.names import ConditioningName, CouplingName, SignalName
 
+LONGEST_LAG = 0.5
+"""Longest lag of a force channel that is made up for [s]."""
 POSITION_GAIN = 10.0
 """Rate at which a position-coupled slave makes up for a difference in position [1/s]."""
 
@@ -91,6 +93,8 @@ def make_conditioner(
     """
     if force_lag != 0.0 and name != "matched":
         raise InputError(f"force lag {force_lag:g} s: expected matched conditioning, not {name}")
+    if force_lag > LONGEST_LAG:
+        raise InputError(f"force lag {force_lag:g} s: expected at most {LONGEST_LAG:g} s")
     if model.further and name != "matched":
         raise InputError(f"model {model.name}: expected matched conditioning, not {name}")
     try:

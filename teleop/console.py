@@ -178,6 +178,8 @@ def print_safety(console: Console, safety: Mapping[str, Any]) -> None:
     if safety["fault"]:
         fault = safety["fault"]
         console.print(f"  STOPPED for safety {moment(fault)}: {fault['text']}", style="bold red")
+        for text in safety["further_faults"]:
+            console.print(f"  also: {text}", style="red")
 
 
 def print_reproduction(summary: Mapping[str, Any]) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from typing import NamedTuple
 
 from drivers import STANDSTILL, Command, Measurement, Rig
 from estimation import Bank, Conditioner, Estimate, Excitation
@@ -13,8 +12,9 @@ from teleop.admittance import Admittance, Coupling
 from teleop.alignment import Alignment, Pair
 from teleop.clock import Tick
 from teleop.conditions import Condition
+from teleop.failures import failure
+from teleop.rig_values import command_of, measurement_of
 from teleop.safety import (
-    Event,
     Fault,
     Limits,
     Mode,
@@ -29,64 +29,17 @@ from teleop.safety.channels import Trip
 from teleop.safety.events import ACTIVE, STOPPING
 from teleop.safety.state import NO_REQUEST
 from teleop.tare import NO_TARE, Tare
+from teleop.tick_record import Record, Timing
 
 NO_PAIR = Pair(math.nan, math.nan, math.nan)
 NO_ESTIMATE = Estimate(math.nan, math.nan, math.nan, math.nan, held=False)
 
 
-class Timing(NamedTuple):
-    """Where the time of a tick went."""
-
-    read: float
-    """Reading the rig [s]."""
-    compute: float
-    """Condition, admittance, supervisor and estimators [s]."""
-    write: float
-    """Commanding the drives [s]."""
-
-
-class Record(NamedTuple):
-    """Everything about one tick."""
-
-    t: float
-    """Time since the first tick that may be armed [s]; negative before it."""
-    dt: float
-    """Time since the tick before [s]."""
-    measurement: Measurement
-    drive_force: float
-    """Force on the admittance [N]."""
-    desired: Command
-    """What the control condition wanted."""
-    commanded: Command
-    """What the supervisor made of it."""
-    applied: Command
-    """What the drives made of that."""
-    pair: Pair
-    """What the conditioning was given; NaN where position and force made no pair."""
-    x: float
-    """Displacement that the estimators were given [m]; NaN where they were given none."""
-    v: float
-    """Velocity that the estimators were given [m/s]."""
-    f: float
-    """Force that the estimators were given [N]."""
-    further: tuple[float, ...]
-    """The model's regressors besides v and x."""
-    estimates: dict[str, Estimate]
-    """NaN where the estimators were given nothing."""
-    excitation: float
-    mode: Mode
-    limited: int
-    """Flags of the soft limits that held the command back."""
-    tick: Tick
-    timing: Timing
-    events: tuple[Event, ...]
-
-
 class Controller:
     """Maps force to velocity within the limits and feeds the estimators, tick by tick.
 
-    No exception leaves a tick but that of the very first reading. Each becomes a fault for the
-    supervisor, which stops the drives; the first is kept in `error`.
+    No exception leaves a tick but KeyboardInterrupt and that of the very first reading. Each
+    becomes a fault for the supervisor, which stops the drives; the first is kept in `error`.
 
     Parameters
     ----------
@@ -151,6 +104,8 @@ class Controller:
         }
         further = max(len(e.model.further) for e in bank.values())
         self._no_regressors = (math.nan,) * further
+        self.over = False
+        """Whether the condition has nothing left to do."""
         self.error: Exception | None = None
         """The first exception that a tick raised."""
 
@@ -159,15 +114,11 @@ class Controller:
         """The supervisor's mode."""
         return self._supervision.mode
 
-    @property
-    def over(self) -> bool:
-        """Whether the condition has nothing left to do."""
-        return self._condition.over
-
     def rearm(self) -> None:
         """Let a person leave the fault; ValueError if there is none."""
-        self._supervision = rearmed(self._supervision)
+        supervision = rearmed(self._supervision)
         self._rig.rearm()
+        self._supervision = supervision
         self._trips.clear()
         self.error = None
 
@@ -179,13 +130,14 @@ class Controller:
         t = measurement.time - self._start
 
         drive_force, desired = 0.0, STANDSTILL
-        if self._supervision.mode is ACTIVE:
+        if self._supervision.mode is ACTIVE and 0.0 <= dt <= self._limits.max_gap:
             try:
                 active = measurement.time - self._supervision.since
-                drive_force = self._condition.drive_force(active, measurement)
+                drive_force = float(self._condition.drive_force(active, measurement))
                 self._admittance.step(drive_force, dt)
                 desired = self._coupling.command(self._admittance, measurement.slave_position)
-            except Exception as error:
+                self.over = bool(self._condition.over)
+            except BaseException as error:
                 self._fail(Fault.CONTROL_FAILURE, error, measurement.time)
         request = self._complete(request, tick)
         verdict = supervise(self._supervision, measurement, desired, request, self._limits)
@@ -210,7 +162,7 @@ class Controller:
                     x, v, f, further = self._conditioner.update(*pair)
                     estimates = self._bank.update(x, v, f, pair.dt, further)
                     excitation = self._excitation.update(x, v, pair.dt)
-            except Exception as error:
+            except BaseException as error:
                 self._fail(Fault.ESTIMATION_FAILURE, error, measurement.time)
         events = verdict.events
         if events:
@@ -243,10 +195,10 @@ class Controller:
         """The measurement, tared, and the time since the one before."""
         last = self._measurement
         try:
-            measurement = self._rig.read()
+            measurement = measurement_of(self._rig.read())
             if self._tare is not NO_TARE:
                 measurement = self._tare.apply(measurement)
-        except Exception as error:
+        except BaseException as error:
             if last is None:
                 raise
             measurement = last._replace(time=last.time + self._period)
@@ -269,8 +221,8 @@ class Controller:
         """Ask the drives to get ready for commands; return whether they are."""
         self._energised, self._silent = True, False
         try:
-            return self._rig.enable()
-        except Exception as error:
+            return bool(self._rig.enable())
+        except BaseException as error:
             self._fail(Fault.RIG_FAILURE, error, now)
             return False
 
@@ -284,8 +236,8 @@ class Controller:
         operating = (verdict.enabled or verdict.arm) and not self._trips
         if not self._silent:
             try:
-                applied = self._rig.write(verdict.command)
-            except Exception as error:
+                applied = command_of(self._rig.write(verdict.command))
+            except BaseException as error:
                 self._fail(Fault.RIG_FAILURE, error, now)
                 operating = False
         if self._energised and not operating:
@@ -294,15 +246,16 @@ class Controller:
                 self._rig.idle()
                 self._energised = self._silent = False
                 applied = STANDSTILL
-            except Exception as error:
+            except BaseException as error:
                 error.add_note("the drives could not be taken out of operation")
                 self._fail(Fault.RIG_FAILURE, error, now)
         return applied
 
-    def _fail(self, fault: Fault, error: Exception, now: float) -> None:
-        """Report a failure to the supervisor at its next turn."""
+    def _fail(self, fault: Fault, error: BaseException, now: float) -> None:
+        """Report a failure to the supervisor at its next turn; Ctrl-C goes on."""
+        if isinstance(error, KeyboardInterrupt):
+            raise error
+        text, exception = failure(error)
         if self.error is None:
-            self.error = error
-        text = " ".join(str(error).split())
-        source = f"{type(error).__name__}: {text}" if text else type(error).__name__
-        self._trips.append(Trip(fault, source, math.nan, math.nan, now))
+            self.error = exception
+        self._trips.append(Trip(fault, text, math.nan, math.nan, now))

@@ -31,10 +31,13 @@ from teleop.zeroing import ForceZero, force_zero
 
 STROKES = (50e-6, 100e-6, 200e-6, 400e-6)
 """Lengths of the strokes, each forth and back [m]."""
-STROKE_TIME = 0.4
-"""Of each, so that the first are the slowest [s]."""
+STROKE_TIMES = (2.0, 0.4, 0.4, 0.4)
+"""Time of each stroke, in one direction [s].
+
+The first is so slow that a force sensor of 100 Hz stops a drive that is 20 times too fast in time.
+"""
 ENOUGH = 0.9
-"""Share of the longest stroke that has to be commanded for it to count."""
+"""Share of a stroke that has to be commanded for it to count."""
 WARM, SETTLING = 0.2, 0.2
 """Standstill before the first stroke and after each [s]."""
 SILENCE = 2.0
@@ -117,11 +120,12 @@ class DriveCheck(Condition):
         """The velocity [m/s] at each tick."""
         yield from self._stand(WARM)
         if self._direction:
-            for length in STROKES:
-                yield from self._stroke(self._direction, length)
+            for length, seconds in zip(STROKES, STROKE_TIMES, strict=True):
+                yield from self._stroke(self._direction, length, seconds)
                 self._note_longest()
-                yield from self._stroke(-self._direction, abs(self._drives["slave"].commanded))
-            self._judge_length()
+                self._judge_length(length)
+                back = abs(self._drives["slave"].commanded)
+                yield from self._stroke(-self._direction, back, seconds)
         self._rig.paused = True
         begun = self._time
         while self._time - begun < SILENCE and len(self.watchdogs) < len(self._drives):
@@ -136,13 +140,16 @@ class DriveCheck(Condition):
         while self._time < end:
             yield 0.0
 
-    def _stroke(self, direction: int, length: float) -> Iterator[float]:
-        """Go that far [m], or as far as the limits allow, and stand; judge every tick."""
+    def _stroke(self, direction: int, length: float, seconds: float) -> Iterator[float]:
+        """Go that far [m] in that time [s], or as far as the limits allow, and stand.
+
+        Every tick is judged.
+        """
         for drive in self._drives.values():
             drive.begin()
-        given_up = self._time + 2.0 * STROKE_TIME
+        given_up = self._time + 2.0 * seconds
         while self._time < given_up and abs(self._drives["slave"].commanded) < length:
-            yield direction * length / STROKE_TIME
+            yield direction * length / seconds
             self._judge(settled=False)
         for _ in self._stand(SETTLING):
             yield 0.0
@@ -161,12 +168,13 @@ class DriveCheck(Condition):
                 math.copysign(1.0, drive.commanded) * drive.moved,
             )
 
-    def _judge_length(self) -> None:
+    def _judge_length(self, length: float) -> None:
+        """A stroke that the limits cut short proves nothing, and a faster one is not tried."""
         for name, (commanded, _) in self.longest.items():
-            if commanded < ENOUGH * STROKES[-1]:
+            if commanded < ENOUGH * length:
                 self.problems.setdefault(
                     name,
-                    f"the limits let it go {commanded * 1e3:.3f} mm of {STROKES[-1] * 1e3:g} mm, "
+                    f"the limits let it go {commanded * 1e3:.3f} mm of {length * 1e3:g} mm, "
                     "too little to prove sign and scale: expected a slave that is free to move",
                 )
 

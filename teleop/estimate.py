@@ -23,7 +23,7 @@ from estimation import (
 from estimation.compiled import Floats
 from estimation.excitation import dominant_frequency
 from estimation.model import KELVIN_VOIGT
-from estimation.presets import PAPER
+from estimation.registry import PAPER
 from teleop.choices import make_conditioner
 from teleop.comparison import compare
 from teleop.comparison import cost as sample_cost

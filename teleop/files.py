@@ -44,13 +44,13 @@ def check_outputs(
     """
     if picture and picture.suffix.lower() not in PICTURES:
         raise InputError(f"{picture}: expected a file ending in {', '.join(PICTURES)}")
-    taken = {os.path.realpath(source) for source in sources if source}
+    taken = {resolved(source) for source in sources if source}
     for path in (*outputs, picture):
         if path is None:
             continue
-        if os.path.realpath(path) in taken:
+        if resolved(path) in taken:
             raise InputError(f"{path}: would overwrite an input or another output")
-        taken.add(os.path.realpath(path))
+        taken.add(resolved(path))
         try:
             check_new(path, overwrite)
             part = beside(path)
@@ -58,6 +58,14 @@ def check_outputs(
             part.unlink()
         except OSError as error:
             raise unwritable(path, error) from error
+
+
+def resolved(path: Path) -> str:
+    """The path without links; InputError where the working folder no longer exists."""
+    try:
+        return os.path.realpath(path)
+    except OSError as error:
+        raise unwritable(path, error) from error
 
 
 def make_folder(path: Path) -> None:

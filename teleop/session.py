@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
-from drivers import Rig
+from drivers import Rig, RigError
 from estimation import Bank
 from teleop.black_box import AFTER, BlackBox
 from teleop.clock import Clock
@@ -61,7 +62,10 @@ class Session:
         self._last = settings.duration - 0.5 / settings.rate
         self._end = ""
         self._armed = False
-        self._leave = float("inf")
+        self._elapsed = 0
+        """Periods of the clock, those that were skipped included."""
+        self._leave = math.inf
+        """After how many of them the session ends."""
 
     @property
     def error(self) -> Exception | None:
@@ -69,7 +73,13 @@ class Session:
         return self.controller.error
 
     def step(self) -> bool:
-        """Run one tick; whether there is another."""
+        """Run one tick; whether there is another.
+
+        Raises
+        ------
+        RigError
+            The drives did not get ready in the time of the trial.
+        """
         tick = self._clock.wait()
         request = self._switch.request(not self._armed, self._end)
         record = self.controller.tick(tick, request)
@@ -78,6 +88,7 @@ class Session:
         for sink in self._sinks:
             sink.push(message)
         self.ticks += 1
+        self._elapsed += 1 + tick.skipped
         if record.events:
             for event in record.events:
                 self._box.event(event)
@@ -86,9 +97,11 @@ class Session:
                 if event.mode is ACTIVE:
                     self._armed = True
                 elif event.mode is FAULT:
-                    self._leave = record.t + AFTER
+                    self._leave = self._elapsed + AFTER * self._clock.rate
         if record.t >= self._last or self.controller.over:
             self._end = END
-        if record.mode is IDLE:
-            return not (self._armed or self._switch.interrupted)
-        return record.t < self._leave
+        if record.mode is not IDLE or self.error:
+            return self._elapsed < self._leave
+        if self._end and not self._armed:
+            raise RigError("the drives did not get ready in the time of the trial")
+        return not (self._armed or self._switch.interrupted)

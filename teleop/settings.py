@@ -11,7 +11,7 @@ from drivers.rig_file import RigFile
 from drivers.wired_rig import WiredRig
 from estimation import Bank, Conditioner, Excitation, Model, Preset, paper_preset
 from estimation.model import KELVIN_VOIGT
-from estimation.presets import PAPER
+from estimation.registry import PAPER
 from sim_backend import (
     CUBES,
     FreePalpation,

@@ -128,10 +128,11 @@ def tick_times(recording: Recording) -> dict[str, Any]:
 
 
 def safety_summary(active: Recording, fault: dict[str, Any] | None) -> dict[str, Any]:
-    """The fault, if any, and for how many ticks soft limits held the command back."""
+    """The fault, if any, those after it, and the ticks at which soft limits reduced the command."""
     flags = active["limited"].astype(int)
     names = {"velocity": VELOCITY, "acceleration": ACCELERATION, "position": POSITION}
     held = {
         name: int(((flags & flag) > 0).sum()) for name, flag in (names | {"force": FORCE}).items()
     }
-    return {"fault": fault, "limited_ticks": held}
+    further = [event["text"] for event in active.events if event["fault"]][1:]
+    return {"fault": fault, "further_faults": further, "limited_ticks": held}

@@ -172,7 +172,15 @@ def run_trial(
     if record or show:
         virtual = settings.clock == "virtual"
         recorder = RecorderProcess(
-            record, layout, metadata, settings.duration, show, virtual, overwrite, switch.hint
+            record,
+            layout,
+            metadata,
+            settings.duration,
+            show,
+            virtual,
+            overwrite,
+            switch.hint,
+            switch.instructions,
         )
     memory = None if record else Memory()
     sinks: list[Sink] = [sink for sink in (recorder, memory) if sink]

@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Literal
 
 from estimation.checks import positive_values
-from estimation.compiled import Parameters, Regressors, State
 from estimation.estimator import Estimates
-from estimation.linear_gain import LinearGainEstimator, correct, own
+from estimation.linear_gain import (
+    LinearGainEstimator,
+    LinearGainParameters,
+    LinearGainState,
+    correct,
+    linear_gain_state,
+)
 from estimation.model import KELVIN_VOIGT, Model
+from estimation.step import Regressors, below
 
 RK4_LIMIT = 2.785293563405282
 """RK4 of y' = -r y diverges beyond this r dt: the root of |1 - z + z^2/2 - z^3/6 + z^4/24| = 1."""
@@ -18,28 +25,47 @@ GUESS = 1.0
 """Variance of the first guess, as `LinearGainEstimator` takes it, by gain [s]."""
 
 
-def step(parameters: Parameters, state: State, phi: Regressors, f: float, dt: float) -> None:
+@dataclass(frozen=True, slots=True)
+class GradientParameters(LinearGainParameters):
+    """Parameters of `step`."""
+
+    rk4: bool
+    """Whether (8) is integrated by Runge-Kutta 4 where that is stable."""
+    Gamma: tuple[float, ...]
+    """Diagonal of the adaptation gain, (m,)."""
+
+
+@dataclass(slots=True)
+class GradientState(LinearGainState):
+    """State of `step`."""
+
+    beyond_rk4: int
+    """How many samples RK4 would have diverged on."""
+
+
+def step(
+    parameters: GradientParameters, state: GradientState, phi: Regressors, f: float, dt: float
+) -> None:
     """(8) over one period with phi and f held, where it is a flow of rank one.
 
     The force error decays along it as Delta f' = -r Delta f, r = phi' Gamma phi, so that
     theta moves by -Gamma phi Delta f times the integral of the decay: (1 - e^-z) / r with
     z = r dt, or what the four stages of RK4 make of it, its Taylor series to z^4.
     """
-    m = len(phi)
-    gain = 2 * m + 3
-    beyond = 4 * m + 3 + m * m
+    Gamma, L = parameters.Gamma, state.L
     rate = 0.0
-    for i in range(m):
-        state[gain + i] = parameters[3 + i] * phi[i]
-        rate += phi[i] * state[gain + i]
+    for i in below[len(phi)]:
+        L[i] = Gamma[i] * phi[i]
+        rate += phi[i] * L[i]
     z = rate * dt
-    if parameters[2] > 0.0 and z <= RK4_LIMIT:
+    if parameters.rk4 and z <= RK4_LIMIT:
         held = dt * (1.0 - z * (0.5 - z * (1.0 / 6.0 - z / 24.0)))
     else:
         held = -math.expm1(-z) / rate if rate > 0.0 else dt
-        state[beyond] += parameters[2]
-    for i in range(m):
-        state[gain + i] *= held
+        if parameters.rk4:
+            state.beyond_rk4 += 1
+    for i in below[len(phi)]:
+        L[i] *= held
     correct(parameters, state, phi, f, dt)
 
 
@@ -71,6 +97,7 @@ class AdaptiveIdentification(LinearGainEstimator):
 
     step = staticmethod(step)
     gated = False
+    state: GradientState
 
     def __init__(
         self,
@@ -82,18 +109,17 @@ class AdaptiveIdentification(LinearGainEstimator):
         gain = positive_values("adaptation gain", gain, model)
         if method not in ("rk4", "exact"):
             raise ValueError(f"method must be 'rk4' or 'exact', got {method!r}")
+        guess_variance = [GUESS * value for value in gain]
         super().__init__(
-            (float(method == "rk4"), *gain),
-            guess_variance=[GUESS * value for value in gain],
-            own_state=[0.0],
-            model=model,
-            correlation=correlation,
+            GradientParameters(correlation, method == "rk4", gain),
+            GradientState(**linear_gain_state(guess_variance), beyond_rk4=0),
+            model,
         )
 
     @property
     def beyond_rk4(self) -> int:
         """How many samples RK4 would have diverged on and the exact update was taken instead."""
-        return int(self.state[own(self.model.regressors)])
+        return self.state.beyond_rk4
 
     def note(self, estimates: Estimates) -> str | None:
         """Whether RK4 was left for the exact update."""

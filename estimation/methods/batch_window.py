@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
+from dataclasses import dataclass
 from math import inf, sqrt
 
 from estimation.checks import LARGEST, check_correlation
-from estimation.compiled import Parameters, Regressors, State
 from estimation.estimator import Estimator
 from estimation.model import KELVIN_VOIGT, Model
+from estimation.step import Matrix, Regressors, State, Vector, below, diagonal, zeros
 
 SINGULAR = 1e-10
 """A regressor of which a smaller share is its own, not the others', says nothing."""
@@ -17,122 +19,171 @@ LONGEST = 1_000_000
 """Most samples in a window."""
 
 
-def slide(parameters: Parameters, state: State, phi: Regressors, f: float, dt: float) -> None:
-    """Put z = [phi, f] in place of the oldest sample; the sums of z z' over the window with it.
+@dataclass(frozen=True, slots=True)
+class WindowParameters:
+    """Parameters of `step`."""
+
+    samples: int
+    """How many samples the window has."""
+    correlation: float
+    """Samples for each independent one, >= 1."""
+    window: float
+    """Length of the window [s]; a gap as long empties it."""
+
+
+@dataclass(slots=True)
+class WindowState(State):
+    """State of `step`, of z = (phi, f) with m + 1 entries."""
+
+    place: int
+    """Row of the oldest sample in the ring."""
+    count: int
+    """How many samples there are in the window."""
+    sums: Matrix
+    """Sums of z z' over the window, lower half, (m + 1, m + 1)."""
+    fresh: Matrix
+    """The same since the ring was last at its start, (m + 1, m + 1)."""
+    peak: Vector
+    """Largest sum of squares of each regressor since then, (m,)."""
+    L: Matrix
+    """Factor of sums = L D L': L below the diagonal, D on it, D L' above; (m + 1, m + 1)."""
+    column: Vector
+    """A vector for `solve`, (m + 1,)."""
+    z: Vector
+    """The sample, (m + 1,)."""
+    ring: Matrix
+    """The samples of the window, (capacity, m + 1)."""
+
+
+def slide(
+    parameters: WindowParameters, state: WindowState, phi: Regressors, f: float, dt: float
+) -> None:
+    """Put z = (phi, f) in place of the oldest sample; the sums of z z' over the window with it.
 
     A second set of sums has only been added to since the ring was last at its start. There it
-    takes the place of the first, so that rounding does not pile up.
+    takes the place of the first, so that rounding does not accumulate.
     """
+    sums, fresh, peak, z = state.sums, state.fresh, state.peak, state.z
     m = len(phi)
-    width = m + 1
-    place = 2 * m + 1
-    count = place + 1
-    peak = count + 1
-    sums = peak + m
-    fresh = sums + width * width
-    z = fresh + 2 * width * width
-    ring = z + width
-    if dt > parameters[2]:
-        state[place] = 0.0
-        state[count] = 0.0
-        for i in range(m):
-            state[peak + i] = 0.0
-        for i in range(2 * width * width):
-            state[sums + i] = 0.0
-    for i in range(m):
-        state[z + i] = phi[i]
-    state[z + m] = f
-    kept = 1.0 if state[count] >= parameters[0] else 0.0
-    at = ring + width * int(state[place])
-    for i in range(width):
-        new = state[z + i]
-        old = kept * state[at + i]
-        for j in range(i + 1):
-            product = new * state[z + j]
-            state[sums + i * width + j] += product - old * state[at + j]
-            state[fresh + i * width + j] += product
-    for i in range(m):
-        state[peak + i] = max(state[peak + i], state[sums + i * width + i])
-    for i in range(width):
-        state[at + i] = state[z + i]
-    state[count] = min(state[count] + 1.0, parameters[0])
-    state[place] += 1.0
-    if state[place] >= parameters[0]:
-        state[place] = 0.0
-        for i in range(width):
-            for j in range(i + 1):
-                state[sums + i * width + j] = state[fresh + i * width + j]
-                state[fresh + i * width + j] = 0.0
-        for i in range(m):
-            state[peak + i] = state[sums + i * width + i]
+    if dt > parameters.window:
+        empty(state)
+    for i in below[m]:
+        z[i] = phi[i]
+    z[m] = f
+    kept = 1.0 if state.count >= parameters.samples else 0.0
+    oldest = state.ring[state.place]
+    for i in below[m + 1]:
+        new = z[i]
+        old = kept * oldest[i]
+        row, fresh_row = sums[i], fresh[i]
+        for j in below[i + 1]:
+            product = new * z[j]
+            row[j] += product - old * oldest[j]
+            fresh_row[j] += product
+    for i in below[m + 1]:
+        oldest[i] = z[i]
+    for i in below[m]:
+        if sums[i][i] > peak[i]:
+            peak[i] = sums[i][i]
+    state.count = min(state.count + 1, parameters.samples)
+    state.place += 1
+    if state.place >= parameters.samples:
+        state.place = 0
+        renew(state)
 
 
-def factorise(state: State, phi: Regressors) -> bool:
-    """Sums of z z' = L D L', with L below D and D L' above; whether that tells theta.
+def empty(state: WindowState) -> None:
+    """Forget the samples in the window."""
+    state.place = 0
+    state.count = 0
+    for i in below[len(state.peak)]:
+        state.peak[i] = 0.0
+    for i in below[len(state.sums)]:
+        for j in below[len(state.sums)]:
+            state.sums[i][j] = 0.0
+            state.fresh[i][j] = 0.0
+
+
+def renew(state: WindowState) -> None:
+    """Let the fresh sums take the place of the sums."""
+    sums, fresh = state.sums, state.fresh
+    for i in below[len(sums)]:
+        for j in below[i + 1]:
+            sums[i][j] = fresh[i][j]
+            fresh[i][j] = 0.0
+    for i in below[len(state.peak)]:
+        state.peak[i] = sums[i][i]
+
+
+def factorise(state: WindowState) -> bool:
+    """Sums of z z' = L D L'; whether that has one solution for theta.
 
     The last row of L holds what the parameters follow from, the last of D the squared residual.
     """
-    m = len(phi)
-    width = m + 1
-    peak = 2 * m + 3
-    sums = peak + m
-    factor = sums + 2 * width * width
-    regular = True
-    for j in range(width):
-        for i in range(j, width):
-            total = state[sums + i * width + j]
-            for n in range(j):
-                total -= state[factor + i * width + n] * state[factor + n * width + j]
-            state[factor + i * width + j] = total
-        if j < m:
-            pivot = state[factor + j * width + j]
-            regular = regular and pivot > SINGULAR * state[peak + j] + NOTHING
-            if regular:
-                for i in range(j + 1, width):
-                    state[factor + j * width + i] = state[factor + i * width + j]
-                    state[factor + i * width + j] /= pivot
-    return regular
+    sums, L, peak = state.sums, state.L, state.peak
+    m = len(peak)
+    for i in below[m + 1]:
+        row, sums_row = L[i], sums[i]
+        for j in below[i]:
+            total = sums_row[j]
+            for n in below[j]:
+                total -= row[n] * L[n][j]
+            L[j][i] = total
+            row[j] = total / L[j][j]
+        total = sums_row[i]
+        for n in below[i]:
+            total -= row[n] * L[n][i]
+        row[i] = total
+        if i < m and not total > SINGULAR * peak[i] + NOTHING:
+            return False
+    return True
 
 
-def solve(parameters: Parameters, state: State, phi: Regressors) -> None:
-    """Take theta = L'^-1 of the last row of L, and its standard deviations.
+def solve(parameters: WindowParameters, state: WindowState) -> None:
+    """Theta = L'^-1 of the last row of L, and its standard deviations.
 
     The noise variance is the squared residual by n - m degrees of freedom.
     """
-    m = len(phi)
-    width = m + 1
-    count = 2 * m + 2
-    factor = count + 1 + m + 2 * width * width
-    z = factor + width * width
-    freedom = state[count] - m
-    noise = parameters[1] * max(state[factor + m * width + m], 0.0) / freedom
-    for later in range(m):
-        row = m - 1 - later
-        total = state[factor + m * width + row]
-        for j in range(row + 1, m):
-            total -= state[factor + j * width + row] * state[j]
-        state[row] = total
-    for i in range(m):
-        # z from i on is row i of L^-T
-        state[z + i] = 1.0
-        variance = 1.0 / state[factor + i * width + i]
-        for j in range(i + 1, m):
-            total = 0.0
-            for n in range(i, j):
-                total -= state[factor + j * width + n] * state[z + n]
-            state[z + j] = total
-            variance += total * total / state[factor + j * width + j]
-        state[m + i] = sqrt(noise * variance)
+    theta, L = state.theta, state.L
+    m = len(theta)
+    freedom = state.count - m
+    noise = parameters.correlation * max(L[m][m], 0.0) / freedom
+    for back in below[m]:
+        i = m - 1 - back
+        total = L[m][i]
+        for later in below[back]:
+            j = i + 1 + later
+            total -= L[j][i] * theta[j]
+        theta[i] = total
+    for i in below[m]:
+        state.std[i] = sqrt(noise * unit_variance(state, i))
 
 
-def step(parameters: Parameters, state: State, phi: Regressors, f: float, dt: float) -> None:
-    """Least squares over the window, or the estimate held where that has no one answer."""
-    m = len(phi)
+def unit_variance(state: WindowState, i: int) -> float:
+    """Variance of a parameter for a noise variance of 1: e' (L D L')^-1 e, e the unit vector."""
+    L, column = state.L, state.column
+    m = len(state.theta)
+    column[i] = 1.0
+    total = 1.0 / L[i][i]
+    for later in below[m - 1 - i]:
+        j = i + 1 + later
+        value = 0.0
+        for n in below[later + 1]:
+            value -= L[j][i + n] * column[i + n]
+        column[j] = value
+        total += value * value / L[j][j]
+    return total
+
+
+def step(
+    parameters: WindowParameters, state: WindowState, phi: Regressors, f: float, dt: float
+) -> None:
+    """Least squares over the window; the estimate is held where that has no one solution."""
     slide(parameters, state, phi, f, dt)
-    state[2 * m] = 1.0
-    if state[2 * m + 2] > m and factorise(state, phi):
-        solve(parameters, state, phi)
-        state[2 * m] = 0.0
+    if state.count > len(phi) and factorise(state):
+        solve(parameters, state)
+    else:
+        state.held = True
 
 
 class BatchWindow(Estimator):
@@ -166,7 +217,6 @@ class BatchWindow(Estimator):
     """
 
     step = staticmethod(step)
-    helpers = (slide, factorise, solve)
 
     def __init__(
         self,
@@ -187,10 +237,23 @@ class BatchWindow(Estimator):
                 f"{window} s of {sample_period} s each"
             )
         self.samples = round(window / sample_period)
-        width = m + 1
-        own = 2 + m + 3 * width * width + width + width * self.samples
+        capacity = 1 << (self.samples - 1).bit_length()  # few sizes, few compilations
+        square = diagonal(zeros(m + 1))
         super().__init__(
-            (self.samples, correlation, window),
-            (*[0.0] * m, *[LARGEST] * m, 0.0, *[0.0] * own),
+            WindowParameters(self.samples, correlation, window),
+            WindowState(
+                zeros(m),
+                [LARGEST] * m,
+                False,
+                place=0,
+                count=0,
+                sums=square,
+                fresh=deepcopy(square),
+                peak=zeros(m),
+                L=deepcopy(square),
+                column=zeros(m + 1),
+                z=zeros(m + 1),
+                ring=[zeros(m + 1) for _ in range(capacity)],
+            ),
             model,
         )

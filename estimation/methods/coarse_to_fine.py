@@ -3,22 +3,23 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 from estimation.checks import check_correlation
-from estimation.compiled import Parameters, Regressors, State
 from estimation.estimator import UNKNOWN, Estimator
+from estimation.methods.candidates import MovingAxis, least_candidate
 from estimation.methods.grid import Axis, Grid
-from estimation.methods.multi_estimator import (
-    FASTEST,
-    MultiEstimator,
+from estimation.methods.monitoring import (
+    NO_SUMS,
+    MonitoringState,
     decay_and_add,
-    deviations,
-    least_candidate,
+    deviation,
+    least_point,
+    monitoring_signal,
 )
+from estimation.methods.multi_estimator import FASTEST
+from estimation.step import B, K, Regressors
 
-B_AXIS, K_AXIS = 17, 20
-"""Where each axis is in the state: its middle in units of its spacing, its spacing, and for how
-long [s] the winner has not been at its edge."""
 TIE = 1e-12
 """As the multi-estimator's; less, since this grid may be narrow and far from zero."""
 FINEST = 1e-9
@@ -27,44 +28,61 @@ COARSEST = 1e100
 """Largest spacing."""
 
 
-def step(parameters: Parameters, state: State, phi: Regressors, f: float, dt: float) -> None:
+@dataclass(frozen=True, slots=True)
+class CoarseToFineParameters:
+    """Parameters of `step`."""
+
+    twice_lambda: float
+    """Rate at which the weight of a sample decays [1/s]."""
+    half: float
+    """Candidates to either side of the middle one."""
+    patience: float
+    """Time away from the edge after which an axis narrows [s]."""
+    correlation: float
+    """Samples for each independent one, >= 1."""
+    finest_b: float
+    """Least spacing of b [N s/m]."""
+    finest_k: float
+    """Least spacing of k [N/m]."""
+
+
+@dataclass(slots=True)
+class CoarseToFineState(MonitoringState):
+    """State of `step`."""
+
+    b: MovingAxis
+    k: MovingAxis
+
+
+def step(
+    parameters: CoarseToFineParameters,
+    state: CoarseToFineState,
+    phi: Regressors,
+    f: float,
+    dt: float,
+) -> None:
     """Take the candidate of least (11) out of the present grid, and let the grid follow it."""
-    half, patience, correlation = parameters[1], parameters[2], parameters[3]
-    decay_and_add(parameters[0], state, phi[0], phi[1], f, dt)
-    b_middle, b_step = state[B_AXIS], state[B_AXIS + 1]
-    k_middle, k_step = state[K_AXIS], state[K_AXIS + 1]
-    last = 2.0 * half
-    state[0], state[1] = least_candidate(
-        state,
-        (b_middle - half) * b_step,
-        b_step,
-        last,
-        min(max(half - b_middle, 0.0), last),
-        (k_middle - half) * k_step,
-        k_step,
-        last,
-        min(max(half - k_middle, 0.0), last),
-        TIE,
-    )
-    state[2], state[3] = deviations(correlation, state, UNKNOWN, UNKNOWN, dt)
-    b, k = state[0], state[1]
-    mu = state[5] + b * (b * state[8] - 2.0 * state[6]) + k * (k * state[10] - 2.0 * state[7])
-    noise = correlation * max(mu + 2.0 * b * k * state[9], 0.0) / state[14]
-    tie = 100.0 * TIE * state[5]
-    follow(state, B_AXIS, b, half, patience, parameters[4], tie, state[8], noise * state[11], dt)
-    follow(state, K_AXIS, k, half, patience, parameters[5], tie, state[10], noise * state[13], dt)
+    v, x = phi
+    decay_and_add(parameters.twice_lambda, state, v, x, f, dt)
+    b, k = least_candidate(state, state.b, state.k, TIE)
+    state.theta[B], state.theta[K] = b, k
+    least = least_point(parameters.correlation, state, dt)
+    state.std[B] = deviation(least.b_variance, least.b - b, UNKNOWN)
+    state.std[K] = deviation(least.k_variance, least.k - k, UNKNOWN)
+    noise = parameters.correlation * monitoring_signal(state, b, k) / state.weights
+    tie = 100.0 * TIE * state.ff
+    follow(parameters, state.b, b, parameters.finest_b, state.vv, noise * state.q_vv, tie, dt)
+    follow(parameters, state.k, k, parameters.finest_k, state.xx, noise * state.q_xx, tie, dt)
 
 
 def follow(
-    state: State,
-    axis: int,
+    parameters: CoarseToFineParameters,
+    axis: MovingAxis,
     value: float,
-    half: float,
-    patience: float,
     finest: float,
-    tie: float,
     curvature: float,
     spread: float,
+    tie: float,
     dt: float,
 ) -> None:
     """Double the spacing about a winner at the edge; after `patience` away from it, halve it.
@@ -73,21 +91,37 @@ def follow(
     other one known, sqrt(spread) / curvature, nor so far that the tie-breaking term would
     count: the signal grows by `tie` or more from middle to edge.
     """
-    middle, spacing = state[axis], state[axis + 1]
-    if abs(value - middle * spacing) > (half - 0.5) * spacing:
+    half, spacing = parameters.half, axis.spacing
+    if abs(value - axis.middle * spacing) > (half - 0.5) * spacing:
         if spacing < COARSEST:
             spacing *= 2.0
     else:
-        state[axis + 2] += dt
-        if state[axis + 2] < patience:
+        axis.settled += dt
+        if axis.settled < parameters.patience:
             return
         finer = 0.5 * spacing
         slope, reach = 4.0 * finer * curvature, half * finer
         if finer >= finest and slope * slope >= spread and reach * reach * curvature >= tie:
             spacing = finer
-    state[axis] = math.floor(value / spacing + 0.5)
-    state[axis + 1] = spacing
-    state[axis + 2] = 0.0
+    place(axis, half, float(math.floor(value / spacing + 0.5)), spacing)
+
+
+def place(axis: MovingAxis, half: float, middle: float, spacing: float) -> None:
+    """Move an axis to a middle value, in units of its spacing, and a spacing."""
+    axis.middle = middle
+    axis.spacing = spacing
+    axis.first = (middle - half) * spacing
+    axis.zero = min(max(half - middle, 0.0), 2.0 * half)
+    axis.span = 2.0 * half * spacing
+    axis.settled = 0.0
+
+
+def moving_axis(half: int, spacing: float) -> MovingAxis:
+    """The first axis, about zero."""
+    last = 2 * half
+    axis = MovingAxis(0.0, 0.0, last, 0.0, 0.0, 1.0 / (last * last), 0.0, 0.0)
+    place(axis, half, 0.0, spacing)
+    return axis
 
 
 class CoarseToFine(Estimator):
@@ -122,8 +156,8 @@ class CoarseToFine(Estimator):
     """
 
     step = staticmethod(step)
-    gated = True
-    helpers = (*MultiEstimator.helpers, follow)
+    parameters: CoarseToFineParameters
+    state: CoarseToFineState
 
     def __init__(
         self,
@@ -146,23 +180,30 @@ class CoarseToFine(Estimator):
         check_correlation(correlation)
         b_step, k_step = spacing
         super().__init__(
-            (
-                2.0 * forgetting_rate,
-                half,
-                patience,
-                correlation,
-                FINEST * b_step,
-                FINEST * k_step,
+            CoarseToFineParameters(
+                twice_lambda=2.0 * forgetting_rate,
+                half=float(half),
+                patience=patience,
+                correlation=correlation,
+                finest_b=FINEST * b_step,
+                finest_k=FINEST * k_step,
             ),
-            (0.0, 0.0, UNKNOWN, UNKNOWN, *[0.0] * 13, 0.0, b_step, 0.0, 0.0, k_step, 0.0),
+            CoarseToFineState(
+                [0.0, 0.0],
+                [UNKNOWN, UNKNOWN],
+                False,
+                *NO_SUMS,
+                moving_axis(int(half), b_step),
+                moving_axis(int(half), k_step),
+            ),
         )
 
     @property
     def grid(self) -> Grid:
         """Where the grid is now."""
-        half = self.parameters[1]
+        half = self.parameters.half
         b, k = (
-            Axis((middle - half) * spacing, (middle + half) * spacing, int(2.0 * half) + 1)
-            for middle, spacing in (self.state[at : at + 2] for at in (B_AXIS, K_AXIS))
+            Axis(axis.first, (axis.middle + half) * axis.spacing, axis.last + 1)
+            for axis in (self.state.b, self.state.k)
         )
         return Grid(b, k)

@@ -3,88 +3,149 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 from estimation.checks import positive_values
-from estimation.compiled import Parameters, Regressors, State
 from estimation.estimator import Estimator
 from estimation.model import KELVIN_VOIGT, Model
+from estimation.step import Matrix, Regressors, State, Vector, below, diagonal, zeros
 
 LARGEST = 10.0
 """A sample of more than this many typical sizes is scaled down to it, its force with it."""
 
 
-def step(parameters: Parameters, state: State, phi: Regressors, f: float, dt: float) -> None:
-    """One period of implicit Euler, in units of the regressors' sizes.
+@dataclass(frozen=True, slots=True)
+class CompositeParameters:
+    """Parameters of `step`."""
 
-    The method's own state is filtered phi W (m) and f, the information R (m x m), its
-    triangular factor U (m x m), phi in units of the sizes (m), and the move of theta (m).
-    """
-    m = len(phi)
-    filtered = 2 * m + 1
-    r = filtered + m + 1
-    u = r + m * m
-    scaled = u + m * m
-    move = scaled + m
+    bandwidth: float
+    """Of the filter [1/s]."""
+    forgetting_rate: float
+    """lambda [1/s]."""
+    instant: float
+    """Weight of the force error beside the filtered one."""
+    floor: float
+    """P_0^-1, in units of the sizes."""
+    per_size: tuple[float, ...]
+    """1 / typical size of each regressor, (m,)."""
+
+
+@dataclass(slots=True)
+class CompositeState(State):
+    """State of `step`, in units of the regressors' sizes."""
+
+    W: Vector
+    """Filtered regressors, (m,)."""
+    force: float
+    """Filtered force f_W [N]."""
+    R: Matrix
+    """Information P^-1, (m, m); its upper half is not used."""
+    factor: Matrix
+    """R + instant s s', and then its Cholesky factor, lower triangular, (m, m)."""
+    s: Vector
+    """Regressors of the sample, (m,)."""
+    move: Vector
+    """Right-hand side of the normal equations, and then the move of theta, (m,)."""
+
+
+def step(
+    parameters: CompositeParameters,
+    state: CompositeState,
+    phi: Regressors,
+    f: float,
+    dt: float,
+) -> None:
+    """One period of implicit Euler, in units of the regressors' sizes."""
+    per_size, theta, move = parameters.per_size, state.theta, state.move
+    error, filtered_error = filter_errors(parameters, state, phi, f, dt)
+    gather(parameters, state, error, filtered_error, dt)
+    solve(parameters, state)
+    for i in below[len(phi)]:
+        theta[i] += move[i] * per_size[i]
+
+
+def filter_errors(
+    parameters: CompositeParameters,
+    state: CompositeState,
+    phi: Regressors,
+    f: float,
+    dt: float,
+) -> tuple[float, float]:
+    """Filter; return the force error f - phi' theta and the filtered one f_W - W' theta."""
+    per_size, theta, s, W = parameters.per_size, state.theta, state.s, state.W
     square = 0.0
     error = f
-    for i in range(m):
-        value = phi[i] * parameters[4 + i]
-        state[scaled + i] = value
+    for i in below[len(phi)]:
+        value = phi[i] * per_size[i]
+        s[i] = value
         square += value * value
-        error -= phi[i] * state[i]
+        error -= phi[i] * theta[i]
     norm = max(1.0, math.sqrt(square) / LARGEST)
-    error /= norm
-    share = -math.expm1(-parameters[0] * dt)
-    state[filtered + m] += share * (f / norm - state[filtered + m])
-    filtered_error = state[filtered + m]
-    for i in range(m):
-        state[scaled + i] /= norm
-        state[filtered + i] += share * (state[scaled + i] - state[filtered + i])
-        filtered_error -= state[filtered + i] / parameters[4 + i] * state[i]
-    kept = math.exp(-parameters[1] * dt)
-    floor = (1.0 - kept) * parameters[3]
-    weight = min(dt, 1.0 / parameters[1])
-    instant = parameters[2] * weight
-    for i in range(m):
-        now = instant * state[scaled + i]
-        behind = weight * state[filtered + i]
-        state[move + i] = error * now + filtered_error * behind
-        for j in range(i + 1):
-            value = kept * state[r + i * m + j] + behind * state[filtered + j]
-            state[r + i * m + j] = value
-            state[u + i * m + j] = value + now * state[scaled + j]
-        state[r + i * m + i] += floor
-        state[u + i * m + i] += floor
-    solve(parameters, state, phi)
-    for i in range(m):
-        state[i] += state[move + i] * parameters[4 + i]
+    share = -math.expm1(-parameters.bandwidth * dt)
+    state.force += share * (f / norm - state.force)
+    filtered_error = state.force
+    for i in below[len(phi)]:
+        s[i] /= norm
+        W[i] += share * (s[i] - W[i])
+        filtered_error -= W[i] / per_size[i] * theta[i]
+    return error / norm, filtered_error
 
 
-def solve(parameters: Parameters, state: State, phi: Regressors) -> None:
-    """Move <- (R + instant s s')^-1 move, by Cholesky's factors in place of the matrix at u."""
-    m = len(phi)
-    u = 3 * m + 2 + m * m
-    move = u + m * m + m
-    for i in range(m):
-        pivot = state[u + i * m + i]
-        total = state[move + i]
-        for j in range(i):
-            value = state[u + i * m + j]
-            for n in range(j):
-                value -= state[u + i * m + n] * state[u + j * m + n]
-            value /= state[u + j * m + j]
-            state[u + i * m + j] = value
+def gather(
+    parameters: CompositeParameters,
+    state: CompositeState,
+    error: float,
+    filtered_error: float,
+    dt: float,
+) -> None:
+    """R <- R + dt R' by (8.115), and the normal equations of implicit Euler."""
+    s, W, R, factor, move = state.s, state.W, state.R, state.factor, state.move
+    kept = math.exp(-parameters.forgetting_rate * dt)
+    floor = (1.0 - kept) * parameters.floor
+    weight = min(dt, 1.0 / parameters.forgetting_rate)
+    instant = parameters.instant * weight
+    for i in below[len(s)]:
+        now = instant * s[i]
+        behind = weight * W[i]
+        move[i] = error * now + filtered_error * behind
+        row, factor_row = R[i], factor[i]
+        for j in below[i + 1]:
+            value = kept * row[j] + behind * W[j]
+            row[j] = value
+            factor_row[j] = value + now * s[j]
+        row[i] += floor
+        factor_row[i] += floor
+
+
+def solve(parameters: CompositeParameters, state: CompositeState) -> None:
+    """Move <- (R + instant s s')^-1 move, by Cholesky's factors in the place of the matrix."""
+    factor, move, floor = state.factor, state.move, parameters.floor
+    m = len(move)
+    for i in below[m]:
+        row = factor[i]
+        pivot = row[i]
+        total = move[i]
+        for j in below[i]:
+            value = row[j]
+            for n in below[j]:
+                value -= row[n] * factor[j][n]
+            value /= factor[j][j]
+            row[j] = value
             pivot -= value * value
-            total -= value * state[move + j]
-        # it is no less than the information's floor, and neither may it be by rounding
-        pivot = math.sqrt(max(pivot, parameters[3]))
-        state[u + i * m + i] = pivot
-        state[move + i] = total / pivot
-    for back in range(m):
-        row = m - 1 - back
-        for j in range(row + 1, m):
-            state[move + row] -= state[u + j * m + row] * state[move + j]
-        state[move + row] /= state[u + row * m + row]
+            total -= value * move[j]
+        # the information is no less than its floor, but rounding may make it so
+        if pivot < floor:
+            pivot = floor
+        pivot = math.sqrt(pivot)
+        row[i] = pivot
+        move[i] = total / pivot
+    for back in below[m]:
+        i = m - 1 - back
+        total = move[i]
+        for later in below[back]:
+            j = i + 1 + later
+            total -= factor[j][i] * move[j]
+        move[i] = total / factor[i][i]
 
 
 class CompositeAdaptive(Estimator):
@@ -130,7 +191,6 @@ class CompositeAdaptive(Estimator):
     """
 
     step = staticmethod(step)
-    helpers = (solve,)
 
     def __init__(
         self,
@@ -148,14 +208,21 @@ class CompositeAdaptive(Estimator):
         for name, value in (("forgetting rate", forgetting_rate), ("bandwidth", bandwidth)):
             if not 0.0 < value < math.inf:
                 raise ValueError(f"{name} must be positive, got {value}")
-        per_size = [1.0 / size for size in positive_values("sizes", sizes, model)]
+        per_size = tuple(1.0 / size for size in positive_values("sizes", sizes, model))
         m = model.regressors
         floor = 1.0 / (bound * forgetting_rate)
-        information = [0.0] * (m * m)
-        information[:: m + 1] = [floor] * m
-        own_state = (*[0.0] * (m + 1), *information, *[0.0] * (m * m + 2 * m))
         super().__init__(
-            (bandwidth, forgetting_rate, instant, floor, *per_size),
-            (*[0.0] * m, *[math.nan] * m, 0.0, *own_state),
+            CompositeParameters(bandwidth, forgetting_rate, instant, floor, per_size),
+            CompositeState(
+                zeros(m),
+                [math.nan] * m,
+                False,
+                W=zeros(m),
+                force=0.0,
+                R=diagonal([floor] * m),
+                factor=diagonal(zeros(m)),
+                s=zeros(m),
+                move=zeros(m),
+            ),
             model,
         )

@@ -3,23 +3,41 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
-from estimation.compiled import Parameters, Regressors, State
-from estimation.methods.recursive_least_squares import step
-from estimation.methods.ud_factors import FactoredEstimator, kept, project, scale
+from estimation.methods.recursive_least_squares import take_in_and_forget
+from estimation.methods.ud_factors import (
+    FactoredEstimator,
+    FactoredParameters,
+    FactoredState,
+    kept,
+    predicted_variance,
+)
 from estimation.model import KELVIN_VOIGT, Model
+from estimation.step import Regressors
 
 
-def conditional_step(
-    parameters: Parameters, state: State, phi: Regressors, f: float, dt: float
+@dataclass(frozen=True, slots=True)
+class ConditionalParameters(FactoredParameters):
+    """Parameters of `step`."""
+
+    c: float
+    """A sample counts where z' P z > c (1 - beta)."""
+
+
+def step(
+    parameters: ConditionalParameters,
+    state: FactoredState,
+    phi: Regressors,
+    f: float,
+    dt: float,
 ) -> None:
-    """`step` where z' P z > c (1 - beta); elsewhere nothing changes."""
-    m = len(phi)
-    scale(parameters, state, phi)
-    if project(state, phi) > parameters[4 + m] * (1.0 - kept(parameters, state, phi, dt)):
-        step(parameters, state, phi, f, dt)
+    """Recursive least squares where z' P z > c (1 - beta); elsewhere nothing changes."""
+    beta = kept(parameters, state, dt)
+    if predicted_variance(parameters, state, phi) > parameters.c * (1.0 - beta):
+        take_in_and_forget(parameters, state, phi, f, dt, beta)
     else:
-        state[2 * m] = 1.0
+        state.held = True
 
 
 class ConditionalUpdate(FactoredEstimator):
@@ -55,8 +73,8 @@ class ConditionalUpdate(FactoredEstimator):
         A parameter is out of its range.
     """
 
-    helpers = (*FactoredEstimator.helpers, step)
-    step = staticmethod(conditional_step)
+    step = staticmethod(step)
+    parameter_type = ConditionalParameters
 
     def __init__(
         self,
@@ -70,5 +88,5 @@ class ConditionalUpdate(FactoredEstimator):
         if not 0.0 <= threshold < math.inf:
             raise ValueError(f"threshold must be >= 0 and finite, got {threshold}")
         super().__init__(
-            forgetting, initial_covariance, sample_period, (threshold,), model, correlation
+            forgetting, initial_covariance, sample_period, model, correlation, c=threshold
         )

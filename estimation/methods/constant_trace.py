@@ -3,35 +3,45 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
-from estimation.compiled import Parameters, Regressors, State
-from estimation.methods.ud_factors import FactoredEstimator, add, learn, project, scale, take_in
+from estimation.methods.ud_factors import (
+    FactoredEstimator,
+    FactoredParameters,
+    FactoredState,
+    add_variance,
+    learn,
+    take_in,
+    trace,
+)
 from estimation.model import KELVIN_VOIGT, Model
+from estimation.step import Regressors, below
 
 
-def step(parameters: Parameters, state: State, phi: Regressors, f: float, dt: float) -> None:
+@dataclass(frozen=True, slots=True)
+class ConstantTraceParameters(FactoredParameters):
+    """Parameters of `step`."""
+
+    c1: float
+    """Trace of the covariance, before c2 is added, in units of P0."""
+    c2: float
+    """Variance that is added to each parameter, in units of P0."""
+
+
+def step(
+    parameters: ConstantTraceParameters,
+    state: FactoredState,
+    phi: Regressors,
+    f: float,
+    dt: float,
+) -> None:
     """P <- P - P z z' P / (1 + z' P z), then P <- c1 P / tr P + c2 I; gain P z / (1 + z' P z)."""
-    m = len(phi)
-    u = 4 * m + 3 + m * m
-    d = u + m * m
-    y = d + m
-    scale(parameters, state, phi)
-    project(state, phi)
-    spread = take_in(state, phi, 1.0)
-    trace = 0.0
-    for j in range(m):
-        squares = 1.0
-        for i in range(j):
-            squares += state[u + i * m + j] * state[u + i * m + j]
-        trace += squares * state[d + j]
-    share = parameters[4 + m] / trace
-    for j in range(m):
-        state[d + j] *= share
-    for j in range(m):
-        for i in range(m):
-            state[y + i] = 0.0
-        state[y + j] = 1.0
-        add(state, phi, parameters[5 + m])
+    spread = take_in(parameters, state, phi, 1.0)
+    share = parameters.c1 / trace(state)
+    for j in below[len(phi)]:
+        state.D[j] *= share
+    for j in below[len(phi)]:
+        add_variance(state, j, parameters.c2)
     learn(parameters, state, phi, f, dt, spread)
 
 
@@ -66,6 +76,7 @@ class ConstantTrace(FactoredEstimator):
     """
 
     step = staticmethod(step)
+    parameter_type = ConstantTraceParameters
 
     def __init__(
         self,
@@ -79,4 +90,6 @@ class ConstantTrace(FactoredEstimator):
             raise ValueError(f"trace must be positive and finite, got {trace}")
         if not 1.0 <= ratio <= 1e8:
             raise ValueError(f"ratio must be between 1 and 1e8, got {ratio}")
-        super().__init__(1.0, initial_covariance, None, (trace, trace / ratio), model, correlation)
+        super().__init__(
+            1.0, initial_covariance, None, model, correlation, c1=trace, c2=trace / ratio
+        )

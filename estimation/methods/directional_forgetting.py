@@ -2,39 +2,39 @@
 
 from __future__ import annotations
 
-from estimation.compiled import Parameters, Regressors, State
 from estimation.methods.ud_factors import (
     FactoredEstimator,
+    FactoredParameters,
+    FactoredState,
     add,
     kept,
     learn,
-    project,
-    scale,
+    predicted_variance,
     take_in,
 )
 from estimation.model import KELVIN_VOIGT, Model
+from estimation.step import Regressors, below
 
 NO_NEWS = 1e-100
 """Least z' P z of which anything is forgotten: below, its inverse would soon overflow."""
 
 
-def step(parameters: Parameters, state: State, phi: Regressors, f: float, dt: float) -> None:
+def step(
+    parameters: FactoredParameters, state: FactoredState, phi: Regressors, f: float, dt: float
+) -> None:
     """P^-1 <- P^-1 + (beta - (1 - beta) / r) z z', r = z' P z; gain P z / (1 + r).
 
     Written as least squares without forgetting, then P <- P + (1 - beta) / beta P z z' P / z' P z
     with the new P: the same, and a sum of positive terms even where P grows.
     """
     m = len(phi)
-    gain = 2 * m + 3
-    y = 5 * m + 3 + 2 * m * m
-    beta = kept(parameters, state, phi, dt)
-    scale(parameters, state, phi)
-    news = project(state, phi)
-    spread = take_in(state, phi, 1.0)
-    if news > NO_NEWS:
-        for i in range(m):
-            state[y + i] = state[gain + i]
-        add(state, phi, (1.0 - beta) / (beta * news * spread))
+    beta = kept(parameters, state, dt)
+    r = predicted_variance(parameters, state, phi)
+    spread = take_in(parameters, state, phi, 1.0)
+    if r > NO_NEWS:
+        for i in below[m]:
+            state.y[i] = state.L[i]
+        add(state, (1.0 - beta) / (beta * r * spread), m)
     learn(parameters, state, phi, f, dt, spread)
 
 
@@ -81,4 +81,4 @@ class DirectionalForgetting(FactoredEstimator):
         model: Model = KELVIN_VOIGT,
         correlation: float = 1.0,
     ) -> None:
-        super().__init__(forgetting, initial_covariance, sample_period, (), model, correlation)
+        super().__init__(forgetting, initial_covariance, sample_period, model, correlation)

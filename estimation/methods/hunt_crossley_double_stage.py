@@ -2,70 +2,138 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from math import exp, log, nan
 
-from estimation.compiled import Parameters, Regressors, State
 from estimation.estimator import Estimator
-from estimation.methods.hunt_crossley_logarithmic import (
+from estimation.methods.hunt_crossley import (
+    DAMPING,
+    EXPONENT,
     HERTZ,
     LARGEST_LOG,
     NAMES,
     PRIOR,
     STEEPEST,
+    STIFFNESS,
     TOUCH,
     check_contact,
+    clamp,
 )
+from estimation.step import B, K, Regressors, State
 
 LARGEST = 1e100
 """Largest K x0^n and B x0^n v0 [N]."""
 FARTHEST = 20.0
 """Largest logarithm of a displacement, by the typical one."""
+LEAST_RELATIVE = 1e-30
+"""Least (K x0^n + B x0^n v) / f of which the logarithm is taken."""
 
 
-def step(parameters: Parameters, state: State, phi: Regressors, f: float, dt: float) -> None:
-    """Both stages, each with the other's latest estimate, of lx = ln x/x0 and u = v/v0.
+@dataclass(frozen=True, slots=True)
+class DoubleStageParameters:
+    """Parameters of `step`."""
 
-    Their normal equations are kept: of (e^(n lx), e^(n lx) u) from state[11] on, of lx from
-    state[16] on.
-    """
-    x = phi[1] / parameters[1]
-    if x < TOUCH or f <= parameters[3]:
-        state[10] = 1.0
+    rate: float
+    """1 / memory [1/s]."""
+    x0: float
+    """Typical displacement [m]."""
+    v0: float
+    """Typical velocity [m/s]."""
+    threshold: float
+    """Force up to which there is no contact [N]."""
+    log_x0: float
+    """ln x0."""
+
+
+@dataclass(slots=True)
+class DoubleStageState(State):
+    """State of `step`: normal equations, with g = (x/x0)^n and u = v/v0, and l = ln x/x0."""
+
+    gg: float
+    """Stage 1: sums of the products of (g, g u) and f."""
+    ggu: float
+    gugu: float
+    gf: float
+    guf: float
+    ll: float
+    """Stage 2: weighted sums of l^2 and of l y, y the logarithm of f / (K x0^n + B x0^n v)."""
+    ly: float
+    prior: float
+    """Weight of the first guess of n."""
+
+
+def step(
+    parameters: DoubleStageParameters,
+    state: DoubleStageState,
+    phi: Regressors,
+    f: float,
+    dt: float,
+) -> None:
+    """Both stages, each with the other's latest estimate."""
+    v, x = phi
+    if x / parameters.x0 < TOUCH or f <= parameters.threshold:
+        state.held = True
         return
-    n = state[4]
-    lx, u = min(log(x), FARTHEST), phi[0] / parameters[2]
-    beta = exp(-dt * parameters[0])
-    g = exp(n * lx)
-    gu = g * u
-    state[11] = beta * state[11] + g * g
-    state[12] = beta * state[12] + g * gu
-    state[13] = beta * state[13] + gu * gu
-    state[14] = beta * state[14] + g * f
-    state[15] = beta * state[15] + gu * f
-    mean = state[12] / state[11]
-    curvature = max(state[13] - state[12] * mean, 0.0) + PRIOR * state[11]
-    damping = (state[15] - state[14] * mean) / curvature
-    stiffness = state[14] / state[11] - damping * mean
-    damping = min(max(damping, -LARGEST), LARGEST)
-    stiffness = min(max(stiffness, -LARGEST), LARGEST)
+    lx, u = min(log(x / parameters.x0), FARTHEST), v / parameters.v0
+    beta = exp(-dt * parameters.rate)
+    n = state.theta[EXPONENT]
+    stiffness, damping = first_stage(state, beta, exp(n * lx), u, f)
+    n = second_stage(state, beta, n, lx, stiffness + damping * u, f)
+    report(parameters, state, x, lx, stiffness, damping / parameters.v0, n)
 
-    relative = stiffness + damping * u
-    if relative > 1e-30 * f:
-        y = log(f / relative)
-        weight = f * f * exp(-1.5 * min(max(y - n * lx, -0.7), 0.7))
-        state[16] = beta * state[16] + weight * lx * lx
-        state[17] = beta * state[17] + weight * lx * y
-        state[18] = beta * state[18] + weight * PRIOR
-        n = (state[17] + HERTZ * state[18]) / (state[16] + state[18])
-        n = min(max(n, 0.0), STEEPEST)
-        g = exp(n * lx)
-    per_si = exp(min(max(-n * parameters[4], -LARGEST_LOG), LARGEST_LOG))
-    damping /= parameters[2]
-    state[0] = damping * g
-    state[1] = stiffness * g / phi[1]
-    state[2] = stiffness * per_si
-    state[3] = damping * per_si
-    state[4] = n
+
+def first_stage(
+    state: DoubleStageState, beta: float, g: float, u: float, f: float
+) -> tuple[float, float]:
+    """Least squares of f on (g, g u): K x0^n and B x0^n v0 [N]."""
+    gu = g * u
+    state.gg = beta * state.gg + g * g
+    state.ggu = beta * state.ggu + g * gu
+    state.gugu = beta * state.gugu + gu * gu
+    state.gf = beta * state.gf + g * f
+    state.guf = beta * state.guf + gu * f
+    mean = state.ggu / state.gg
+    curvature = max(state.gugu - state.ggu * mean, 0.0) + PRIOR * state.gg
+    damping = (state.guf - state.gf * mean) / curvature
+    stiffness = state.gf / state.gg - damping * mean
+    return clamp(stiffness, -LARGEST, LARGEST), clamp(damping, -LARGEST, LARGEST)
+
+
+def second_stage(
+    state: DoubleStageState, beta: float, n: float, lx: float, relative: float, f: float
+) -> float:
+    """Least squares of ln (f / relative) = n l, with relative = K x0^n + B x0^n v: n.
+
+    The weight is f^2, times (estimate / f)^(3/2) against the bias of a noisy force's logarithm.
+    """
+    if relative <= LEAST_RELATIVE * f:
+        return n
+    y = log(f / relative)
+    weight = f * f * exp(-1.5 * clamp(y - n * lx, -0.7, 0.7))
+    state.ll = beta * state.ll + weight * lx * lx
+    state.ly = beta * state.ly + weight * lx * y
+    state.prior = beta * state.prior + weight * PRIOR
+    return clamp((state.ly + HERTZ * state.prior) / (state.ll + state.prior), 0.0, STEEPEST)
+
+
+def report(
+    parameters: DoubleStageParameters,
+    state: DoubleStageState,
+    x: float,
+    lx: float,
+    stiffness: float,
+    damping: float,
+    n: float,
+) -> None:
+    """B and k at the present displacement, and K and B, from K x0^n and B x0^n."""
+    theta = state.theta
+    g = exp(n * lx)
+    per_si = exp(clamp(-n * parameters.log_x0, -LARGEST_LOG, LARGEST_LOG))
+    theta[B] = damping * g
+    theta[K] = stiffness * g / x
+    theta[STIFFNESS] = stiffness * per_si
+    theta[DAMPING] = damping * per_si
+    theta[EXPONENT] = n
 
 
 class DoubleStage(Estimator):
@@ -117,7 +185,13 @@ class DoubleStage(Estimator):
     ) -> None:
         check_contact(memory, displacement, velocity, threshold)
         super().__init__(
-            (1.0 / memory, displacement, velocity, threshold, log(displacement)),
-            (0.0, 0.0, 0.0, 0.0, HERTZ, *[nan] * 5, *[0.0] * 9),
+            DoubleStageParameters(
+                rate=1.0 / memory,
+                x0=displacement,
+                v0=velocity,
+                threshold=threshold,
+                log_x0=log(displacement),
+            ),
+            DoubleStageState([0.0, 0.0, 0.0, 0.0, HERTZ], [nan] * 5, False, *(0.0,) * 8),
             names=NAMES,
         )

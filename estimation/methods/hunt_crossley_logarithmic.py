@@ -2,147 +2,224 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from math import exp, log, log1p, sqrt
 
 from estimation.checks import check_correlation
-from estimation.compiled import Parameters, Regressors, State
 from estimation.estimator import UNKNOWN, Estimator
 from estimation.linear_gain import NOISE_MEMORY
+from estimation.methods.hunt_crossley import (
+    DAMPING,
+    EXPONENT,
+    HERTZ,
+    LARGEST_LOG,
+    NAMES,
+    PRIOR,
+    STEEPEST,
+    STIFFNESS,
+    TOUCH,
+    check_contact,
+    clamp,
+)
+from estimation.step import B, K, Regressors, State
 
-NAMES = ("b", "k", "K", "B", "n")
-"""Damping and stiffness at the present displacement, and K, B and n of the model."""
-HERTZ = 1.5
-"""Exponent of a sphere on a plane: taken where samples do not tell."""
-STEEPEST = 5.0
-"""Largest exponent; the least is 0."""
-PRIOR = 1e-8
-"""Weight of n = 1.5 and B = 0, each give or take one, as a share of the samples' weight."""
-TOUCH = 1e-6
-"""Least displacement in contact, as a share of the typical one."""
-LARGEST_LOG = 230.0
-"""Largest logarithm of a force or stiffness that is reported."""
+
+@dataclass(frozen=True, slots=True)
+class LogarithmicParameters:
+    """Parameters of `step`."""
+
+    rate: float
+    """1 / memory [1/s]."""
+    x0: float
+    """Typical displacement [m]."""
+    v0: float
+    """Typical velocity [m/s]."""
+    threshold: float
+    """Force up to which there is no contact [N]."""
+    correlation: float
+    """Samples for each independent one, >= 1."""
+    log_x0: float
+    """ln x0."""
 
 
-def step(parameters: Parameters, state: State, phi: Regressors, f: float, dt: float) -> None:
-    """Weighted least squares of ln f on (1, lx, u), lx = ln x/x0, u = v/v0, and what it says.
+@dataclass(slots=True)
+class LogarithmicState(State):
+    """State of `step`, of y = ln f + ... on (1, l, u), with l = ln x/x0 and u = v/v0."""
 
-    With the damping so far in z, ln f = ln K + n lx + ln(1 + B v/K) is linearised to
-    ln f - ln(1 + z) + z/(1 + z) = ln K + n lx + (v0 B/K) u/(1 + z).
+    w: float
+    """Weighted sums R of the products of (1, l, u), and r of those with y."""
+    w_l: float
+    w_u: float
+    w_ll: float
+    w_lu: float
+    w_uu: float
+    w_y: float
+    w_ly: float
+    w_uy: float
+    q: float
+    """The sums Q of the products of (1, l, u), with weights that have decayed twice."""
+    q_l: float
+    q_u: float
+    q_ll: float
+    q_lu: float
+    q_uu: float
+    level: float
+    """ln f at the means of l and u."""
+    damping: float
+    """v0 B / K."""
+    l_mean: float
+    u_mean: float
+    c: float
+    """Covariance of (level, n, v0 B / K) for a noise variance of 1."""
+    c_l: float
+    c_u: float
+    c_ll: float
+    c_lu: float
+    c_uu: float
+    noise: float
+    """Variance of the noise [N^2]."""
+    evidence: float
+    """Mean weight of the samples that gave it."""
+
+
+def step(
+    parameters: LogarithmicParameters,
+    state: LogarithmicState,
+    phi: Regressors,
+    f: float,
+    dt: float,
+) -> None:
+    """Weighted least squares of ln f on (1, l, u), and what follows from it.
+
+    With the damping so far in z, ln f = ln K + n l + ln(1 + B v/K) is linearised to
+    ln f - ln(1 + z) + z/(1 + z) = ln K + n l + (v0 B/K) u/(1 + z).
     """
-    x = phi[1] / parameters[1]
-    if x < TOUCH or f <= parameters[3]:
-        state[10] = 1.0
+    v, x = phi
+    if x / parameters.x0 < TOUCH or f <= parameters.threshold:
+        state.held = True
         return
-    lx, u = log(x), phi[0] / parameters[2]
-    level, slope, damping = state[26], state[4], state[27]
-    z = min(max(damping * u, -0.5), 1.0)
+    lx, u = log(x / parameters.x0), v / parameters.v0
+    z = clamp(state.damping * u, -0.5, 1.0)
     u /= 1.0 + z
     y = log(f) - log1p(z) + z / (1.0 + z)
-    error = y - level - slope * (lx - state[28]) - damping * (u - state[29])
     weight = f * f
-    if state[11] > 0.0:
-        weight *= exp(-1.5 * min(max(error, -0.7), 0.7))
-        spread = 1.0 + weight * variance(state, 1.0, lx - state[28], u - state[29])
-        share = dt / (NOISE_MEMORY + dt)
-        state[36] += share * (1.0 / spread - state[36])
-        share /= spread * state[36]
-        error = f * (1.0 - exp(-min(max(error, -30.0), 30.0)))
-        state[37] += share * (error * error / spread - state[37])
-    noise = max(state[37], 1e-12 * f * f)
-
-    beta = exp(-dt * parameters[0])
-    gather(state, beta, weight, lx, u, y)
+    if state.w > 0.0:
+        slope = state.theta[EXPONENT]
+        off_l, off_u = lx - state.l_mean, u - state.u_mean
+        error = y - state.level - slope * off_l - state.damping * off_u
+        weight *= exp(-1.5 * clamp(error, -0.7, 0.7))
+        spread = 1.0 + weight * variance(state, 1.0, off_l, off_u)
+        update_noise(state, f * (1.0 - exp(-clamp(error, -30.0, 30.0))), spread, dt)
+    noise = max(state.noise, 1e-12 * f * f)
+    gather(state, exp(-dt * parameters.rate), weight, lx, u, y)
     solve(state, noise)
-
-    noise *= parameters[4]
-    level, slope, damping = state[26], state[4], state[27]
-    l_mean, u_mean = state[28], state[29]
-    origin = l_mean + parameters[5]
-    base = level - damping * u_mean
-    static = exp(min(max(base + slope * (lx - l_mean), -LARGEST_LOG), LARGEST_LOG))
-    stiffness = exp(min(max(base - slope * origin, -LARGEST_LOG), LARGEST_LOG))
-    per_v = damping / parameters[2]
-    own = 1.0 - damping * u_mean
-    lx -= l_mean
-    state[0] = per_v * static
-    state[1] = static / phi[1]
-    state[2] = stiffness
-    state[3] = per_v * stiffness
-    root = sqrt(noise)
-    state[5] = root * static / parameters[2] * sqrt(variance(state, damping, damping * lx, own))
-    state[6] = root * state[1] * sqrt(variance(state, 1.0, lx, -u_mean))
-    state[7] = root * stiffness * sqrt(variance(state, 1.0, -origin, -u_mean))
-    state[8] = (
-        root * stiffness / parameters[2] * sqrt(variance(state, damping, -damping * origin, own))
-    )
-    state[9] = root * sqrt(state[33])
+    report(parameters, state, x, lx, parameters.correlation * noise)
 
 
-def gather(state: State, beta: float, weight: float, lx: float, u: float, y: float) -> None:
-    """Let the sums fall by beta and add a sample: R from state[11] on, r from 17, Q from 20."""
+def update_noise(state: LogarithmicState, error: float, spread: float, dt: float) -> None:
+    """Mean of error^2 / spread, each sample with the weight 1 / spread."""
+    share = dt / (NOISE_MEMORY + dt)
+    state.evidence += share * (1.0 / spread - state.evidence)
+    share /= spread * state.evidence
+    state.noise += share * (error * error / spread - state.noise)
+
+
+def gather(
+    state: LogarithmicState, beta: float, weight: float, lx: float, u: float, y: float
+) -> None:
+    """Let the sums decay by beta, and add a sample."""
     w_l, w_u = weight * lx, weight * u
-    state[11] = beta * state[11] + weight
-    state[12] = beta * state[12] + w_l
-    state[13] = beta * state[13] + w_u
-    state[14] = beta * state[14] + w_l * lx
-    state[15] = beta * state[15] + w_l * u
-    state[16] = beta * state[16] + w_u * u
-    state[17] = beta * state[17] + weight * y
-    state[18] = beta * state[18] + w_l * y
-    state[19] = beta * state[19] + w_u * y
+    state.w = beta * state.w + weight
+    state.w_l = beta * state.w_l + w_l
+    state.w_u = beta * state.w_u + w_u
+    state.w_ll = beta * state.w_ll + w_l * lx
+    state.w_lu = beta * state.w_lu + w_l * u
+    state.w_uu = beta * state.w_uu + w_u * u
+    state.w_y = beta * state.w_y + weight * y
+    state.w_ly = beta * state.w_ly + w_l * y
+    state.w_uy = beta * state.w_uy + w_u * y
     beta *= beta
-    state[20] = beta * state[20] + weight
-    state[21] = beta * state[21] + w_l
-    state[22] = beta * state[22] + w_u
-    state[23] = beta * state[23] + w_l * lx
-    state[24] = beta * state[24] + w_l * u
-    state[25] = beta * state[25] + w_u * u
+    state.q = beta * state.q + weight
+    state.q_l = beta * state.q_l + w_l
+    state.q_u = beta * state.q_u + w_u
+    state.q_ll = beta * state.q_ll + w_l * lx
+    state.q_lu = beta * state.q_lu + w_l * u
+    state.q_uu = beta * state.q_uu + w_u * u
 
 
-def solve(state: State, noise: float) -> None:
-    """The level, n and v0 B/K, the means of lx and u, and the covariance by noise variance.
+def solve(state: LogarithmicState, noise: float) -> None:
+    """The level, n and v0 B/K, the means of l and u, and the covariance by noise variance.
 
     About these weighted means the level, ln f there, is on its own. The covariance is
     R^-1 Q R^-1: noise in ln f has the variance s/f^2, and so Q is the sum of weights that have
-    fallen twice.
+    decayed twice.
     """
-    inverse = 1.0 / state[11]
-    l_mean, u_mean = inverse * state[12], inverse * state[13]
-    prior = PRIOR * state[11]
-    ll = max(state[14] - state[12] * l_mean, 0.0) + prior
-    lu = state[15] - state[12] * u_mean
-    uu = max(state[16] - state[13] * u_mean, 0.0) + prior
+    inverse = 1.0 / state.w
+    l_mean, u_mean = inverse * state.w_l, inverse * state.w_u
+    prior = PRIOR * state.w
+    ll = max(state.w_ll - state.w_l * l_mean, 0.0) + prior
+    lu = state.w_lu - state.w_l * u_mean
+    uu = max(state.w_uu - state.w_u * u_mean, 0.0) + prior
     determinant = max(ll * uu - lu * lu, 1e-12 * ll * uu)
-    ly = state[18] - state[17] * l_mean + HERTZ * prior
-    uy = state[19] - state[17] * u_mean
-    slope = min(max((uu * ly - lu * uy) / determinant, 0.0), STEEPEST)
-    state[4] = slope
-    state[26] = inverse * state[17]
-    state[27] = min(max((uy - lu * slope) / uu, -10.0), 10.0)
-    state[28], state[29] = l_mean, u_mean
+    ly = state.w_ly - state.w_y * l_mean + HERTZ * prior
+    uy = state.w_uy - state.w_y * u_mean
+    slope = clamp((uu * ly - lu * uy) / determinant, 0.0, STEEPEST)
+    state.theta[EXPONENT] = slope
+    state.level = inverse * state.w_y
+    state.damping = clamp((uy - lu * slope) / uu, -10.0, 10.0)
+    state.l_mean, state.u_mean = l_mean, u_mean
 
-    q, q_l, q_u = state[20], state[21], state[22]
+    q, q_l, q_u = state.q, state.q_l, state.q_u
     first_guess = prior * (prior / noise)
-    q_ll = state[23] + l_mean * (l_mean * q - 2.0 * q_l) + first_guess
-    q_lu = state[24] + l_mean * (u_mean * q - q_u) - u_mean * q_l
-    q_uu = state[25] + u_mean * (u_mean * q - 2.0 * q_u) + first_guess
+    q_ll = state.q_ll + l_mean * (l_mean * q - 2.0 * q_l) + first_guess
+    q_lu = state.q_lu + l_mean * (u_mean * q - q_u) - u_mean * q_l
+    q_uu = state.q_uu + u_mean * (u_mean * q - 2.0 * q_u) + first_guess
     q_l -= l_mean * q
     q_u -= u_mean * q
     ll, lu, uu = uu / determinant, -lu / determinant, ll / determinant
     n_l, n_u = ll * q_ll + lu * q_lu, ll * q_lu + lu * q_uu
-    c_l, c_u = lu * q_ll + uu * q_lu, lu * q_lu + uu * q_uu
-    state[30] = inverse * inverse * q
-    state[31] = inverse * (ll * q_l + lu * q_u)
-    state[32] = inverse * (lu * q_l + uu * q_u)
-    state[33] = max(n_l * ll + n_u * lu, 0.0)
-    state[34] = c_l * ll + c_u * lu
-    state[35] = max(c_l * lu + c_u * uu, 0.0)
+    d_l, d_u = lu * q_ll + uu * q_lu, lu * q_lu + uu * q_uu
+    state.c = inverse * inverse * q
+    state.c_l = inverse * (ll * q_l + lu * q_u)
+    state.c_u = inverse * (lu * q_l + uu * q_u)
+    state.c_ll = max(n_l * ll + n_u * lu, 0.0)
+    state.c_lu = d_l * ll + d_u * lu
+    state.c_uu = max(d_l * lu + d_u * uu, 0.0)
 
 
-def variance(state: State, p: float, q: float, r: float) -> float:
-    """That of p level + q n + r B/K by the covariance in the state, by noise variance."""
-    total = p * (p * state[30] + 2.0 * (q * state[31] + r * state[32]))
-    total += q * (q * state[33] + 2.0 * r * state[34]) + r * r * state[35]
+def report(
+    parameters: LogarithmicParameters,
+    state: LogarithmicState,
+    x: float,
+    lx: float,
+    noise: float,
+) -> None:
+    """B and k at the present displacement, K, B and n, and their standard deviations."""
+    theta, std, v0 = state.theta, state.std, parameters.v0
+    n, damping = theta[EXPONENT], state.damping
+    off = lx - state.l_mean
+    origin = state.l_mean + parameters.log_x0
+    base = state.level - damping * state.u_mean
+    force = exp(clamp(base + n * off, -LARGEST_LOG, LARGEST_LOG))
+    stiffness = exp(clamp(base - n * origin, -LARGEST_LOG, LARGEST_LOG))
+    theta[B] = damping / v0 * force
+    theta[K] = force / x
+    theta[STIFFNESS] = stiffness
+    theta[DAMPING] = damping / v0 * stiffness
+
+    root = sqrt(noise)
+    own = 1.0 - damping * state.u_mean
+    std[B] = root * force / v0 * sqrt(variance(state, damping, damping * off, own))
+    std[K] = root * theta[K] * sqrt(variance(state, 1.0, off, -state.u_mean))
+    std[STIFFNESS] = root * stiffness * sqrt(variance(state, 1.0, -origin, -state.u_mean))
+    std[DAMPING] = root * stiffness / v0 * sqrt(variance(state, damping, -damping * origin, own))
+    std[EXPONENT] = root * sqrt(state.c_ll)
+
+
+def variance(state: LogarithmicState, p: float, q: float, r: float) -> float:
+    """That of p level + q n + r v0 B/K, for a noise variance of 1."""
+    total = p * (p * state.c + 2.0 * (q * state.c_l + r * state.c_u))
+    total += q * (q * state.c_ll + 2.0 * r * state.c_lu) + r * r * state.c_uu
     return total if total > 0.0 else 0.0
 
 
@@ -188,7 +265,6 @@ class Logarithmic(Estimator):
     """
 
     step = staticmethod(step)
-    helpers = (gather, solve, variance)
 
     def __init__(
         self,
@@ -201,26 +277,16 @@ class Logarithmic(Estimator):
         check_contact(memory, displacement, velocity, threshold)
         check_correlation(correlation)
         super().__init__(
-            (
-                1.0 / memory,
-                displacement,
-                velocity,
-                threshold,
-                correlation,
-                log(displacement),
+            LogarithmicParameters(
+                rate=1.0 / memory,
+                x0=displacement,
+                v0=velocity,
+                threshold=threshold,
+                correlation=correlation,
+                log_x0=log(displacement),
             ),
-            (0.0, 0.0, 0.0, 0.0, HERTZ, *[UNKNOWN] * 4, 1.0, *[0.0] * 28),
+            LogarithmicState(
+                [0.0, 0.0, 0.0, 0.0, HERTZ], [*[UNKNOWN] * 4, 1.0], False, *(0.0,) * 27
+            ),
             names=NAMES,
         )
-
-
-def check_contact(memory: float, displacement: float, velocity: float, threshold: float) -> None:
-    """Raise ValueError unless all are positive and of a size that can be squared."""
-    for name, value in (
-        ("memory", memory),
-        ("displacement", displacement),
-        ("velocity", velocity),
-        ("threshold", threshold),
-    ):
-        if not 1e-30 <= value <= 1e30:
-            raise ValueError(f"{name} must be positive, got {value}")

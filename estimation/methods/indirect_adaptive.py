@@ -3,14 +3,39 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 from estimation.checks import positive_values
-from estimation.compiled import Parameters, Regressors, State
-from estimation.linear_gain import LinearGainEstimator, correct
+from estimation.linear_gain import (
+    LinearGainEstimator,
+    LinearGainParameters,
+    LinearGainState,
+    correct,
+    linear_gain_state,
+)
 from estimation.model import KELVIN_VOIGT, Model
+from estimation.step import Regressors, below
 
 
-def step(parameters: Parameters, state: State, phi: Regressors, f: float, dt: float) -> None:
+@dataclass(frozen=True, slots=True)
+class IndirectParameters(LinearGainParameters):
+    """Parameters of `step`."""
+
+    rate: float
+    """Rate at which the force error decays [1/s]."""
+    floor: float
+    """The s's at which the rate is half as high."""
+    per_size: tuple[float, ...]
+    """1 / typical size of each regressor, (m,)."""
+
+
+def step(
+    parameters: IndirectParameters,
+    state: LinearGainState,
+    phi: Regressors,
+    f: float,
+    dt: float,
+) -> None:
     """The normalised gradient law over one period with phi and f held.
 
     With s_i = phi_i / size_i and G = diag(1 / size_i^2),
@@ -19,17 +44,16 @@ def step(parameters: Parameters, state: State, phi: Regressors, f: float, dt: fl
 
     The force error decays along it at the rate `rate` s's / (floor + s's).
     """
-    m = len(phi)
-    gain = 2 * m + 3
+    per_size, L = parameters.per_size, state.L
     square = 0.0
-    for i in range(m):
-        scaled = phi[i] * parameters[4 + i]
-        state[gain + i] = scaled * parameters[4 + i]
-        square += scaled * scaled
-    speed = parameters[2] / (parameters[3] + square)
+    for i in below[len(phi)]:
+        s = phi[i] * per_size[i]
+        L[i] = s * per_size[i]
+        square += s * s
+    speed = parameters.rate / (parameters.floor + square)
     held = -math.expm1(-speed * square * dt) / square if square > 0.0 else speed * dt
-    for i in range(m):
-        state[gain + i] *= held
+    for i in below[len(phi)]:
+        L[i] *= held
     correct(parameters, state, phi, f, dt)
 
 
@@ -84,10 +108,10 @@ class IndirectAdaptive(LinearGainEstimator):
         for name, value in (("rate", rate), ("floor", floor)):
             if not 0.0 < value < math.inf:
                 raise ValueError(f"{name} must be positive, got {value}")
-        per_size = [1.0 / size for size in positive_values("sizes", sizes, model)]
+        per_size = tuple(1.0 / size for size in positive_values("sizes", sizes, model))
+        guess_variance = [scale * scale for scale in per_size]
         super().__init__(
-            (rate, floor, *per_size),
-            guess_variance=[scale * scale for scale in per_size],
-            model=model,
-            correlation=correlation,
+            IndirectParameters(correlation, rate, floor, per_size),
+            LinearGainState(**linear_gain_state(guess_variance)),
+            model,
         )

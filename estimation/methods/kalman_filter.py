@@ -2,22 +2,32 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from math import inf
 
 from estimation.checks import positive_values
-from estimation.compiled import Parameters, Regressors, State
 from estimation.estimator import Estimates
-from estimation.linear_gain import correct
 from estimation.methods.ud_factors import (
     FactoredEstimator,
-    add,
-    kept,
+    FactoredParameters,
+    FactoredState,
+    add_variance,
     learn,
-    project,
-    scale,
     take_in,
+    variance,
 )
 from estimation.model import KELVIN_VOIGT, Model
+from estimation.step import Regressors, below
+
+
+@dataclass(frozen=True, slots=True)
+class KalmanParameters(FactoredParameters):
+    """Parameters of `step`, variances in units of P0."""
+
+    Q: tuple[float, ...]
+    """Growth of the variance of each parameter [1/s], (m,)."""
+    ceiling: tuple[float, ...]
+    """Variance of each parameter at which it grows no further, (m,)."""
 
 
 def process_noise(
@@ -50,29 +60,20 @@ def process_noise(
     return tuple(sample_period / (memory * size) ** 2 for size in sizes)
 
 
-def walk(parameters: Parameters, state: State, phi: Regressors, dt: float) -> None:
+def walk(parameters: KalmanParameters, state: FactoredState, dt: float) -> None:
     """P <- P + Q dt, by one parameter after the other, none beyond its ceiling."""
-    m = len(phi)
-    u = 4 * m + 3 + m * m
-    d = u + m * m
-    y = d + m
-    for i in range(m):
-        variance = state[d + i]
-        for j in range(i + 1, m):
-            variance += state[u + i * m + j] * state[u + i * m + j] * state[d + j]
-        for j in range(m):
-            state[y + j] = 0.0
-        state[y + i] = 1.0
-        room = max(parameters[4 + 2 * m + i] - variance, 0.0)
-        add(state, phi, min(parameters[4 + m + i] * dt, room))
+    Q, ceiling = parameters.Q, parameters.ceiling
+    for i in below[len(state.D)]:
+        room = max(ceiling[i] - variance(state, i), 0.0)
+        add_variance(state, i, min(Q[i] * dt, room))
 
 
-def step(parameters: Parameters, state: State, phi: Regressors, f: float, dt: float) -> None:
+def step(
+    parameters: KalmanParameters, state: FactoredState, phi: Regressors, f: float, dt: float
+) -> None:
     """P <- P + Q dt, L = P phi / (1 + phi' P phi), P <- P - L phi' P."""
-    walk(parameters, state, phi, dt)
-    scale(parameters, state, phi)
-    project(state, phi)
-    spread = take_in(state, phi, 1.0)
+    walk(parameters, state, dt)
+    spread = take_in(parameters, state, phi, 1.0)
     learn(parameters, state, phi, f, dt, spread)
 
 
@@ -113,7 +114,7 @@ class RandomWalkKalman(FactoredEstimator):
     """
 
     step = staticmethod(step)
-    helpers = (correct, kept, scale, project, take_in, add, learn, walk)
+    parameter_type = KalmanParameters
 
     def __init__(
         self,
@@ -126,9 +127,9 @@ class RandomWalkKalman(FactoredEstimator):
         q = positive_values("process noise", process_noise, model)
         p0 = positive_values("initial covariance", initial_covariance, model)
         most = positive_values("ceiling", p0 if ceiling is None else ceiling, model)
-        growth = [value / first for value, first in zip(q, p0, strict=True)]
-        room = [value / first for value, first in zip(most, p0, strict=True)]
-        super().__init__(1.0, p0, None, (*growth, *room), model, correlation)
+        growth = tuple(value / first for value, first in zip(q, p0, strict=True))
+        room = tuple(value / first for value, first in zip(most, p0, strict=True))
+        super().__init__(1.0, p0, None, model, correlation, Q=growth, ceiling=room)
 
     def note(self, estimates: Estimates) -> str | None:
         """Nothing: the covariance does not wind up."""

@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
-import math
-from typing import ClassVar
+from dataclasses import dataclass
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from estimation.checks import check_correlation
-from estimation.compiled import Floats, Parameters, Regressors, State
+from estimation.compiled import Floats
 from estimation.estimator import Estimates, Estimator
-from estimation.linear_gain import NOISE_MEMORY
+from estimation.methods.candidates import GridAxis, grid_axis, least_candidate
 from estimation.methods.grid import Grid
-from estimation.methods.lattice import inside, least_in_box, lowest_on_border
-from estimation.unrolled import Helpers
+from estimation.methods.monitoring import (
+    NO_SUMS,
+    MonitoringState,
+    decay_and_add,
+    deviation,
+    least_point,
+)
+from estimation.step import B, K, Regressors
 
 Indices = NDArray[np.int64]
 
@@ -24,124 +30,34 @@ FASTEST = 1e6
 """Largest forgetting rate [1/s]."""
 
 
-def step(parameters: Parameters, state: State, phi: Regressors, f: float, dt: float) -> None:
-    """Let the sums decay, add the sample, and take the candidate of least (11)."""
-    b_step, b_last, k_step, k_last = parameters[2], parameters[3], parameters[6], parameters[7]
-    decay_and_add(parameters[0], state, phi[0], phi[1], f, dt)
-    state[0], state[1] = least_candidate(
-        state,
-        parameters[1],
-        b_step,
-        b_last,
-        parameters[4],
-        parameters[5],
-        k_step,
-        k_last,
-        parameters[8],
-        TIE,
-    )
-    state[2], state[3] = deviations(parameters[9], state, b_step * b_last, k_step * k_last, dt)
+@dataclass(frozen=True, slots=True)
+class MultiEstimatorParameters:
+    """Parameters of `step`."""
+
+    twice_lambda: float
+    """Rate at which the weight of a sample decays [1/s]."""
+    b: GridAxis
+    k: GridAxis
+    correlation: float
+    """Samples for each independent one, >= 1."""
 
 
-def decay_and_add(
-    twice_lambda: float, state: State, v: float, x: float, f: float, dt: float
+def step(
+    parameters: MultiEstimatorParameters,
+    state: MonitoringState,
+    phi: Regressors,
+    f: float,
+    dt: float,
 ) -> None:
-    """The sums from state[5] on: ff, fv, fx, vv, vx, xx, those of squared weights, the weights'.
-
-    With the force error held over `dt`, (11) is exactly mu <- e^(-2 lambda dt) mu + w e^2
-    with w = (1 - e^(-2 lambda dt)) / 2 lambda. Its e^2 = (b v + k x - f)^2 opens into
-    products of (f, v, x), whose sums so decayed give mu of every candidate at once.
-    """
-    loss = -math.expm1(-twice_lambda * dt)
-    decay = 1.0 - loss
-    weight = loss / twice_lambda if twice_lambda > 0.0 else dt
-    vv, vx, xx = weight * v * v, weight * v * x, weight * x * x
-    state[5] = state[5] * decay + weight * f * f
-    state[6] = state[6] * decay + weight * f * v
-    state[7] = state[7] * decay + weight * f * x
-    state[8] = state[8] * decay + vv
-    state[9] = state[9] * decay + vx
-    state[10] = state[10] * decay + xx
-    decay_twice = decay * decay
-    state[11] = state[11] * decay_twice + weight * vv
-    state[12] = state[12] * decay_twice + weight * vx
-    state[13] = state[13] * decay_twice + weight * xx
-    state[14] = state[14] * decay + weight
-
-
-def least_candidate(
-    state: State,
-    b_first: float,
-    b_step: float,
-    b_last: float,
-    b_zero: float,
-    k_first: float,
-    k_step: float,
-    k_last: float,
-    k_zero: float,
-    share: float,
-) -> tuple[float, float]:
-    """The candidate (b, k) of least monitoring signal, out of a grid.
-
-    Each axis is given by its first value, its spacing, and the indices of its last value and of
-    the one nearest zero. The tie-breaking term is a `share` of the signal that the grid spans.
-    """
-    ff, fv, fx = state[5], state[6], state[7]
-    vv, vx, xx = state[8], state[9], state[10]
-    b_curvature = b_step * b_step * vv
-    k_curvature = k_step * k_step * xx
-    tie = share * (ff + b_curvature * b_last * b_last + k_curvature * k_last * k_last) + 1e-100
-    b_tie = tie / (b_last * b_last)
-    k_tie = tie / (k_last * k_last)
-    i, j = least_in_box(
-        b_curvature + b_tie,
-        b_step * k_step * vx,
-        k_curvature + k_tie,
-        b_step * (b_first * vv + k_first * vx - fv) - b_tie * b_zero,
-        k_step * (b_first * vx + k_first * xx - fx) - k_tie * k_zero,
-        int(b_last),
-        int(k_last),
-    )
-    return b_first + i * b_step, k_first + j * k_step
-
-
-def deviations(
-    correlation: float, state: State, b_most: float, k_most: float, dt: float
-) -> tuple[float, float]:
-    """Root mean square errors of the candidate (state[0], state[1]), `b_most`, `k_most` at most.
-
-    The form's own least point is weighted least squares, R theta = r. White noise of variance s
-    gives it the covariance s R^-1 Q R^-1, with Q the sum of squared weights, and mu the
-    expectation s (sum of weights - tr R^-1 Q), from which s is had, as a mean over
-    `NOISE_MEMORY`. To its variance comes the square of the candidate's distance from it.
-    """
-    vv, vx, xx = state[8], state[9], state[10]
-    determinant = vv * xx - vx * vx
-    if not determinant > 1e-12 * vv * xx + 1e-300:
-        return b_most, k_most
-    inverse = 1.0 / determinant
-    bb, bk, kk = xx * inverse, -vx * inverse, vv * inverse
-    q_vv, q_vx, q_xx, weights = state[11], state[12], state[13], state[14]
-    b_v, b_x = bb * q_vv + bk * q_vx, bb * q_vx + bk * q_xx
-    k_v, k_x = bk * q_vv + kk * q_vx, bk * q_vx + kk * q_xx
-    freedom = weights - b_v - k_x
-    if not freedom > 1e-6 * weights:
-        return b_most, k_most
-    fv, fx = state[6], state[7]
-    b, k = bb * fv + bk * fx, bk * fv + kk * fx
-    residual = state[5] - b * fv - k * fx
-    share = dt / (NOISE_MEMORY + dt)
-    state[15] += share * (1.0 - state[15])
-    share /= state[15] * freedom
-    state[16] += share * ((residual if residual > 0.0 else 0.0) - freedom * state[16])
-    noise = correlation * state[16]
-    b -= state[0]
-    k -= state[1]
-    b_square = noise * (b_v * bb + b_x * bk) + b * b
-    k_square = noise * (k_v * bk + k_x * kk) + k * k
-    b_std = math.sqrt(b_square) if b_square > 0.0 else 0.0
-    k_std = math.sqrt(k_square) if k_square > 0.0 else 0.0
-    return b_std if b_std < b_most else b_most, k_std if k_std < k_most else k_most
+    """Let the sums decay, add the sample, and take the candidate of least (11)."""
+    v, x = phi
+    b_axis, k_axis = parameters.b, parameters.k
+    decay_and_add(parameters.twice_lambda, state, v, x, f, dt)
+    least = least_point(parameters.correlation, state, dt)
+    b, k = least_candidate(state, b_axis, k_axis, TIE)
+    state.theta[B], state.theta[K] = b, k
+    state.std[B] = deviation(least.b_variance, least.b - b, b_axis.span)
+    state.std[K] = deviation(least.k_variance, least.k - k, k_axis.span)
 
 
 class MultiEstimator(Estimator):
@@ -174,24 +90,13 @@ class MultiEstimator(Estimator):
     """
 
     step = staticmethod(step)
-    helpers: ClassVar[Helpers] = (
-        decay_and_add,
-        inside,
-        lowest_on_border,
-        least_in_box,
-        least_candidate,
-        deviations,
-    )
     gated = False
+    parameter_type: ClassVar[type[MultiEstimatorParameters]] = MultiEstimatorParameters
+    parameters: MultiEstimatorParameters
+    state: MonitoringState
 
     def __init__(
-        self,
-        grid: Grid,
-        forgetting_rate: float,
-        correlation: float = 1.0,
-        *,
-        further_parameters: tuple[float, ...] = (),
-        further_state: tuple[float, ...] = (),
+        self, grid: Grid, forgetting_rate: float, correlation: float = 1.0, **own: Any
     ) -> None:
         if not 0.0 <= forgetting_rate <= FASTEST:
             raise ValueError(
@@ -199,23 +104,23 @@ class MultiEstimator(Estimator):
             )
         check_correlation(correlation)
         self.grid = grid
-        parameters = [2.0 * forgetting_rate]
-        for axis in (grid.b, grid.k):
-            parameters += [axis.first, axis.spacing, axis.count - 1, axis.nearest_zero]
-        axes = (grid.b, grid.k)
-        zero = (axis.first + axis.nearest_zero * axis.spacing for axis in axes)
-        spans = (axis.spacing * (axis.count - 1) for axis in axes)
-        super().__init__(
-            (*parameters, correlation, *further_parameters),
-            (*zero, *spans, 0.0, *(0.0,) * 12, *further_state),
-        )
+        axes = grid_axis(grid.b), grid_axis(grid.k)
+        parameters = self.parameter_type(2.0 * forgetting_rate, *axes, correlation, **own)
+        super().__init__(parameters, self.first_state(parameters))
+
+    def first_state(self, parameters: Any) -> MonitoringState:
+        """The state before the first sample: the candidate nearest zero."""
+        axes = parameters.b, parameters.k
+        zero = [axis.first + axis.zero * axis.spacing for axis in axes]
+        spans = [axis.span for axis in axes]
+        return MonitoringState(zero, spans, False, *NO_SUMS)
 
     def monitoring_signal(self, b: Floats | float, k: Floats | float) -> Floats:
         """(11) of the candidates (b, k) [N^2 s], arrays that broadcast."""
-        ff, fv, fx, vv, vx, xx = self.state[5:11]
+        s = self.state
         b, k = np.asarray(b, dtype=np.float64), np.asarray(k, dtype=np.float64)
-        signal = ff + b * (b * vv - 2.0 * fv) + k * (k * xx - 2.0 * fx) + 2.0 * b * k * vx
-        return np.maximum(signal, 0.0)
+        signal = s.ff + b * (b * s.vv - 2.0 * s.fv) + k * (k * s.xx - 2.0 * s.fx)
+        return np.maximum(signal + 2.0 * b * k * s.vx, 0.0)
 
     def ties(self, margin: float) -> Floats:
         """Candidates whose monitoring signal exceeds the winner's by at most `margin` of it.
@@ -250,7 +155,8 @@ class MultiEstimator(Estimator):
         if not margin >= 0.0:
             raise ValueError(f"margin must be >= 0, got {margin}")
         winner = self.estimate
-        ff, fv, fx, vv, vx, xx = self.state[5:11]
+        s = self.state
+        ff, fv, fx, vv, vx, xx = s.ff, s.fv, s.fx, s.vv, s.vx, s.xx
         rounding = 1e-12 * ff
         bound = (1.0 + margin) * float(self.monitoring_signal(winner.b, winner.k)) + rounding
         b, axis = self.grid.b.values, self.grid.k
@@ -280,10 +186,9 @@ class MultiEstimator(Estimator):
 
     def edges(self) -> dict[str, tuple[float, float]]:
         """First and last value of "b" and of "k", as the winner takes them."""
-        _, b_first, b_step, b_last, _, k_first, k_step, k_last, *_ = self.parameters
+        axes = {"b": self.parameters.b, "k": self.parameters.k}
         return {
-            "b": (b_first, b_first + b_last * b_step),
-            "k": (k_first, k_first + k_last * k_step),
+            name: (axis.first, axis.first + axis.last * axis.spacing) for name, axis in axes.items()
         }
 
     def note(self, estimates: Estimates) -> str | None:

@@ -3,11 +3,18 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 from estimation.checks import positive_values
-from estimation.compiled import Parameters, Regressors, State
-from estimation.linear_gain import LinearGainEstimator, correct
+from estimation.linear_gain import (
+    LinearGainEstimator,
+    LinearGainParameters,
+    LinearGainState,
+    correct,
+    linear_gain_state,
+)
 from estimation.model import KELVIN_VOIGT, Model
+from estimation.step import Regressors, Vector, below
 
 LEAST = 0.1
 """A mean square counts for no less than this share of that of the typical size."""
@@ -17,27 +24,48 @@ LARGEST_SHARE = 0.1
 """A sample's share in a mean square at the most, however long a gap came before it."""
 
 
-def step(parameters: Parameters, state: State, phi: Regressors, f: float, dt: float) -> None:
-    """(8) over one period with phi and f held, Gamma_i = rate / mean square of phi_i.
+@dataclass(frozen=True, slots=True)
+class NormalisedParameters(LinearGainParameters):
+    """Parameters of `step`."""
 
-    The mean squares, in units of the typical ones, are the method's own state (m).
-    """
-    m = len(phi)
-    gain = 2 * m + 3
-    mean = 4 * m + 3 + m * m
-    share = parameters[3] * dt
+    rate: float
+    """Rate at which the parameters converge [1/s]."""
+    per_memory: float
+    """1 / memory of the mean squares [1/s]."""
+    per_size: tuple[float, ...]
+    """1 / typical size of each regressor, (m,)."""
+
+
+@dataclass(slots=True)
+class NormalisedState(LinearGainState):
+    """State of `step`."""
+
+    mean_square: Vector
+    """Mean square of each regressor, in units of the typical one's, (m,)."""
+
+
+def step(
+    parameters: NormalisedParameters,
+    state: NormalisedState,
+    phi: Regressors,
+    f: float,
+    dt: float,
+) -> None:
+    """(8) over one period with phi and f held, Gamma_i = rate / mean square of phi_i."""
+    per_size, mean_square, L = parameters.per_size, state.mean_square, state.L
+    share = parameters.per_memory * dt
     share = min(share / (1.0 + share), LARGEST_SHARE)
     speed = 0.0
-    for i in range(m):
-        scaled = phi[i] * parameters[4 + i]
+    for i in below[len(phi)]:
+        scaled = phi[i] * per_size[i]
         square = scaled * scaled
-        state[mean + i] += share * (min(square, MOST) - state[mean + i])
-        adaptation = parameters[2] / max(state[mean + i], LEAST)
-        state[gain + i] = adaptation * scaled * parameters[4 + i]
+        mean_square[i] += share * (min(square, MOST) - mean_square[i])
+        adaptation = parameters.rate / max(mean_square[i], LEAST)
+        L[i] = adaptation * scaled * per_size[i]
         speed += adaptation * square
     held = -math.expm1(-speed * dt) / speed if speed > 0.0 else dt
-    for i in range(m):
-        state[gain + i] *= held
+    for i in below[len(phi)]:
+        L[i] *= held
     correct(parameters, state, phi, f, dt)
 
 
@@ -87,11 +115,12 @@ class NormalisedIdentification(LinearGainEstimator):
         for name, value in (("rate", rate), ("memory", memory)):
             if not 0.0 < value < math.inf:
                 raise ValueError(f"{name} must be positive, got {value}")
-        per_size = [1.0 / size for size in positive_values("sizes", sizes, model)]
+        per_size = tuple(1.0 / size for size in positive_values("sizes", sizes, model))
+        guess_variance = [scale * scale for scale in per_size]
         super().__init__(
-            (rate, 1.0 / memory, *per_size),
-            guess_variance=[scale * scale for scale in per_size],
-            own_state=[1.0] * model.regressors,
-            model=model,
-            correlation=correlation,
+            NormalisedParameters(correlation, rate, 1.0 / memory, per_size),
+            NormalisedState(
+                **linear_gain_state(guess_variance), mean_square=[1.0] * model.regressors
+            ),
+            model,
         )

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from dataclasses import asdict, dataclass
 
-from estimation.compiled import Parameters, Regressors, State
-from estimation.methods.recursive_least_squares import step
-from estimation.methods.ud_factors import FactoredEstimator
+from estimation.methods.recursive_least_squares import step as least_squares_step
+from estimation.methods.ud_factors import FactoredEstimator, FactoredParameters, FactoredState
 from estimation.model import KELVIN_VOIGT, Model
+from estimation.step import Matrix, Regressors, Vector, below, diagonal, zeros
 
 SIGNED = ("f0",)
 """Parameters that may be negative in a passive environment."""
@@ -15,81 +16,97 @@ ROUNDING = 1e-15
 """Least share of a variance that is left once another parameter is known."""
 
 
-def multiply_out(parameters: Parameters, state: State, phi: Regressors) -> None:
-    """P = U D U', in the units of theta, behind the unconstrained theta."""
-    m = len(phi)
-    u = 4 * m + 3 + m * m
-    d = u + m * m
-    p = d + 3 * m
-    for i in range(m):
-        for j in range(i + 1):
-            total = state[d + i]
+@dataclass(frozen=True, slots=True)
+class PassiveParameters(FactoredParameters):
+    """Parameters of `step`."""
+
+    bounded: tuple[int, ...]
+    """1 for each parameter that is not negative in a passive environment, (m,)."""
+
+
+@dataclass(slots=True)
+class PassiveState(FactoredState):
+    """State of `step`."""
+
+    free: Vector
+    """The estimate without constraint, (m,)."""
+    P: Matrix
+    """Covariance in units of theta, given the parameters at zero; (m, m)."""
+
+
+def multiply_out(parameters: PassiveParameters, state: PassiveState) -> None:
+    """P = U D U', in units of theta."""
+    s, U, D, P = parameters.s, state.U, state.D, state.P
+    m = len(D)
+    for i in below[m]:
+        for j in below[i + 1]:
+            total = D[i]
             if j < i:
-                total *= state[u + j * m + i]
-            for n in range(i + 1, m):
-                total += state[d + n] * state[u + i * m + n] * state[u + j * m + n]
-            total *= parameters[2 + i] * parameters[2 + j]
-            state[p + i * m + j] = total
-            state[p + j * m + i] = total
+                total *= U[i][j]
+            for later in below[m - 1 - i]:
+                n = i + 1 + later
+                total += D[n] * U[n][i] * U[n][j]
+            total *= s[i] * s[j]
+            P[i][j] = total
+            P[j][i] = total
 
 
-def worst(parameters: Parameters, state: State, phi: Regressors) -> int:
+def worst(parameters: PassiveParameters, state: PassiveState) -> int:
     """Which parameter is most standard deviations below a bound of zero; -1 if none is."""
-    m = len(phi)
-    p = 7 * m + 3 + 2 * m * m
+    theta, P = state.theta, state.P
     found = -1
     most = 0.0
-    for i in range(m):
-        if parameters[4 + m + i] > 0.0 and state[i] < 0.0:
-            below = -state[i] / math.sqrt(state[p + i * m + i])
-            if below >= most:
-                most = below
+    for i in below[len(theta)]:
+        if parameters.bounded[i] == 1 and theta[i] < 0.0:
+            deviations = -theta[i] / math.sqrt(P[i][i])
+            if deviations >= most:
+                most = deviations
                 found = i
     return found
 
 
-def put_at_zero(state: State, phi: Regressors, n: int) -> None:
+def put_at_zero(state: PassiveState, n: int) -> None:
     """Parameter n to zero, and the others to where they are likeliest then.
 
     theta <- theta - P e theta_n / P_nn,    P <- P - P e e' P / P_nn,    e the n-th unit vector
     """
-    m = len(phi)
-    p = 7 * m + 3 + 2 * m * m
-    row = p + n * m
-    pivot = state[row + n]
-    excess = state[n] / pivot
-    for i in range(m):
-        state[i] -= state[row + i] * excess
-        least = ROUNDING * state[p + i * m + i]
-        for j in range(m):
+    theta, P = state.theta, state.P
+    m = len(theta)
+    row = P[n]
+    pivot = row[n]
+    excess = theta[n] / pivot
+    for i in below[m]:
+        theta[i] -= row[i] * excess
+        least = ROUNDING * P[i][i]
+        for j in below[m]:
             if i != n and j != n:
-                state[p + i * m + j] -= state[row + i] * state[row + j] / pivot
-        state[p + i * m + i] = max(state[p + i * m + i], least)
-    state[n] = 0.0
-    for i in range(m):
-        state[row + i] = 0.0
-        state[p + i * m + n] = 0.0
+                P[i][j] -= row[i] * row[j] / pivot
+        P[i][i] = max(P[i][i], least)
+    theta[n] = 0.0
+    for i in below[m]:
+        row[i] = 0.0
+        P[i][n] = 0.0
 
 
-def passive_step(
-    parameters: Parameters, state: State, phi: Regressors, f: float, dt: float
+def step(
+    parameters: PassiveParameters, state: PassiveState, phi: Regressors, f: float, dt: float
 ) -> None:
-    """Recursive least squares, its theta in the own state, then the passive one nearest to it."""
-    m = len(phi)
-    theta = 6 * m + 3 + 2 * m * m
-    for i in range(m):
-        state[i] = state[theta + i]
-    step(parameters, state, phi, f, dt)
+    """Recursive least squares without constraint, then the passive theta nearest to its own."""
+    theta, free, bounded = state.theta, state.free, parameters.bounded
+    for i in below[len(phi)]:
+        theta[i] = free[i]
+    least_squares_step(parameters, state, phi, f, dt)
     outside = False
-    for i in range(m):
-        state[theta + i] = state[i]
-        outside = outside or (parameters[4 + m + i] > 0.0 and state[i] < 0.0)
+    for i in below[len(phi)]:
+        free[i] = theta[i]
+        if bounded[i] == 1 and theta[i] < 0.0:
+            outside = True
     if outside:
-        multiply_out(parameters, state, phi)
-        n = worst(parameters, state, phi)
+        multiply_out(parameters, state)
+        n = worst(parameters, state)
         while n >= 0:
-            put_at_zero(state, phi, n)
-            n = worst(parameters, state, phi)
+            put_at_zero(state, n)
+            n = worst(parameters, state)
 
 
 class PassiveLeastSquares(FactoredEstimator):
@@ -131,8 +148,8 @@ class PassiveLeastSquares(FactoredEstimator):
         A parameter is out of its range.
     """
 
-    helpers = (*FactoredEstimator.helpers, step, multiply_out, worst, put_at_zero)
-    step = staticmethod(passive_step)
+    step = staticmethod(step)
+    parameter_type = PassiveParameters
 
     def __init__(
         self,
@@ -142,8 +159,14 @@ class PassiveLeastSquares(FactoredEstimator):
         model: Model = KELVIN_VOIGT,
         correlation: float = 1.0,
     ) -> None:
-        bounded = [float(name not in SIGNED) for name in model.parameters]
-        super().__init__(forgetting, initial_covariance, sample_period, bounded, model, correlation)
-        m = model.regressors
-        self._initial_state += (0.0,) * (m + m * m)
-        self.reset()
+        bounded = tuple(int(name not in SIGNED) for name in model.parameters)
+        super().__init__(
+            forgetting, initial_covariance, sample_period, model, correlation, bounded=bounded
+        )
+
+    def first_state(self, guess_variance: tuple[float, ...]) -> PassiveState:
+        """The state before the first sample: P = I, no parameter at zero."""
+        m = len(guess_variance)
+        return PassiveState(
+            **asdict(super().first_state(guess_variance)), free=zeros(m), P=diagonal(zeros(m))
+        )

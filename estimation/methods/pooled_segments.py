@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, replace
 
 from estimation.checks import check_correlation
-from estimation.compiled import Parameters, Regressors, State
 from estimation.estimator import Estimates, Estimator
+from estimation.step import B, K, Regressors, State
 
 SIGNIFICANT = 3.090232306167813
 """Standard deviations that a normal number exceeds once in a thousand times."""
@@ -16,82 +17,133 @@ FEWEST = 8
 """Fewest samples of a segment."""
 
 
-def step(parameters: Parameters, state: State, phi: Regressors, f: float, dt: float) -> None:
+@dataclass(frozen=True, slots=True)
+class SegmentParameters:
+    """Parameters of `step`."""
+
+    length: float
+    """Length of a segment [s]."""
+    correlation: float
+    """Samples for each independent one, >= 1."""
+
+
+@dataclass(slots=True)
+class Pool:
+    """What the segments gave for one parameter."""
+
+    count: int
+    """How many segments there were."""
+    weights: float
+    """Sum of the weights, 1 / variance."""
+    weighted_mean: float
+    Q: float
+    """Weighted sum of the squared deviations from it: Cochran's Q."""
+    mean: float
+    """Mean, all segments of one weight."""
+    squares: float
+    """Sum of the squared deviations from it."""
+    variance: float
+    """Mean of the variances."""
+
+
+@dataclass(slots=True)
+class SegmentState(State):
+    """State of `step`: the sums of the present segment, and the segments before it."""
+
+    ff: float
+    fv: float
+    fx: float
+    vv: float
+    vx: float
+    xx: float
+    samples: int
+    elapsed: float
+    """Time since the segment began [s]."""
+    b: Pool
+    k: Pool
+
+
+def step(
+    parameters: SegmentParameters, state: SegmentState, phi: Regressors, f: float, dt: float
+) -> None:
     """Add the sample to its segment; pool the segment once it is long enough."""
-    length, correlation = parameters[0], parameters[1]
-    v, x = phi[0], phi[1]
-    if dt > length:
-        for i in range(5, 13):
-            state[i] = 0.0
+    v, x = phi
+    if dt > parameters.length:
+        begin(state)
         dt = 0.0
-    state[5] += f * f
-    state[6] += f * v
-    state[7] += f * x
-    state[8] += v * v
-    state[9] += v * x
-    state[10] += x * x
-    state[11] += 1.0
-    state[12] += dt
-    if state[12] >= length and state[11] >= FEWEST:
-        ff, fv, fx = state[5], state[6], state[7]
-        vv, vx, xx = state[8], state[9], state[10]
-        determinant = vv * xx - vx * vx
-        if determinant > 1e-9 * vv * xx:
-            b = (xx * fv - vx * fx) / determinant
-            k = (vv * fx - vx * fv) / determinant
-            noise = max(ff - b * fv - k * fx, 1e-12 * ff) * correlation
-            noise /= max(state[11] - 2.0 * correlation, 1.0)
-            pool(state, 13, b, noise * xx / determinant)
-            pool(state, 20, k, noise * vv / determinant)
-            state[0], state[2] = pooled(state, 13)
-            state[1], state[3] = pooled(state, 20)
-        for i in range(5, 13):
-            state[i] = 0.0
-    if state[13] == 0.0:
-        state[4] = 1.0
+    state.ff += f * f
+    state.fv += f * v
+    state.fx += f * x
+    state.vv += v * v
+    state.vx += v * x
+    state.xx += x * x
+    state.samples += 1
+    state.elapsed += dt
+    if state.elapsed >= parameters.length and state.samples >= FEWEST:
+        end(parameters, state)
+        begin(state)
+    state.held = state.b.count == 0
 
 
-def pool(state: State, at: int, value: float, variance: float) -> None:
-    """Add a segment.
+def begin(state: SegmentState) -> None:
+    """Begin a segment."""
+    state.ff = state.fv = state.fx = state.vv = state.vx = state.xx = 0.0
+    state.samples = 0
+    state.elapsed = 0.0
 
-    From state[at] on: count, sum of weights, weighted mean, weighted squares about it, and,
-    all of one weight, mean, squares about it, and mean variance.
-    """
+
+def end(parameters: SegmentParameters, state: SegmentState) -> None:
+    """Least squares of the segment, which is pooled with those before it."""
+    ff, fv, fx, vv, vx, xx = state.ff, state.fv, state.fx, state.vv, state.vx, state.xx
+    determinant = vv * xx - vx * vx
+    if determinant > 1e-9 * vv * xx:
+        b = (xx * fv - vx * fx) / determinant
+        k = (vv * fx - vx * fv) / determinant
+        noise = max(ff - b * fv - k * fx, 1e-12 * ff) * parameters.correlation
+        noise /= max(state.samples - 2.0 * parameters.correlation, 1.0)
+        add(state.b, b, noise * xx / determinant)
+        add(state.k, k, noise * vv / determinant)
+        state.theta[B], state.std[B] = pooled(state.b)
+        state.theta[K], state.std[K] = pooled(state.k)
+
+
+def add(pool: Pool, value: float, variance: float) -> None:
+    """Add a segment's value."""
     weight = 1.0 / (variance + 1e-300)
-    state[at] += 1.0
-    state[at + 1] += weight
-    change = value - state[at + 2]
-    state[at + 2] += weight / state[at + 1] * change
-    state[at + 3] += weight * change * (value - state[at + 2])
-    change = value - state[at + 4]
-    state[at + 4] += change / state[at]
-    state[at + 5] += change * (value - state[at + 4])
-    state[at + 6] += (variance - state[at + 6]) / state[at]
+    pool.count += 1
+    pool.weights += weight
+    change = value - pool.weighted_mean
+    pool.weighted_mean += weight / pool.weights * change
+    pool.Q += weight * change * (value - pool.weighted_mean)
+    change = value - pool.mean
+    pool.mean += change / pool.count
+    pool.squares += change * (value - pool.mean)
+    pool.variance += (variance - pool.variance) / pool.count
 
 
-def pooled(state: State, at: int) -> tuple[float, float]:
+def pooled(pool: Pool) -> tuple[float, float]:
     """Mean, and its standard deviation: noise alone, or the spread where segments disagree."""
-    variance = 1.0 / state[at + 1]
-    if disagree(state, at):
-        variance += spread(state, at)
-    return state[at + 2], math.sqrt(variance)
+    variance = 1.0 / pool.weights
+    if disagree(pool):
+        variance += spread(pool)
+    return pool.weighted_mean, math.sqrt(variance)
 
 
-def disagree(state: State, at: int) -> bool:
+def disagree(pool: Pool) -> bool:
     """Whether Q exceeds the 99.9 % quantile of chi-squared, by Wilson and Hilferty."""
-    freedom = state[at] - 1.0
-    if freedom < 1.0:
+    freedom = pool.count - 1
+    if freedom < 1:
         return False
     third = 2.0 / (9.0 * freedom)
     root = 1.0 - third + SIGNIFICANT * math.sqrt(third)
-    return state[at + 3] > freedom * root * root * root
+    return freedom * root * root * root < pool.Q
 
 
-def spread(state: State, at: int) -> float:
-    """Variance between the segments, by Hedges and Olkin: theirs, less what noise makes of it."""
-    if state[at] < 2.0:
+def spread(pool: Pool) -> float:
+    """Variance between the segments, by Hedges and Olkin: theirs, less that which noise gives."""
+    if pool.count < 2:
         return 0.0
-    return max(state[at + 5] / (state[at] - 1.0) - state[at + 6], 0.0)
+    return max(pool.squares / (pool.count - 1) - pool.variance, 0.0)
 
 
 class PooledSegments(Estimator):
@@ -124,13 +176,19 @@ class PooledSegments(Estimator):
     """
 
     step = staticmethod(step)
-    helpers = (disagree, spread, pool, pooled)
+    parameters: SegmentParameters
+    state: SegmentState
 
     def __init__(self, length: float, correlation: float = 1.0) -> None:
         if not 0.0 < length < math.inf:
             raise ValueError(f"a segment's length must be positive, got {length} s")
         check_correlation(correlation)
-        super().__init__((length, correlation), (0.0, 0.0, math.nan, math.nan, 1.0, *[0.0] * 22))
+        nan = math.nan
+        b, k = (Pool(0, *(0.0,) * 6) for _ in range(2))
+        super().__init__(
+            SegmentParameters(length, correlation),
+            SegmentState([0.0, 0.0], [nan, nan], True, *(0.0,) * 6, 0, 0.0, b, k),
+        )
 
     @property
     def correlation(self) -> float:
@@ -141,17 +199,17 @@ class PooledSegments(Estimator):
         ValueError
             The new value is below 1.
         """
-        return self.parameters[1]
+        return self.parameters.correlation
 
     @correlation.setter
     def correlation(self, value: float) -> None:
         check_correlation(value)
-        self.parameters[1] = float(value)
+        self.parameters = replace(self.parameters, correlation=float(value))
 
     @property
     def segments(self) -> int:
         """How many segments there were so far."""
-        return int(self.state[13])
+        return self.state.b.count
 
     @property
     def misfit(self) -> dict[str, float]:
@@ -160,10 +218,10 @@ class PooledSegments(Estimator):
         Empty where one Kelvin-Voigt body explains all segments.
         """
         found = {}
-        for name, at in (("b", 13), ("k", 20)):
-            if disagree(self.state, at):
-                between = math.sqrt(spread(self.state, at))
-                share = between / math.hypot(self.state[at + 4], between)
+        for name, pool in (("b", self.state.b), ("k", self.state.k)):
+            if disagree(pool):
+                between = math.sqrt(spread(pool))
+                share = between / math.hypot(pool.mean, between)
                 if share > TELLING:
                     found[name] = share
         return found

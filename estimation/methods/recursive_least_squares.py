@@ -2,29 +2,39 @@
 
 from __future__ import annotations
 
-from estimation.compiled import Parameters, Regressors, State
 from estimation.methods.ud_factors import (
     FactoredEstimator,
+    FactoredParameters,
+    FactoredState,
     kept,
     learn,
-    project,
-    scale,
     take_in,
 )
 from estimation.model import KELVIN_VOIGT, Model
+from estimation.step import Regressors, below
 
 
-def step(parameters: Parameters, state: State, phi: Regressors, f: float, dt: float) -> None:
+def step(
+    parameters: FactoredParameters, state: FactoredState, phi: Regressors, f: float, dt: float
+) -> None:
     """(3)-(4): L = P z / (beta + z' P z), P <- (P - L z' P) / beta."""
-    m = len(phi)
-    d = 4 * m + 3 + 2 * m * m
-    beta = kept(parameters, state, phi, dt)
-    scale(parameters, state, phi)
-    project(state, phi)
-    spread = take_in(state, phi, beta)
+    take_in_and_forget(parameters, state, phi, f, dt, kept(parameters, state, dt))
+
+
+def take_in_and_forget(
+    parameters: FactoredParameters,
+    state: FactoredState,
+    phi: Regressors,
+    f: float,
+    dt: float,
+    beta: float,
+) -> None:
+    """(3)-(4) with a forgetting factor beta."""
+    D = state.D
+    spread = take_in(parameters, state, phi, beta)
     growth = 1.0 / beta
-    for i in range(m):
-        state[d + i] *= growth
+    for j in below[len(phi)]:
+        D[j] *= growth
     learn(parameters, state, phi, f, dt, spread)
 
 
@@ -76,5 +86,5 @@ class RecursiveLeastSquares(FactoredEstimator):
         guess_variance: tuple[float, ...] | None = None,
     ) -> None:
         super().__init__(
-            forgetting, initial_covariance, sample_period, (), model, correlation, guess_variance
+            forgetting, initial_covariance, sample_period, model, correlation, guess_variance
         )

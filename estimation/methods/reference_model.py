@@ -2,38 +2,64 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from math import inf, nan, sqrt
 
 from estimation.checks import positive_values
-from estimation.compiled import Parameters, Regressors, State
 from estimation.estimator import Estimator
 from estimation.model import KELVIN_VOIGT, Model
+from estimation.step import Regressors, State, below, zeros
 
 
-def step(parameters: Parameters, state: State, phi: Regressors, f: float, dt: float) -> None:
-    """One period of implicit Euler; the output error e is the method's own state.
+@dataclass(frozen=True, slots=True)
+class ReferenceParameters:
+    """Parameters of `step`."""
+
+    rate: float
+    """Rate at which the force error decays [1/s]."""
+    bandwidth: float
+    """a, bandwidth of the reference and the model [1/s]."""
+    floor: float
+    """The s's at which the rate is half as high."""
+    per_size: tuple[float, ...]
+    """1 / typical size of each regressor, (m,)."""
+
+
+@dataclass(slots=True)
+class ReferenceState(State):
+    """State of `step`."""
+
+    e: float
+    """Output error [N], reference minus model, normalised."""
+
+
+def step(
+    parameters: ReferenceParameters,
+    state: ReferenceState,
+    phi: Regressors,
+    f: float,
+    dt: float,
+) -> None:
+    """One period of implicit Euler.
 
     With s_i = phi_i / size_i, G = diag(1 / size_i^2) and n^2 = floor + s's,
 
         e' = -a e + a (f - phi' theta) / n,    theta' = rate G phi e / n.
     """
-    m = len(phi)
-    output = 2 * m + 1
+    theta, per_size = state.theta, parameters.per_size
     square = 0.0
     error = f
-    for i in range(m):
-        scaled = phi[i] * parameters[3 + i]
-        square += scaled * scaled
-        error -= phi[i] * state[i]
-    norm = sqrt(parameters[2] + square)
-    a = parameters[1] * dt
-    rate = parameters[0] * dt
-    state[output] = (state[output] + a * (error / norm)) / (
-        1.0 + a + a * rate * (square / (norm * norm))
-    )
-    move = rate * (state[output] / norm)
-    for i in range(m):
-        state[i] += move * (phi[i] * parameters[3 + i]) * parameters[3 + i]
+    for i in below[len(phi)]:
+        s = phi[i] * per_size[i]
+        square += s * s
+        error -= phi[i] * theta[i]
+    n = sqrt(parameters.floor + square)
+    a = parameters.bandwidth * dt
+    rate = parameters.rate * dt
+    state.e = (state.e + a * (error / n)) / (1.0 + a + a * rate * (square / (n * n)))
+    move = rate * (state.e / n)
+    for i in below[len(phi)]:
+        theta[i] += move * (phi[i] * per_size[i]) * per_size[i]
 
 
 class ReferenceModel(Estimator):
@@ -87,8 +113,10 @@ class ReferenceModel(Estimator):
         for name, value in (("rate", rate), ("bandwidth", bandwidth), ("floor", floor)):
             if not 0.0 < value < inf:
                 raise ValueError(f"{name} must be positive, got {value}")
-        per_size = [1.0 / size for size in positive_values("sizes", sizes, model)]
+        per_size = tuple(1.0 / size for size in positive_values("sizes", sizes, model))
         m = model.regressors
         super().__init__(
-            (rate, bandwidth, floor, *per_size), (*[0.0] * m, *[nan] * m, 0.0, 0.0), model
+            ReferenceParameters(rate, bandwidth, floor, per_size),
+            ReferenceState(zeros(m), [nan] * m, False, 0.0),
+            model,
         )

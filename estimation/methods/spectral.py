@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
-from estimation.compiled import Parameters, Regressors, State
 from estimation.estimator import Estimator
+from estimation.step import B, K, Regressors, State
 
 FASTEST = 500.0
 """Largest angular frequency of a motion [rad/s]."""
@@ -15,65 +16,127 @@ DISTINCT = 0.3
 """X and V are told apart if their determinant is this share of what a sine would give."""
 
 
-def step(parameters: Parameters, state: State, phi: Regressors, f: float, dt: float) -> None:
-    """Find the frequency, move the window on, and solve F = b V + k X.
+@dataclass(frozen=True, slots=True)
+class SpectralParameters:
+    """Parameters of `step`."""
 
-    From state[5] on: weight, mean x, variance of x and mean square of v over the frequency's
-    memory; then over the window its weight, the means of e = exp(-j w (s - t)), e x, e v, e f
-    (real and imaginary part), and those of x, v, f.
-    """
-    v, x = phi[0], phi[1]
-    share = parameters[1] * dt
+    angle: float
+    """Memory of the window [rad of the motion]."""
+    per_memory: float
+    """1 / memory of the frequency [1/s]."""
+    frequency: float
+    """Angular frequency of the motion [rad/s]; 0 to find it."""
+    least_variance: float
+    """Variance of x up to which the estimate is held [m^2]."""
+    least_determinant: float
+    """Determinant up to which the estimate is held, in units of rms v times rms x."""
+
+
+@dataclass(slots=True)
+class Spectrum:
+    """Means < > over the window of a signal s: <s>, and <e s> with e = exp(-j w (now - t))."""
+
+    mean: float
+    re: float
+    im: float
+
+
+@dataclass(slots=True)
+class SpectralState(State):
+    """State of `step`."""
+
+    filled: float
+    """Share of the frequency's memory that has been filled."""
+    x_mean: float
+    """Mean of x over that memory [m]."""
+    x_variance: float
+    """Variance of x over that memory [m^2]."""
+    v_square: float
+    """Mean square of v over that memory [m^2/s^2]."""
+    window_filled: float
+    """Share of the window that has been filled."""
+    one: Spectrum
+    x: Spectrum
+    v: Spectrum
+    f: Spectrum
+
+
+def step(
+    parameters: SpectralParameters, state: SpectralState, phi: Regressors, f: float, dt: float
+) -> None:
+    """Find the frequency, move the window on, and solve F = b V + k X."""
+    v, x = phi
+    frequency = find_frequency(parameters, state, v, x, dt)
+    slide(parameters, state, v, x, f, frequency * dt)
+    x_re, x_im = coefficient(state, state.x)
+    v_re, v_im = coefficient(state, state.v)
+    f_re, f_im = coefficient(state, state.f)
+    determinant = v_re * x_im - v_im * x_re
+    x_variance, v_square = state.x_variance, state.v_square
+    if (
+        x_variance > parameters.least_variance
+        and v_square > SLOWEST * SLOWEST * x_variance
+        and abs(determinant) > parameters.least_determinant * math.sqrt(x_variance * v_square)
+    ):
+        state.theta[B] = (f_re * x_im - f_im * x_re) / determinant
+        state.theta[K] = (v_re * f_im - v_im * f_re) / determinant
+    else:
+        state.held = True
+
+
+def find_frequency(
+    parameters: SpectralParameters, state: SpectralState, v: float, x: float, dt: float
+) -> float:
+    """Angular frequency of the motion, w^2 = <v^2> / <(x - <x>)^2> [rad/s]."""
+    share = parameters.per_memory * dt
     share /= 1.0 + share
-    state[5] += share * (1.0 - state[5])
-    share /= state[5]
-    off = x - state[6]
-    state[6] += share * off
-    state[7] = (1.0 - share) * (state[7] + share * off * off)
-    state[8] += share * (v * v - state[8])
-    frequency = parameters[2]
-    if frequency == 0.0:
-        frequency = FASTEST
-        if state[8] < FASTEST * FASTEST * state[7]:
-            frequency = max(math.sqrt(state[8] / state[7]), SLOWEST)
-    angle = frequency * dt
-    share = -math.expm1(-angle / parameters[0])
-    state[9] += share * (1.0 - state[9])
-    share /= state[9]
+    state.filled += share * (1.0 - state.filled)
+    share /= state.filled
+    off = x - state.x_mean
+    state.x_mean += share * off
+    state.x_variance = (1.0 - share) * (state.x_variance + share * off * off)
+    state.v_square += share * (v * v - state.v_square)
+    if parameters.frequency > 0.0:
+        return parameters.frequency
+    if state.v_square < FASTEST * FASTEST * state.x_variance:
+        return max(math.sqrt(state.v_square / state.x_variance), SLOWEST)
+    return FASTEST
+
+
+def slide(
+    parameters: SpectralParameters,
+    state: SpectralState,
+    v: float,
+    x: float,
+    f: float,
+    angle: float,
+) -> None:
+    """Turn the window on by an angle w dt, and add a sample."""
+    share = -math.expm1(-angle / parameters.angle)
+    state.window_filled += share * (1.0 - state.window_filled)
+    share /= state.window_filled
     # Cayley's form of the turn, whose length is 1 for every angle
     half = 0.5 * min(angle, 1.0)
     turn = (1.0 - share) / (1.0 + half * half)
     cos = turn * (1.0 - half * half)
     sin = turn * 2.0 * half
-    one_re = cos * state[10] - sin * state[11] + share
-    one_im = cos * state[11] + sin * state[10]
-    x_re = cos * state[12] - sin * state[13] + share * x
-    x_im = cos * state[13] + sin * state[12]
-    v_re = cos * state[14] - sin * state[15] + share * v
-    v_im = cos * state[15] + sin * state[14]
-    f_re = cos * state[16] - sin * state[17] + share * f
-    f_im = cos * state[17] + sin * state[16]
-    state[10], state[11], state[12], state[13] = one_re, one_im, x_re, x_im
-    state[14], state[15], state[16], state[17] = v_re, v_im, f_re, f_im
-    state[18] += share * (x - state[18])
-    state[19] += share * (v - state[19])
-    state[20] += share * (f - state[20])
-    x_re -= state[18] * one_re
-    x_im -= state[18] * one_im
-    v_re -= state[19] * one_re
-    v_im -= state[19] * one_im
-    f_re -= state[20] * one_re
-    f_im -= state[20] * one_im
-    determinant = v_re * x_im - v_im * x_re
-    state[4] = 1.0
-    if (
-        state[7] > parameters[3]
-        and state[8] > SLOWEST * SLOWEST * state[7]
-        and abs(determinant) > parameters[4] * math.sqrt(state[7] * state[8])
-    ):
-        state[0] = (f_re * x_im - f_im * x_re) / determinant
-        state[1] = (v_re * f_im - v_im * f_re) / determinant
-        state[4] = 0.0
+    update(state.one, 1.0, share, cos, sin)
+    update(state.x, x, share, cos, sin)
+    update(state.v, v, share, cos, sin)
+    update(state.f, f, share, cos, sin)
+
+
+def update(spectrum: Spectrum, value: float, share: float, cos: float, sin: float) -> None:
+    """Add a sample's value to the means of a signal."""
+    re, im = spectrum.re, spectrum.im
+    spectrum.mean += share * (value - spectrum.mean)
+    spectrum.re = cos * re - sin * im + share * value
+    spectrum.im = cos * im + sin * re
+
+
+def coefficient(state: SpectralState, signal: Spectrum) -> tuple[float, float]:
+    """<e s> - <e> <s>, real and imaginary part."""
+    return signal.re - signal.mean * state.one.re, signal.im - signal.mean * state.one.im
 
 
 class SpectralRatio(Estimator):
@@ -137,9 +200,18 @@ class SpectralRatio(Estimator):
         if not 0.0 < memory < math.inf:
             raise ValueError(f"memory must be positive, got {memory}")
         angle = 2.0 * math.pi * periods
+        parameters = SpectralParameters(
+            angle=angle,
+            per_memory=1.0 / memory,
+            frequency=w,
+            least_variance=motion * motion,
+            least_determinant=DISTINCT * sine_determinant(angle),
+        )
+        one, x, v, f = (Spectrum(0.0, 0.0, 0.0) for _ in range(4))
+        nan = math.nan
         super().__init__(
-            (angle, 1.0 / memory, w, motion * motion, DISTINCT * sine_determinant(angle)),
-            (0.0, 0.0, math.nan, math.nan, 1.0, *[0.0] * 16),
+            parameters,
+            SpectralState([0.0, 0.0], [nan, nan], True, 0.0, 0.0, 0.0, 0.0, 0.0, one, x, v, f),
         )
 
 

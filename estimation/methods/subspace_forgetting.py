@@ -3,60 +3,72 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
-from estimation.compiled import Parameters, Regressors, State
 from estimation.methods.ud_factors import (
     FactoredEstimator,
+    FactoredParameters,
+    FactoredState,
     add,
     kept,
     learn,
-    project,
-    scale,
     take_in,
 )
 from estimation.model import KELVIN_VOIGT, Model
+from estimation.step import Regressors, below
 
 LEAST = 1e-100
 """Least square of a threshold."""
 
 
-def information(state: State, phi: Regressors) -> float:
-    """Z' P^-1 z = |D^-1/2 U^-1 z|^2, with y = z; uses the place of the gain."""
-    m = len(phi)
-    gain = 2 * m + 3
-    u = 4 * m + 3 + m * m
-    d = u + m * m
-    y = d + m
+@dataclass(frozen=True, slots=True)
+class SubspaceParameters(FactoredParameters):
+    """Parameters of `step`."""
+
+    epsilon: float
+    """Least z' z of a sample that counts."""
+
+
+def scale(parameters: SubspaceParameters, state: FactoredState, phi: Regressors) -> float:
+    """Make y the scaled regressors z; return z' z."""
+    square = 0.0
+    for i in below[len(phi)]:
+        z = parameters.s[i] * phi[i]
+        state.y[i] = z
+        square += z * z
+    return square
+
+
+def information(state: FactoredState) -> float:
+    """Z' P^-1 z = |D^-1/2 U^-1 z|^2, with y = z; overwrites the gain."""
+    U, D, y, L = state.U, state.D, state.y, state.L
+    m = len(D)
     total = 0.0
-    for n in range(m):
+    for n in below[m]:
         i = m - 1 - n
-        state[gain + i] = state[y + i]
-        for j in range(i + 1, m):
-            state[gain + i] -= state[u + i * m + j] * state[gain + j]
-        total += state[gain + i] * state[gain + i] / state[d + i]
+        value = y[i]
+        for later in below[n]:
+            j = i + 1 + later
+            value -= U[j][i] * L[j]
+        L[i] = value
+        total += value * value / D[i]
     return total
 
 
-def step(parameters: Parameters, state: State, phi: Regressors, f: float, dt: float) -> None:
+def step(
+    parameters: SubspaceParameters, state: FactoredState, phi: Regressors, f: float, dt: float
+) -> None:
     """With R = P^-1, R <- R - (1 - beta) R z z' R / z' R z + z z'; gain P z, P the new one.
 
     The forgetting is P <- P + (1 - beta) / beta z z' / z' R z. Where |z| is below the threshold,
     nothing changes.
     """
-    m = len(phi)
-    y = 5 * m + 3 + 2 * m * m
-    scale(parameters, state, phi)
-    square = 0.0
-    for i in range(m):
-        square += state[y + i] * state[y + i]
-    if square < parameters[4 + m]:
-        state[2 * m] = 1.0
+    if scale(parameters, state, phi) < parameters.epsilon:
+        state.held = True
     else:
-        beta = kept(parameters, state, phi, dt)
-        add(state, phi, (1.0 - beta) / (beta * information(state, phi)))
-        scale(parameters, state, phi)
-        project(state, phi)
-        spread = take_in(state, phi, 1.0)
+        beta = kept(parameters, state, dt)
+        add(state, (1.0 - beta) / (beta * information(state)), len(phi))
+        spread = take_in(parameters, state, phi, 1.0)
         learn(parameters, state, phi, f, dt, spread)
 
 
@@ -96,7 +108,7 @@ class SubspaceForgetting(FactoredEstimator):
     """
 
     step = staticmethod(step)
-    helpers = (*FactoredEstimator.helpers, information)
+    parameter_type = SubspaceParameters
 
     def __init__(
         self,
@@ -113,7 +125,7 @@ class SubspaceForgetting(FactoredEstimator):
             forgetting,
             initial_covariance,
             sample_period,
-            (max(threshold * threshold, LEAST),),
             model,
             correlation,
+            epsilon=max(threshold * threshold, LEAST),
         )

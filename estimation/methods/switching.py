@@ -3,58 +3,70 @@
 from __future__ import annotations
 
 import math
+from dataclasses import asdict, dataclass
 
-from estimation.compiled import Parameters, Regressors, State
 from estimation.estimator import Estimates
+from estimation.methods.candidates import least_candidate
 from estimation.methods.grid import Grid
+from estimation.methods.monitoring import (
+    MonitoringState,
+    decay_and_add,
+    deviation,
+    least_point,
+    monitoring_signal,
+)
 from estimation.methods.multi_estimator import (
     TIE,
     MultiEstimator,
-    decay_and_add,
-    deviations,
-    least_candidate,
+    MultiEstimatorParameters,
 )
-
-SINCE, SWITCHES = 17, 18
-"""Where the time [s] since the last switch and the count of switches are in the state."""
+from estimation.step import B, K, Regressors
 
 
-def step(parameters: Parameters, state: State, phi: Regressors, f: float, dt: float) -> None:
+@dataclass(frozen=True, slots=True)
+class SwitchingParameters(MultiEstimatorParameters):
+    """Parameters of `step`."""
+
+    factor: float
+    """1 + h, h the hysteresis."""
+    dwell: float
+    """Least time between switches [s]."""
+
+
+@dataclass(slots=True)
+class SwitchingState(MonitoringState):
+    """State of `step`."""
+
+    since: float
+    """Time since the last switch [s]."""
+    switches: int
+    """How often the candidate has changed."""
+
+
+def step(
+    parameters: SwitchingParameters,
+    state: SwitchingState,
+    phi: Regressors,
+    f: float,
+    dt: float,
+) -> None:
     """Decay and add as the multi-estimator; then switch, if hysteresis and dwell time allow."""
-    decay_and_add(parameters[0], state, phi[0], phi[1], f, dt)
-    b, k = least_candidate(
-        state,
-        parameters[1],
-        parameters[2],
-        parameters[3],
-        parameters[4],
-        parameters[5],
-        parameters[6],
-        parameters[7],
-        parameters[8],
-        TIE,
-    )
-    state[SINCE] += dt
-    bound = parameters[10] * signal(state, b, k)
-    if state[SINCE] >= parameters[11] and signal(state, state[0], state[1]) > bound:
-        state[0], state[1] = b, k
-        state[SINCE] = 0.0
-        state[SWITCHES] += 1.0
-    state[2], state[3] = deviations(
-        parameters[9], state, parameters[2] * parameters[3], parameters[6] * parameters[7], dt
-    )
-
-
-def signal(state: State, b: float, k: float) -> float:
-    """(11) of a candidate, and `TIE` times that of (0, 0) so that none is zero."""
-    ff = state[5]
-    mu = (
-        ff
-        + b * (b * state[8] - 2.0 * state[6])
-        + k * (k * state[10] - 2.0 * state[7])
-        + 2.0 * b * k * state[9]
-    )
-    return (mu if mu > 0.0 else 0.0) + TIE * ff
+    v, x = phi
+    theta, b_axis, k_axis = state.theta, parameters.b, parameters.k
+    decay_and_add(parameters.twice_lambda, state, v, x, f, dt)
+    b, k = least_candidate(state, b_axis, k_axis, TIE)
+    state.since += dt
+    if state.since >= parameters.dwell:
+        # the same share of the force is added to each signal, so that none is zero
+        offset = TIE * state.ff
+        bound = parameters.factor * (monitoring_signal(state, b, k) + offset)
+        if monitoring_signal(state, theta[B], theta[K]) + offset > bound:
+            theta[B], theta[K] = b, k
+            state.since = 0.0
+            state.switches += 1
+    least = least_point(parameters.correlation, state, dt)
+    state.std[B] = deviation(least.b_variance, least.b - theta[B], b_axis.span)
+    state.std[K] = deviation(least.k_variance, least.k - theta[K], k_axis.span)
 
 
 class SwitchingMultiEstimator(MultiEstimator):
@@ -93,9 +105,11 @@ class SwitchingMultiEstimator(MultiEstimator):
         A parameter is out of its range.
     """
 
-    step = staticmethod(step)
+    step = staticmethod(step)  # type: ignore[assignment]  # it has more parameters
     gated = True
-    helpers = (*MultiEstimator.helpers, signal)
+    parameter_type = SwitchingParameters
+    parameters: SwitchingParameters
+    state: SwitchingState
 
     def __init__(
         self,
@@ -109,25 +123,25 @@ class SwitchingMultiEstimator(MultiEstimator):
             raise ValueError(f"hysteresis must be >= 0, got {hysteresis}")
         if not 0.0 <= dwell < math.inf:
             raise ValueError(f"dwell time must be >= 0, got {dwell}")
-        super().__init__(
-            grid,
-            forgetting_rate,
-            correlation,
-            further_parameters=(1.0 + hysteresis, dwell),
-            further_state=(dwell, 0.0),
+        super().__init__(grid, forgetting_rate, correlation, factor=1.0 + hysteresis, dwell=dwell)
+
+    def first_state(self, parameters: SwitchingParameters) -> SwitchingState:
+        """The state before the first sample, which may switch at once."""
+        return SwitchingState(
+            **asdict(super().first_state(parameters)), since=parameters.dwell, switches=0
         )
 
     @property
     def sigma(self) -> tuple[int, int]:
         """The switching signal: indices of the reported damping and stiffness on their axes."""
         b, k = self.grid.b, self.grid.k
-        i = round((self.state[0] - b.first) / b.spacing)
-        return i, round((self.state[1] - k.first) / k.spacing)
+        i = round((self.state.theta[B] - b.first) / b.spacing)
+        return i, round((self.state.theta[K] - k.first) / k.spacing)
 
     @property
     def switches(self) -> int:
         """How often sigma has changed; the first sample's choice counts."""
-        return int(self.state[SWITCHES])
+        return self.state.switches
 
     def note(self, estimates: Estimates) -> str | None:
         """How often sigma changed and where it is, and what the multi-estimator says."""

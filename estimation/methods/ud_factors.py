@@ -4,134 +4,207 @@ P so kept is positive definite whatever the rounding, and has the precision of a
 (G. J. Bierman, "Factorization Methods for Discrete Sequential Estimation", Academic Press, 1977).
 
 It is the covariance of the parameters in units of the deviation s_i of their first guess, for
-regressors z_i = s_i phi_i, so that P begins as I whatever the units of phi. The parameters
-of a step are
-
-    the two of `correct`, s (m), forgetting factor, forgetting rate, what the method itself needs
-
-and the method's own state is U (m x m), D (m), and a vector y (m) that each function below
-reads, changes, or both.
+regressors z_i = s_i phi_i, so that P begins as I whatever the units of phi.
 """
 
 from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from typing import ClassVar
+from dataclasses import dataclass
+from typing import Any, ClassVar
 
 import numpy as np
 
 from estimation.checks import positive_values
-from estimation.compiled import Floats, Parameters, Regressors, State
+from estimation.compiled import Floats
 from estimation.estimator import Estimates
-from estimation.linear_gain import LinearGainEstimator, correct, own
+from estimation.linear_gain import (
+    LinearGainEstimator,
+    LinearGainParameters,
+    LinearGainState,
+    correct,
+    linear_gain_state,
+)
 from estimation.model import KELVIN_VOIGT, Model
-from estimation.unrolled import Helpers
+from estimation.step import Matrix, Regressors, Vector, below, diagonal, zeros
 
 WINDUP = 1e10
 """A variance grows by forgetting to this multiple of its initial value at the most."""
 
 
-def kept(parameters: Parameters, state: State, phi: Regressors, dt: float) -> float:
+@dataclass(frozen=True, slots=True)
+class FactoredParameters(LinearGainParameters):
+    """What the functions below need."""
+
+    s: tuple[float, ...]
+    """Standard deviation of the first guess of each parameter, (m,)."""
+    beta: float
+    """Forgetting factor of a sample, where `rate` is 0."""
+    rate: float
+    """Rate of forgetting [1/s]; the forgetting factor of a sample is exp(-rate dt)."""
+
+
+@dataclass(slots=True)
+class FactoredState(LinearGainState):
+    """State of a `LinearGainEstimator` with the factors of P."""
+
+    U: Matrix
+    """Column by column: U_ij, i < j, is U[j][i]; (m, m)."""
+    D: Vector
+    """Diagonal of D, (m,)."""
+    y: Vector
+    """A vector for `add`, (m,)."""
+    bound: float
+    """No less than the trace of P."""
+
+
+def kept(parameters: FactoredParameters, state: FactoredState, dt: float) -> float:
     """Share of the information that is kept: beta, or more where a variance would wind up.
 
     Whichever direction is forgotten, no variance grows by more than 1/beta, so none ever
-    exceeds `WINDUP` times its initial value.
+    exceeds `WINDUP` times its initial value. Nor does the trace, which is no less than any
+    variance, so that it need not be computed for each sample.
     """
-    m = len(phi)
-    u = 4 * m + 3 + m * m
-    d = u + m * m
-    beta = parameters[2 + m]
-    if parameters[3 + m] > 0.0:
-        beta = math.exp(-parameters[3 + m] * dt)
-    for i in range(m):
-        variance = state[d + i]
-        for j in range(i + 1, m):
-            variance += state[u + i * m + j] * state[u + i * m + j] * state[d + j]
-        if variance > beta * WINDUP:
-            beta = variance / WINDUP
+    beta = parameters.beta
+    if parameters.rate > 0.0:
+        beta = math.exp(-parameters.rate * dt)
+    if state.bound > beta * WINDUP:
+        state.bound = trace(state)
+        if state.bound > beta * WINDUP:
+            for i in below[len(state.D)]:
+                beta = max(beta, variance(state, i) / WINDUP)
+    state.bound /= beta
     return beta if beta < 1.0 else 1.0
 
 
-def scale(parameters: Parameters, state: State, phi: Regressors) -> None:
-    """Make y the scaled regressors z."""
-    m = len(phi)
-    y = 4 * m + 3 + 2 * m * m + m
-    for i in range(m):
-        state[y + i] = parameters[2 + i] * phi[i]
+def trace(state: FactoredState) -> float:
+    """Trace of P."""
+    U, D = state.U, state.D
+    total = 0.0
+    for j in below[len(D)]:
+        column = U[j]
+        squares = 1.0
+        for i in below[j]:
+            squares += column[i] * column[i]
+        total += squares * D[j]
+    return total
 
 
-def project(state: State, phi: Regressors) -> float:
-    """Make U' y of y; return y' P y."""
+def variance(state: FactoredState, i: int) -> float:
+    """P_ii = D_i + sum_j U_ij^2 D_j, j > i."""
+    U, D = state.U, state.D
+    total = D[i]
+    for n in below[len(D) - 1 - i]:
+        j = i + 1 + n
+        total += U[j][i] * U[j][i] * D[j]
+    return total
+
+
+def predicted_variance(
+    parameters: FactoredParameters, state: FactoredState, phi: Regressors
+) -> float:
+    """Z' P z = |D^1/2 U' z|^2: variance of the force that P predicts, by that of the noise."""
+    s, U, D = parameters.s, state.U, state.D
     m = len(phi)
-    u = 4 * m + 3 + m * m
-    d = u + m * m
-    y = d + m
-    news = 0.0
-    for n in range(m):
+    total = 0.0
+    for n in below[m]:
         j = m - 1 - n
-        for i in range(j):
-            state[y + j] += state[u + i * m + j] * state[y + i]
-        news += state[y + j] * state[y + j] * state[d + j]
-    return news
+        column = U[j]
+        y = s[j] * phi[j]
+        for i in below[j]:
+            y += column[i] * (s[i] * phi[i])
+        total += y * y * D[j]
+    return total
 
 
-def take_in(state: State, phi: Regressors, noise: float) -> float:
-    """P <- P - P z z' P / (noise + z' P z), with y = U' z; return the denominator.
+def take_in(
+    parameters: FactoredParameters, state: FactoredState, phi: Regressors, noise: float
+) -> float:
+    """P <- P - P z z' P / (noise + z' P z); return the denominator.
 
-    Leaves P z, with the former P, in the place of the gain. Bierman's update (1977, chapter V).
+    Leaves P z, with the former P, in the gain L. Bierman's update (1977, chapter V), with
+    y = U' z.
     """
-    m = len(phi)
-    gain = 2 * m + 3
-    u = 4 * m + 3 + m * m
-    d = u + m * m
-    y = d + m
+    s, U, D, L = parameters.s, state.U, state.D, state.L
     now = noise
-    for j in range(m):
+    for j in below[len(phi)]:
+        column = U[j]
+        y = s[j] * phi[j]
+        for i in below[j]:
+            y += column[i] * (s[i] * phi[i])
         before = now
-        state[gain + j] = state[d + j] * state[y + j]
-        now += state[y + j] * state[gain + j]
-        state[d + j] *= before / now
-        for i in range(j):
-            former = state[u + i * m + j]
-            state[u + i * m + j] -= state[gain + i] * state[y + j] / before
-            state[gain + i] += state[gain + j] * former
+        gain = D[j] * y
+        now += y * gain
+        D[j] *= before / now
+        for i in below[j]:
+            former = column[i]
+            column[i] -= L[i] * y / before
+            L[i] += gain * former
+        L[j] = gain
     return now
 
 
-def add(state: State, phi: Regressors, weight: float) -> None:
-    """P <- P + weight y y', weight >= 0; y is used up.
+def add(state: FactoredState, weight: float, columns: int) -> None:
+    """P <- P + weight y y', weight >= 0, where y_j = 0 for j >= columns; y is used up.
 
     W. S. Agee and R. H. Turner, "Triangular decomposition of a positive definite matrix plus a
     symmetric dyad", White Sands Missile Range, technical report 38, 1972.
     """
-    m = len(phi)
-    u = 4 * m + 3 + m * m
-    d = u + m * m
-    y = d + m
+    U, D, y = state.U, state.D, state.y
     left = weight
-    for n in range(m):
-        j = m - 1 - n
-        former = state[d + j]
-        part = left * state[y + j]
-        state[d + j] += part * state[y + j]
-        part /= state[d + j]
-        left *= former / state[d + j]
-        for i in range(j):
-            state[y + i] -= state[y + j] * state[u + i * m + j]
-            state[u + i * m + j] += part * state[y + i]
+    for n in below[columns]:
+        j = columns - 1 - n
+        column = U[j]
+        value = y[j]
+        former = D[j]
+        part = left * value
+        D[j] = former + part * value
+        part /= D[j]
+        left *= former / D[j]
+        for i in below[j]:
+            y[i] -= value * column[i]
+            column[i] += part * y[i]
+
+
+def add_variance(state: FactoredState, i: int, weight: float) -> None:
+    """P_ii <- P_ii + weight."""
+    y = state.y
+    for j in below[i]:
+        y[j] = 0.0
+    y[i] = 1.0
+    add(state, weight, i + 1)
 
 
 def learn(
-    parameters: Parameters, state: State, phi: Regressors, f: float, dt: float, spread: float
+    parameters: FactoredParameters,
+    state: FactoredState,
+    phi: Regressors,
+    f: float,
+    dt: float,
+    spread: float,
 ) -> None:
     """`correct` with the gain P z / spread, where `take_in` left P z."""
-    m = len(phi)
-    gain = 2 * m + 3
+    s, L = parameters.s, state.L
     certainty = 1.0 / spread
-    for i in range(m):
-        state[gain + i] *= parameters[2 + i] * certainty
+    for i in below[len(phi)]:
+        L[i] *= s[i] * certainty
     correct(parameters, state, phi, f, dt)
+
+
+def forgetting_rate(forgetting: float, sample_period: float | None) -> float:
+    """Rate of forgetting [1/s] for a factor of `forgetting` each sample period; 0 without one.
+
+    Raises
+    ------
+    ValueError
+        The factor is not in (0, 1], or the period is not positive.
+    """
+    if not 0.0 < forgetting <= 1.0:
+        raise ValueError(f"forgetting factor must be in (0, 1], got {forgetting}")
+    if sample_period is not None and not 0.0 < sample_period < math.inf:
+        raise ValueError(f"sample period must be positive, got {sample_period}")
+    return -math.log(forgetting) / sample_period if sample_period else 0.0
 
 
 class FactoredEstimator(LinearGainEstimator):
@@ -146,14 +219,14 @@ class FactoredEstimator(LinearGainEstimator):
         of force variance.
     sample_period
         Time [s] over which a weight falls by beta; without, it falls by beta each sample.
-    settings
-        What else the method's step needs.
     model
         The regressors.
     correlation
         Samples for each independent one, see `LinearGainEstimator`.
     guess_variance
         Variance of the first guess; the initial covariance unless given.
+    own
+        What else the method's parameters have, by name.
 
     Raises
     ------
@@ -161,45 +234,47 @@ class FactoredEstimator(LinearGainEstimator):
         A parameter is out of its range.
     """
 
-    helpers: ClassVar[Helpers] = (correct, kept, scale, project, take_in, add, learn)
+    parameter_type: ClassVar[type[FactoredParameters]] = FactoredParameters
+    parameters: FactoredParameters
+    state: FactoredState
 
     def __init__(
         self,
         forgetting: float,
         initial_covariance: tuple[float, ...],
         sample_period: float | None,
-        settings: Parameters = (),
         model: Model = KELVIN_VOIGT,
         correlation: float = 1.0,
         guess_variance: tuple[float, ...] | None = None,
+        **own: Any,
     ) -> None:
-        if not 0.0 < forgetting <= 1.0:
-            raise ValueError(f"forgetting factor must be in (0, 1], got {forgetting}")
-        if sample_period is not None and not 0.0 < sample_period < math.inf:
-            raise ValueError(f"sample period must be positive, got {sample_period}")
+        rate = forgetting_rate(forgetting, sample_period)
         p0 = positive_values("initial covariance", initial_covariance, model)
-        m = model.regressors
-        rate = -math.log(forgetting) / sample_period if sample_period else 0.0
-        super().__init__(
-            (*map(math.sqrt, p0), forgetting, rate, *settings),
-            guess_variance=guess_variance or p0,
-            own_state=[*np.eye(m).flat, *[1.0] * m, *[0.0] * m],
-            model=model,
-            correlation=correlation,
+        s = tuple(map(math.sqrt, p0))
+        parameters = self.parameter_type(correlation, s, forgetting, rate, **own)
+        super().__init__(parameters, self.first_state(guess_variance or p0), model)
+
+    def first_state(self, guess_variance: tuple[float, ...]) -> FactoredState:
+        """The state before the first sample: P = I."""
+        m = len(guess_variance)
+        return FactoredState(
+            **linear_gain_state(guess_variance),
+            U=diagonal([1.0] * m),
+            D=[1.0] * m,
+            y=zeros(m),
+            bound=float(m),
         )
 
     @staticmethod
     @abstractmethod
-    def step(parameters: Parameters, state: State, phi: Regressors, f: float, dt: float) -> None:
-        """Move U and D on, and `learn`."""
+    def step(parameters: Any, state: Any, phi: Regressors, f: float, dt: float) -> None:
+        """Update U and D, and `learn`."""
 
     @property
     def scaled_covariance(self) -> Floats:
         """P, in units of the deviations of the first guess, shape (m, m)."""
-        m = len(self.names)
-        u, d = own(m), own(m) + m * m
-        factor = np.reshape(self.state[u:d], (m, m))
-        p: Floats = factor * self.state[d : d + m] @ factor.T
+        U = np.array(self.state.U).T
+        p: Floats = U * self.state.D @ U.T
         return p
 
     def note(self, estimates: Estimates) -> str | None:

@@ -159,15 +159,12 @@ def run(
     reserved = None
     if not (record or no_record):
         record = reserved = new_recording(f"{condition}-{rig.stem if rig else cube}")
-    show = sys.stderr.isatty()
     with StopSwitch(key=True) as switch:
-        if show:
-            print(f"teleop: {switch.instructions}", file=sys.stderr, flush=True)
         try:
             trial = run_trial(
                 settings,
                 record,
-                show,
+                sys.stderr.isatty(),
                 switch,
                 realtime if clock == "real" else "off",
                 overwrite=bool(reserved),

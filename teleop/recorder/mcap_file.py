@@ -45,11 +45,11 @@ EVENT_SCHEMA = {
 class Disk(io.RawIOBase):
     """A file that keeps the first error of a write, which the MCAP writer would swallow.
 
-    A symbolic link is followed, also one whose target does not exist yet.
+    A new file never replaces a symbolic link; one that may exist is written through it.
     """
 
     def __init__(self, path: Path, overwrite: bool) -> None:
-        self._path = Path(os.path.realpath(path))
+        self._path = Path(os.path.realpath(path)) if overwrite else path
         self._file = self._path.open("wb" if overwrite else "xb", buffering=0)
         self._identifiable = self._is_at_path()
         self._regular = stat.S_ISREG(os.fstat(self._file.fileno()).st_mode)

@@ -63,6 +63,8 @@ class Progress:
         self._places = [len(CDR) + 8 * columns.index(f"{name}_b") for name in self._names]
         self._due = 0.0
         self._terminal = Terminal(STDERR)
+        if self._shown and session.get("instructions"):
+            self.tell(f"teleop: {session['instructions']}")
 
     def show(self, message: bytes, t: float) -> None:
         """Draw the line if it is due."""

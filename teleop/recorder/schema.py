@@ -16,7 +16,7 @@ from teleop.safety.soft_limits import ACCELERATION, FORCE, POSITION, VELOCITY
 if TYPE_CHECKING:
     from estimation import Estimates, Estimator
     from estimation.compiled import Floats
-    from teleop.controller import Record
+    from teleop.tick_record import Record
 
 CDR = b"\0\1\0\0"
 """Head of a little-endian CDR message."""

@@ -105,6 +105,8 @@ class RecorderProcess(Sink):
         Whether the file may exist.
     hint
         What stops the run, for the progress line.
+    instructions
+        How to stop the run, for a line at the start.
     """
 
     def __init__(
@@ -117,6 +119,7 @@ class RecorderProcess(Sink):
         wait: bool,
         overwrite: bool = False,
         hint: str = "",
+        instructions: str = "",
     ) -> None:
         self.path = path
         self._pushed = 0
@@ -124,13 +127,17 @@ class RecorderProcess(Sink):
         self._gone = ""
         self._head = FRAME.pack(TICK, layout.size)
         self._wait = wait
-        self.process = subprocess.Popen(
-            [sys.executable, "-P", "-m", "teleop.recorder.process"],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            bufsize=0,
-            start_new_session=os.name == "posix",
-        )
+        try:
+            self.process = subprocess.Popen(
+                [sys.executable, "-P", "-m", "teleop.recorder.process"],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                bufsize=0,
+                start_new_session=os.name == "posix",
+            )
+        except OSError as error:
+            why = (error.strerror or str(error)).lower()
+            raise InputError(f"the recorder process cannot be started: {why}") from error
         assert self.process.stdin
         assert self.process.stdout
         self._pipe = self.process.stdin.fileno()
@@ -143,6 +150,7 @@ class RecorderProcess(Sink):
             "duration": duration,
             "show": show,
             "hint": hint,
+            "instructions": instructions,
             "overwrite": overwrite,
         }
         data = json.dumps(session).encode()

@@ -123,9 +123,14 @@ def check_rest(measurement: Measurement, limits: Limits) -> Trip | None:
 
 
 def departure(state: Supervision, measurement: Measurement, dt: float, limits: Limits) -> float:
-    """Departure of the slave from its command, less what its drive explains [m]."""
+    """Departure of the slave from its command, less what its drive explains [m].
+
+    A time step that `check_loop` refuses is left out: what the drive was told then is not known.
+    """
     if math.isnan(state.position):
         return 0.0
+    if not 0.0 <= dt <= limits.max_gap:
+        return state.behind
     travel = state.applied.slave_velocity * dt
     behind = state.behind + travel - (measurement.slave_position - state.position)
     pressed = measurement.contact_force - state.watches[CONTACT_FORCE].value
@@ -149,5 +154,4 @@ def clock_drift(state: Supervision, request: Request, dt: float, limits: Limits)
     if state.mode is DISCONNECTED:
         return 0.0
     kept = 1.0 - min(request.elapsed / MEMORY, 1.0)
-    drift = (state.drift + request.elapsed - dt) * kept
-    return max(drift, -limits.max_gap)
+    return max(state.drift * kept + request.elapsed - dt, -limits.max_gap)

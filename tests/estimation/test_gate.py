@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from copy import deepcopy
 from dataclasses import replace
 
 import numpy as np
@@ -85,9 +86,9 @@ def test_update_and_run_agree_whether_compiled_or_not():
     ]
     assert batch.run(given).tolist() == expected
     pytest.importorskip("numba", reason="needs the `fast` extra")
-    law, start = batch._law, [0.0, 0.0, 1.0]
+    law, start = batch._law, Gate(SETTINGS)._state
     assert np.array_equal(
-        compiled_sweep(law, start.copy(), given), interpreted_sweep(law, start.copy(), given)
+        compiled_sweep(law, deepcopy(start), given), interpreted_sweep(law, deepcopy(start), given)
     )
 
 

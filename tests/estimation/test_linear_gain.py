@@ -1,11 +1,20 @@
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
 import statsmodels.api as sm
 
 from estimation import RecursiveLeastSquares, linear_gain
-from estimation.linear_gain import DIFFUSE, LinearGainEstimator, correct, gain_at
+from estimation.linear_gain import (
+    DIFFUSE,
+    LinearGainEstimator,
+    LinearGainParameters,
+    LinearGainState,
+    correct,
+    linear_gain_state,
+)
 from estimation.model import KELVIN_VOIGT, WITH_DATUM
 
 DT = 4e-3
@@ -13,18 +22,23 @@ NOISE = 0.1
 SEEDS = range(300)
 
 
+@dataclass(frozen=True, slots=True)
+class GradientParameters(LinearGainParameters):
+    rate: float
+    sizes: tuple[float, ...]
+
+
 class Gradient(LinearGainEstimator):
     """A gain that is no Riccati equation's: a step along the regressors, normalised."""
 
     @staticmethod
     def step(parameters, state, phi, f, dt):
-        m = len(phi)
+        sizes = parameters.sizes
         size = 1.0
-        for i in range(m):
-            size += (phi[i] / parameters[3 + i]) * (phi[i] / parameters[3 + i])
-        for i in range(m):
-            rate = parameters[2] / (parameters[3 + i] * parameters[3 + i])
-            state[2 * m + 3 + i] = rate * phi[i] / size
+        for i in range(len(phi)):
+            size += (phi[i] / sizes[i]) * (phi[i] / sizes[i])
+        for i in range(len(phi)):
+            state.L[i] = parameters.rate / (sizes[i] * sizes[i]) * phi[i] / size
         correct(parameters, state, phi, f, dt)
 
 
@@ -34,7 +48,8 @@ SIZES = (25e-3, 6e-3, 1.0)
 def gradient(rate=0.5, correlation=1.0, model=KELVIN_VOIGT):
     m = model.regressors
     guess = [1.0 / size**2 for size in SIZES[:m]]
-    return Gradient((rate, *SIZES[:m]), guess, (), model, correlation)
+    parameters = GradientParameters(correlation, rate, SIZES[:m])
+    return Gradient(parameters, LinearGainState(**linear_gain_state(guess)), model)
 
 
 def gain_of(phi, rate=0.5):
@@ -58,7 +73,7 @@ def repeated():
         noise = np.random.default_rng(seed).normal(0.0, NOISE, x.size)
         estimator = gradient()
         estimator.run(x, v, 20.0 * v + 2100.0 * x + noise, DT)
-        found.append((estimator.state[:2], estimator.covariance, estimator.state[6]))
+        found.append((estimator.state.theta, estimator.covariance, estimator.state.noise))
     return tuple(map(np.array, zip(*found, strict=True)))
 
 
@@ -98,9 +113,9 @@ def test_covariance_is_that_of_the_matrix_recursion(model, palpation):
         keep = np.eye(m) - np.outer(gain, phi)
         c = keep @ c @ keep.T + np.outer(gain, gain)
         theta += gain * (f - phi @ theta)
-        np.testing.assert_allclose(estimator.state[:m], theta, rtol=1e-9, atol=1e-9)
-        np.testing.assert_allclose(estimator.state[gain_at(m) : gain_at(m) + m], gain, rtol=1e-12)
-    noise = estimator.state[2 * m + 2]
+        np.testing.assert_allclose(estimator.state.theta, theta, rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(estimator.state.L, gain, rtol=1e-12)
+    noise = estimator.state.noise
     got = np.array(estimator.covariance) / noise
     scale = np.sqrt(np.outer(np.diag(c), np.diag(c)))
     np.testing.assert_allclose(got / scale, c / scale, atol=1e-6)
@@ -115,10 +130,10 @@ def test_without_forgetting_it_is_ordinary_least_squares(palpation, monkeypatch)
     estimator.run(*s)
     oracle = sm.OLS(s.f, np.column_stack((s.v, s.x))).fit()
     stds = [std for _, std in estimator.values.values()]
-    np.testing.assert_allclose(estimator.state[:2], oracle.params, rtol=1e-6)
-    unscaled = np.array(estimator.covariance) / estimator.state[6]
+    np.testing.assert_allclose(estimator.state.theta, oracle.params, rtol=1e-6)
+    unscaled = np.array(estimator.covariance) / estimator.state.noise
     np.testing.assert_allclose(unscaled, oracle.normalized_cov_params, rtol=1e-5)
-    assert estimator.state[6] == pytest.approx(oracle.scale, rel=0.1)
+    assert estimator.state.noise == pytest.approx(oracle.scale, rel=0.1)
     np.testing.assert_allclose(stds, oracle.bse, rtol=0.05)
 
 
@@ -133,7 +148,7 @@ def test_of_recursive_least_squares_it_is_what_noise_and_first_guess_make_of_it(
     prior = beta ** len(phi) * np.linalg.inv(first)
     p = np.linalg.inv((phi.T * weight) @ phi + prior)
     noisy = (phi.T * weight**2) @ phi + prior @ (DIFFUSE * first) @ prior
-    got = np.array(estimator.covariance) / estimator.state[6]
+    got = np.array(estimator.covariance) / estimator.state.noise
     np.testing.assert_allclose(got, p @ noisy @ p, rtol=1e-5)
 
 
@@ -145,7 +160,7 @@ def test_noise_that_comes_in_runs_makes_intervals_wider_by_its_correlation():
         noise = np.repeat(np.random.default_rng(seed).normal(0.0, NOISE, x.size // run), run)
         estimator = gradient(0.05, float(run))
         estimator.run(x, v, 20.0 * v + 2100.0 * x + noise, DT)
-        estimates.append(estimator.state[:2])
+        estimates.append(estimator.state.theta)
         told.append(np.sqrt(np.diag(estimator.covariance)))
     np.testing.assert_allclose(np.mean(told, axis=0), np.std(estimates, axis=0), rtol=0.2)
 
@@ -161,7 +176,7 @@ def test_the_first_guess_is_not_taken_for_noise(palpation):
     signals = palpation(seconds=1.0, noise=NOISE)
     estimator = RecursiveLeastSquares(0.99, (1e8, 1e12))
     estimator.run(*signals)
-    assert estimator.state[6] == pytest.approx(NOISE**2, rel=0.2)
+    assert estimator.state.noise == pytest.approx(NOISE**2, rel=0.2)
 
 
 def test_noise_variance_follows_noise_that_changes(palpation):
@@ -169,16 +184,16 @@ def test_noise_variance_follows_noise_that_changes(palpation):
     late = np.random.default_rng(1).normal(0.0, 0.4, 4000)
     estimator = gradient()
     estimator.run(x[:4000], v[:4000], f[:4000], dt[:4000])
-    assert estimator.state[6] == pytest.approx(0.05**2, rel=0.2)
+    assert estimator.state.noise == pytest.approx(0.05**2, rel=0.2)
     estimator.run(x[4000:], v[4000:], f[4000:] + late, dt[4000:])
-    assert estimator.state[6] == pytest.approx(0.4**2 + 0.05**2, rel=0.2)
+    assert estimator.state.noise == pytest.approx(0.4**2 + 0.05**2, rel=0.2)
 
 
 def test_a_sample_that_moves_nothing_tells_nothing_of_the_noise():
     estimator = gradient()
     estimator.update(0.0, 0.0, 100.0, DT)
-    assert estimator.state[6] == 0.0
-    assert estimator.state[:2] == [0.0, 0.0]
+    assert estimator.state.noise == 0.0
+    assert estimator.state.theta == [0.0, 0.0]
 
 
 @pytest.mark.parametrize("correlation", [0.5, -1.0, np.nan, np.inf])

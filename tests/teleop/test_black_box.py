@@ -84,6 +84,8 @@ def test_the_account_names_cause_limit_value_time_and_timing(stopped):
         "  1000.0 Hz, 0 overruns, 0 periods skipped",
     ):
         assert f"{line}\n" in text
+    out_of_range = "contact force is out of range: 5000 N, the sensor ends at 1000 N"
+    assert out_of_range in trial.summary()["safety"]["further_faults"]
     assert "commanded speed zero after" in text
     drawing = ElementTree.parse(trial.black_box / "channels.svg")
     assert drawing.getroot().tag.endswith("svg")

@@ -282,6 +282,7 @@ def test_a_run_is_reproducible_through_the_command_line(capsys):
         (["run", "--frequency", "990", "--condition", "autonomous"], ["990 Hz", "50 Hz"]),
         (["run", "--frequency", "1e308", "--condition", "autonomous"], ["at most a twentieth"]),
         (["run", "--force-lag", "-1"], ["lag must be >= 0"]),
+        (["run", "--force-lag", "1e9"], ["force lag 1e+09 s", "at most 0.5 s"]),
         (["run", "--force-lag", "0.01", "--conditioning", "foaw"], ["matched"]),
         (["run", "--record", f"{'x' * 300}.mcap"], ["cannot be written", "too long"]),
         (["estimate", "nothing.mcap"], ["nothing.mcap: no such file"]),
@@ -375,3 +376,18 @@ def test_random_bytes_as_a_file_are_told_and_never_a_traceback(refused, tmp_path
     for _ in range(50):
         path.write_bytes(rng.integers(0, 256, int(rng.integers(1, 400)), dtype=np.uint8).tobytes())
         refused("estimate", str(path))
+
+
+def test_a_recorder_that_cannot_be_started_is_one_line(tmp_path):
+    """With eight files open at the most."""
+    resource = pytest.importorskip("resource")
+    done = subprocess.run(
+        [sys.executable, "-m", "teleop", "run", "--clock", "virtual", "--record", "a.mcap"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_NOFILE, (8, 8)),
+    )
+    assert done.returncode == 2
+    assert done.stderr == ("teleop: the recorder process cannot be started: too many open files\n")
+    assert [*tmp_path.iterdir()] == []

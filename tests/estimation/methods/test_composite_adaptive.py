@@ -91,8 +91,8 @@ def test_the_lyapunov_function_never_grows(forgetting, instant, seed, decades):
         x, v = 10.0**decades * SIZES[::-1] * rng.normal(size=2)
         f = PLANT[0] * v + PLANT[1] * x
         b, k, *_ = estimator.update(x, v, f, 10.0 ** rng.uniform(-5.0, 5.0))
-        lower = np.reshape(estimator.state[8:12], (2, 2))
-        information = lower + np.tril(lower, -1).T
+        lower = np.array(estimator.state.R)
+        information = np.tril(lower) + np.tril(lower, -1).T
         off = SIZES * (np.array([b, k]) - PLANT)
         after = off @ information @ off
         assert after <= value * (1.0 + 1e-6) + 1e-12

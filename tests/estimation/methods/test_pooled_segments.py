@@ -63,13 +63,16 @@ def test_pools_as_statsmodels_does(palpation, seed):
     pooled = PooledSegments(0.5)
     pooled.run(x, v, f, dt)
     values, variances = fits((x, v, f), 500)
-    for at, y, variance in zip((13, 20), values, variances, strict=True):
+    for pool, y, variance in zip((pooled.state.b, pooled.state.k), values, variances, strict=True):
         oracle = combine_effects(y, variance, method_re="chi2")
-        count, weight, mean, q = pooled.state[at : at + 4]
-        assert count == oracle.k
-        assert mean == pytest.approx(oracle.mean_effect_fe, rel=1e-9)
-        assert 1.0 / weight == pytest.approx(oracle.var_eff_w_fe, rel=1e-9)
-        assert q == pytest.approx(oracle.q, rel=1e-6)
+        assert pool.count == oracle.k
+        assert pool.weighted_mean == pytest.approx(oracle.mean_effect_fe, rel=1e-9)
+        assert 1.0 / pool.weights == pytest.approx(oracle.var_eff_w_fe, rel=1e-9)
+        assert pytest.approx(oracle.q, rel=1e-6) == pool.Q
+
+
+def pool(count, q):
+    return pooled_segments.Pool(count, 1.0, 0.0, q, 0.0, 0.0, 0.0)
 
 
 @pytest.mark.parametrize("freedom", [1, 2, 5, 20, 100, 1000])
@@ -77,12 +80,12 @@ def test_disagrees_beyond_the_quantile_of_chi_squared(freedom):
     limit = float(chi2.ppf(0.999, freedom))
     close = 0.04 if freedom < 10 else 0.01  # what Wilson and Hilferty's approximation is good for
     for q, expected in (((1.0 - close) * limit, False), ((1.0 + close) * limit, True)):
-        assert pooled_segments.disagree([freedom + 1.0, 1.0, 0.0, q], 0) is expected
+        assert pooled_segments.disagree(pool(freedom + 1, q)) is expected
 
 
 def test_one_segment_cannot_disagree():
-    assert not pooled_segments.disagree([1.0, 1.0, 0.0, 1e9], 0)
-    assert pooled_segments.spread([1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0], 0) == 0.0
+    assert not pooled_segments.disagree(pool(1, 1e9))
+    assert pooled_segments.spread(pool(1, 0.0)) == 0.0
 
 
 def test_hardly_ever_flags_a_linear_plant(palpation):
@@ -92,7 +95,7 @@ def test_hardly_ever_flags_a_linear_plant(palpation):
         signals = palpation(seconds=1.0, noise=0.05, seed=seed)
         pooled.run(*signals)
         flagged += bool(pooled.misfit)
-        significant += any(pooled_segments.disagree(pooled.state, at) for at in (13, 18))
+        significant += any(map(pooled_segments.disagree, (pooled.state.b, pooled.state.k)))
     assert flagged < 3
     assert significant < 3
 
@@ -156,7 +159,7 @@ def test_recordings_of_unlike_noise_are_pooled_with_the_correlation_of_each():
 def test_a_spread_that_is_small_is_not_told(palpation):
     pooled = PooledSegments(0.5)
     pooled.run(*changing(palpation, spread=0.05))
-    assert pooled_segments.disagree(pooled.state, 13)
+    assert pooled_segments.disagree(pooled.state.b)
     assert not pooled.misfit
 
 

@@ -61,7 +61,7 @@ def test_the_lyapunov_function_never_grows(rate, a, seed, decades):
         f = PLANT[0] * v + PLANT[1] * x
         b, k, *_ = estimator.update(x, v, f, 10.0 ** rng.uniform(-5.0, 5.0))
         off = SIZES * (np.array([b, k]) - PLANT)
-        after = estimator.state[5] ** 2 + a / rate * (off @ off)
+        after = estimator.state.e**2 + a / rate * (off @ off)
         assert after <= value * (1.0 + 1e-9) + 1e-12 * a / rate
         value = after
 

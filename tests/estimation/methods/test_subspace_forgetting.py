@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from estimation.linear_gain import own
 from estimation.methods.recursive_least_squares import RecursiveLeastSquares
 from estimation.methods.subspace_forgetting import SubspaceForgetting
 from estimation.model import WITH_DATUM
+from estimation.records import numbers
 
 P0 = (1.6e7, 4e8)
 
@@ -73,9 +73,8 @@ def test_covariance_stays_positive_and_below_the_papers_bound(seed, size, thresh
     x, v, f = rng.normal(size=(3, 200)) * 10.0 ** rng.uniform(-6.0, size, (3, 1))
     estimator = SubspaceForgetting(0.9, P0, threshold=threshold)
     estimator.run(x * rng.integers(0, 2, 200), v, f, 10.0 ** rng.uniform(-5.0, 5.0, 200))
-    assert np.isfinite(estimator.state).all()
-    d = np.array(estimator.state[own(2) + 4 : own(2) + 6])
-    assert (d > 0.0).all()
+    assert np.isfinite(numbers(estimator.state)).all()
+    assert min(estimator.state.D) > 0.0
     bound = max(1.0, 0.1 / threshold**2)
     assert np.linalg.eigvalsh(estimator.scaled_covariance).max() <= bound * (1.0 + 1e-9)
 

@@ -71,7 +71,7 @@ def test_sigma_is_never_worse_than_the_hysteresis_allows_and_no_scale_changes_it
         scaled.update(*(scale * value for value in sample), 1e-3)
         assert plain.sigma == scaled.sigma
         bound = (1.0 + hysteresis) * (
-            multi.monitoring_signal(best.b, best.k) + TIE * plain.state[5]
+            multi.monitoring_signal(best.b, best.k) + TIE * plain.state.ff
         )
         got = plain.monitoring_signal(plain.estimate.b, plain.estimate.k)
         assert got <= bound * (1.0 + 1e-9)

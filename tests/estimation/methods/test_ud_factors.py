@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import math
 from fractions import Fraction
 
 import numpy as np
@@ -8,8 +7,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from estimation.linear_gain import gain_at, own
-from estimation.methods.ud_factors import add, project, take_in
+from estimation.linear_gain import linear_gain_state
+from estimation.methods.ud_factors import (
+    FactoredParameters,
+    FactoredState,
+    add,
+    add_variance,
+    predicted_variance,
+    take_in,
+    trace,
+    variance,
+)
+from estimation.records import numbers
 
 CASES = given(m=st.integers(2, 5), seed=st.integers(0, 2**32 - 1), size=st.floats(-6.0, 6.0))
 
@@ -22,12 +31,17 @@ def factored(m, seed):
 
 
 def state_of(u, d, y):
-    return [0.0] * own(len(d)) + [*map(float, (*u.flat, *d, *y))]
+    fields = linear_gain_state([1.0] * len(d))
+    return FactoredState(**fields, U=u.T.tolist(), D=d.tolist(), y=y.tolist(), bound=0.0)
 
 
-def covariance_in(state, m):
-    u = np.reshape(state[own(m) : own(m) + m * m], (m, m))
-    d = np.array(state[own(m) + m * m : own(m) + m * m + m])
+def unscaled(m):
+    return FactoredParameters(1.0, (1.0,) * m, 1.0, 0.0)
+
+
+def covariance_in(state):
+    u, d = np.array(state.U).T, np.array(state.D)
+    m = len(d)
     assert (d > 0.0).all()
     assert np.array_equal(u, np.triu(u, 1) + np.eye(m))
     return u * d @ u.T
@@ -48,13 +62,14 @@ def test_a_measurement_is_taken_in_as_by_the_plain_formula(m, seed, size):
     z *= 10.0**size
     p, noise = u * d @ u.T, 0.7
     state = state_of(u, d, z)
-    assert project(state, z) == pytest.approx(z @ p @ z, rel=1e-9)
-    assert take_in(state, z, noise) == pytest.approx(noise + z @ p @ z, rel=1e-9)
-    assert_close(state[gain_at(m) : gain_at(m) + m], p @ z)
+    scaled = unscaled(m), state, z.tolist()
+    assert predicted_variance(*scaled) == pytest.approx(z @ p @ z, rel=1e-9)
+    assert take_in(*scaled, noise) == pytest.approx(noise + z @ p @ z, rel=1e-9)
+    assert_close(state.L, p @ z)
     u, d, z = exactly(u), exactly(d), exactly(z)
     p = u * d @ u.T
     expected = p - np.outer(p @ z, p @ z) / (Fraction(noise) + z @ p @ z)
-    assert_close(covariance_in(state, m), expected.astype(float))
+    assert_close(covariance_in(state), expected.astype(float))
 
 
 @settings(max_examples=100, deadline=None)
@@ -62,8 +77,21 @@ def test_a_measurement_is_taken_in_as_by_the_plain_formula(m, seed, size):
 def test_a_vector_is_added_as_by_the_plain_formula(m, seed, size):
     u, d, y = factored(m, seed)
     state = state_of(u, d, y)
-    add(state, y, 10.0**size)
-    assert_close(covariance_in(state, m), u * d @ u.T + 10.0**size * np.outer(y, y))
+    add(state, 10.0**size, m)
+    assert_close(covariance_in(state), u * d @ u.T + 10.0**size * np.outer(y, y))
+
+
+@settings(max_examples=50, deadline=None)
+@CASES
+def test_a_variance_is_added_to_one_parameter_alone(m, seed, size):
+    u, d, y = factored(m, seed)
+    i, expected = seed % m, u * d @ u.T
+    state = state_of(u, d, y)
+    assert variance(state, i) == pytest.approx(expected[i, i], rel=1e-12)
+    assert trace(state) == pytest.approx(np.trace(expected), rel=1e-12)
+    add_variance(state, i, 10.0**size)
+    expected[i, i] += 10.0**size
+    assert_close(covariance_in(state), expected)
 
 
 @settings(max_examples=100, deadline=None)
@@ -72,14 +100,11 @@ def test_stays_positive_whatever_is_taken_in_and_added(seed):
     rng = np.random.default_rng(seed)
     u, d, _ = factored(3, seed)
     state = state_of(u, d, np.zeros(3))
-    at = own(3) + 12
     for _ in range(60):
         z = rng.choice([-1.0, 0.0, 1.0], 3) * 10.0 ** rng.uniform(-30.0, 30.0, 3)
-        state[at : at + 3] = z.tolist()
-        project(state, z)
-        state[at - 3 : at] = [10.0 * value for value in state[at - 3 : at]]
-        take_in(state, z, 1.0)
-        state[at : at + 3] = rng.normal(size=3).tolist()
-        add(state, z, 1e-9)
-        covariance_in(state, 3)
-        assert all(map(math.isfinite, state))
+        state.D = [10.0 * value for value in state.D]
+        take_in(unscaled(3), state, z.tolist(), 1.0)
+        state.y = rng.normal(size=3).tolist()
+        add(state, 1e-9, 3)
+        covariance_in(state)
+        assert np.isfinite(numbers(state)).all()

@@ -1068,3 +1068,13 @@ def test_at_the_soft_force_motion_against_it_goes_on():
         verdict = bench.tick(EASY, contact_force=force)
         assert verdict.command == EASY
         assert verdict.limited == 0
+
+
+@pytest.mark.parametrize("gap", [0.1, 0.5, 0.95, 1.0, 3.0])
+def test_a_rig_whose_time_stands_still_over_a_long_gap_of_the_loop_is_a_failure(gap):
+    Bench().moving().trips(Fault.RIG_FAILURE, EASY, dt=0.0, slave=0.0, elapsed=gap)
+
+
+@pytest.mark.parametrize("dt", [0.2, 1.0, 1e6])
+def test_a_gap_while_the_slave_moves_is_reported_as_one_and_not_as_a_drive_that_lags(dt):
+    Bench().moving().trips(Fault.OVERRUN, EASY, dt=dt, slave=0.0, elapsed=dt)

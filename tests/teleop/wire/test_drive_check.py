@@ -5,7 +5,6 @@ Travel and force are those of the simulated plant, not what the rig under test r
 
 from __future__ import annotations
 
-import contextlib
 import itertools
 import json
 import math
@@ -21,6 +20,7 @@ from teleop.cli import main
 from teleop.clock import VirtualClock
 from teleop.drive_check import STROKES, check_drives
 from teleop.errors import InputError
+from teleop.realtime import RealTime
 from teleop.safety import Fault
 from teleop.safety.rig_limits import rig_limits
 
@@ -125,8 +125,11 @@ LOW = rewritten(
 
 
 @pytest.mark.parametrize("name", RIGS)
-@pytest.mark.parametrize(("factor", "cube"), [(20.0, "medium"), (2.0, "soft"), (-1.0, "soft")])
-def test_a_tenth_of_a_low_force_limit_is_not_exceeded(stepped, name, factor, cube):
+@pytest.mark.parametrize(
+    ("cube", "factor"),
+    [("hard", f) for f in (20.0, 5.0, -1.0)] + [("medium", 20.0), ("soft", 2.0), ("soft", -1.0)],
+)
+def test_a_tenth_of_a_low_force_limit_is_not_exceeded(stepped, name, cube, factor):
     checked = Checked(stepped(name, cube=cube, rewrite=LOW, **drive_goes(factor)))
     assert checked.stayed_small(), (checked.travel, checked.force)
     assert checked.report.fault or checked.problems["slave"]
@@ -220,7 +223,7 @@ def command(monkeypatch):
     def run(settings: Any, *options: str) -> int:
         monkeypatch.setattr("teleop.clock.RealClock", VirtualClock)
         monkeypatch.setattr("drivers.wired_rig.WiredRig", lambda file, now: settings.make_rig(now))
-        monkeypatch.setattr("teleop.realtime.realtime", contextlib.nullcontext)
+        monkeypatch.setattr("teleop.realtime.realtime", lambda mode: RealTime("off", ()))
         monkeypatch.setattr("teleop.rig_check.round_trips", lambda rig, clock: [])
         path = str(settings.file.path)
         return main(["rig", "check", path, "--seconds", "0.2", "--move", *options])

@@ -1,0 +1,94 @@
+"""The rig of the search for a way past the supervisor: its calls may fail, its time may jump."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+from drivers import Command, Measurement, Rig, RigError
+from sim_backend import CUBES, SimulatedRig
+from sim_backend.faults import FaultyRig
+from teleop.conditions import Condition
+from teleop.safety import Limits
+from teleop.safety.palpation import palpation_limits
+
+WATCHDOG = 0.05
+"""Of the simulated drives [s]."""
+PERIOD = 1e-3
+DEPTH = 10e-3
+LIMITS: Limits = replace(
+    palpation_limits(CUBES["soft"], DEPTH, 1.0, 2.0, 1e-6),
+    preflight=5e-3,
+    start_ramp=2e-3,
+    following_error=2e-3,
+)
+STANDING = -math.log1p(-LIMITS.max_gap)
+"""Time after which a rig whose time stands still is a fault [s]."""
+RAMP = max(
+    LIMITS.max_velocity / LIMITS.max_acceleration,
+    LIMITS.max_master_velocity / LIMITS.max_master_acceleration,
+)
+BOUND = STANDING + RAMP + WATCHDOG + 3 * PERIOD
+"""Time from any fault until the drives are out of operation, whatever else fails [s]."""
+
+
+class SearchRig(Rig):
+    """The simulated rig, whose calls may fail, and whose time may stand still or jump."""
+
+    def __init__(self, now: Any) -> None:
+        self.sim = SimulatedRig(CUBES["soft"], now, watchdog=WATCHDOG)
+        self.faulty = FaultyRig(self.sim)
+        self.failing: dict[str, str] = {}
+        """Calls that fail, `before` or `after` they take effect."""
+        self.standing = False
+        self.offset = 0.0
+        self.last: Measurement | None = None
+        self.calls: list[tuple[str, Any]] = []
+        """What was called since the last tick."""
+
+    def open(self) -> None:
+        self.faulty.open()
+
+    def close(self) -> None:
+        self.faulty.close()
+
+    def attempt(self, name: str, call: Any, *arguments: Any) -> Any:
+        self.calls.append((name, arguments[0] if arguments else None))
+        when = self.failing.get(name)
+        if when == "before":
+            raise RigError(f"{name} failed")
+        answer = call(*arguments)
+        if when == "after":
+            raise RigError(f"{name} failed once done")
+        return answer
+
+    def read(self) -> Measurement:
+        fresh = self.faulty.read()
+        if not self.standing or self.last is None:
+            self.last = fresh._replace(time=fresh.time + self.offset)
+        return self.attempt("read", lambda: self.last)
+
+    def enable(self) -> bool:
+        return self.attempt("enable", self.faulty.enable)
+
+    def write(self, command: Command) -> Command:
+        return self.attempt("write", self.faulty.write, command)
+
+    def idle(self) -> None:
+        self.attempt("idle", self.faulty.idle)
+
+    def rearm(self) -> None:
+        self.faulty.rearm()
+
+
+class Pushing(Condition):
+    """A force that the search chooses, or an exception."""
+
+    force = 0.0
+    error: Exception | None = None
+
+    def drive_force(self, t: float, measurement: Measurement) -> float:
+        if self.error:
+            raise self.error
+        return self.force

@@ -1,0 +1,94 @@
+"""Each constant of `estimation/tuning.py` and its multiples: `python benchmarks/tuning.py`.
+
+For a value and its multiples: the longest time until k is and stays within 5 % of a cube that was
+swapped, 2000 to 20 000 N/m and back, over several phases of a motion of 3 Hz, and the deviation of
+k that noise makes while the cube stays. The time allowed is 0.3 s, as in `benchmarks/swap.py`.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from bank_case import (
+    DEPTH,
+    EXPONENT,
+    NOISE,
+    RATE,
+    B,
+    bank_of,
+    hunt_crossley,
+    hunt_crossley_force,
+    show,
+)
+
+from estimation import tuning
+
+METHOD_OF = {
+    "CONDITIONAL_FORGETTING": "rls_conditional",
+    "CONDITIONAL_THRESHOLD": "rls_conditional",
+    "TRACE": "rls_trace",
+    "PASSIVE_FORGETTING": "passive",
+    "WINDOW": "window",
+    "OBSERVER_MEMORY": "observer",
+    "NORMALISED_RATE": "ai_normalised",
+    "INDIRECT_RATE": "indirect",
+    "REFERENCE_RATE": "reference",
+    "REFERENCE_BANDWIDTH": "reference",
+    "COMPOSITE_FORGETTING": "composite",
+    "COMPOSITE_BANDWIDTH": "composite",
+    "LOGARITHMIC_MEMORY": "hc_log",
+    "SWITCHING_FORGETTING": "me_switching",
+    "MOVING_FORGETTING": "me_moving",
+}
+FACTORS = (0.5, 0.8, 1.0, 1.25, 2.0)
+PHASES = 8
+LASTING = 2.0
+"""How long each of soft, hard and soft again is there [s]."""
+SOFT, HARD = 2000.0, 20_000.0
+FREQUENCY = 3.0
+
+
+def case(name: str, phase: float) -> tuple[float, float]:
+    """Seconds until k is within 5 % for good, and the deviation of k from noise, as a share."""
+    t = np.arange(round(3 * LASTING * RATE)) / RATE
+    omega = 2.0 * math.pi * FREQUENCY
+    x = DEPTH + 3e-3 * np.sin(omega * t + phase)
+    v = 3e-3 * omega * np.cos(omega * t + phase)
+    k = np.where((t >= LASTING) & (t < 2 * LASTING), HARD, SOFT)
+    force = B * v + k * x
+    if hunt_crossley(name):
+        force = hunt_crossley_force(x, v, B, k)
+        k = k * (x / DEPTH) ** (EXPONENT - 1.0)
+    noise = np.random.default_rng(0).normal(0.0, NOISE, len(t))
+    found = bank_of([name], gated=True).run(x, v, force + noise, 1.0 / RATE)[name].k / k
+    parts = np.split(np.abs(found - 1.0) > 0.05, 3)[1:]
+    ends = [np.flatnonzero(part)[-1] + 1 if part.any() else 0 for part in parts]
+    settled = np.split(found, 3)[0][-round(RATE) :]
+    return max(n / RATE if n < len(parts[0]) else math.inf for n in ends), float(np.std(settled))
+
+
+def main() -> None:
+    rows = []
+    for constant, name in METHOD_OF.items():
+        chosen = getattr(tuning, constant)
+        cells = []
+        for factor in FACTORS:
+            setattr(tuning, constant, factor * chosen)
+            try:
+                cases = [case(name, 2.0 * math.pi * n / PHASES) for n in range(PHASES)]
+                seconds, deviation = np.max(cases, axis=0)
+                cells.append(f"{seconds:.2f} s, {100.0 * deviation:.2f} %")
+            except ValueError:
+                cells.append("refused")
+        setattr(tuning, constant, chosen)
+        rows.append((constant, f"{chosen:g}", *cells))
+    show(
+        "Worst time to within 5 % of k after a swap, and deviation of k from noise",
+        rows,
+        ("constant", "value", *(f"times {factor:g}" for factor in FACTORS)),
+    )
+
+
+if __name__ == "__main__":
+    main()

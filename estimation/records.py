@@ -1,0 +1,59 @@
+"""Dataclasses of numbers as numpy records, and back."""
+
+from __future__ import annotations
+
+from dataclasses import fields, is_dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def to_record(values: Any) -> NDArray[np.void]:
+    """A dataclass of numbers, vectors, matrices and such dataclasses, as an array of one record."""
+    record = np.zeros(1, record_type(values))
+    _fill(record[0], values)
+    return record
+
+
+def update_from(record: np.void, values: Any) -> None:
+    """Give a dataclass the values of a record."""
+    for field in fields(values):
+        value = getattr(values, field.name)
+        if is_dataclass(value):
+            update_from(record[field.name], value)
+        else:
+            setattr(values, field.name, record[field.name].tolist())
+
+
+def numbers(values: Any) -> NDArray[np.float64]:
+    """All numbers of such a dataclass, one after the other, shape (n,)."""
+    parts = []
+    for field in fields(values):
+        value = getattr(values, field.name)
+        parts.append(numbers(value) if is_dataclass(value) else np.ravel(value))
+    return np.concatenate(parts).astype(np.float64)
+
+
+def record_type(values: Any) -> np.dtype[np.void]:
+    """The type of a record with the same names, types and shapes."""
+    return np.dtype(
+        [(field.name, *_type_of(getattr(values, field.name))) for field in fields(values)],
+        align=True,
+    )
+
+
+def _type_of(value: Any) -> tuple[Any, tuple[int, ...]]:
+    if is_dataclass(value):
+        return record_type(value), ()
+    array = np.asarray(value)
+    return array.dtype, array.shape
+
+
+def _fill(record: Any, values: Any) -> None:
+    for field in fields(values):
+        value = getattr(values, field.name)
+        if is_dataclass(value):
+            _fill(record[field.name], value)
+        else:
+            record[field.name] = value

@@ -1,0 +1,223 @@
+"""Every method by its name, ours and those of installed packages."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import cache
+from importlib.metadata import EntryPoint, entry_points
+
+from estimation import tuning
+from estimation.estimator import Estimator
+from estimation.method_settings import MethodSettings
+from estimation.methods.active_observer import ActiveObserver
+from estimation.methods.adaptive_identification import AdaptiveIdentification
+from estimation.methods.batch_window import BatchWindow
+from estimation.methods.coarse_to_fine import CoarseToFine
+from estimation.methods.composite_adaptive import CompositeAdaptive
+from estimation.methods.conditional_update import ConditionalUpdate
+from estimation.methods.constant_trace import ConstantTrace
+from estimation.methods.directional_forgetting import DirectionalForgetting
+from estimation.methods.hunt_crossley_double_stage import DoubleStage
+from estimation.methods.hunt_crossley_logarithmic import Logarithmic
+from estimation.methods.indirect_adaptive import IndirectAdaptive
+from estimation.methods.kalman_filter import RandomWalkKalman, process_noise
+from estimation.methods.multi_estimator import MultiEstimator
+from estimation.methods.normalised_identification import NormalisedIdentification
+from estimation.methods.passive_least_squares import PassiveLeastSquares
+from estimation.methods.pooled_segments import PooledSegments
+from estimation.methods.recursive_least_squares import RecursiveLeastSquares
+from estimation.methods.reference_model import ReferenceModel
+from estimation.methods.spectral import SpectralRatio
+from estimation.methods.subspace_forgetting import SubspaceForgetting
+from estimation.methods.switching import SwitchingMultiEstimator
+
+GROUP = "teleop.estimators"
+"""Entry points under which other packages offer estimators."""
+PAPER = ("rls", "ai", "me")
+"""The paper's estimators."""
+Factory = Callable[[MethodSettings], Estimator]
+"""Makes an estimator with the settings of a preset."""
+
+
+def rls(preset: MethodSettings) -> Estimator:
+    """The paper's; the model's further parameters start from a variance of their size."""
+    return RecursiveLeastSquares(
+        preset.forgetting,
+        (*preset.initial_covariance, *preset.covariance[2:]),
+        preset.sample_period,
+        preset.model,
+        preset.correlation,
+        guess_variance=preset.covariance,
+    )
+
+
+def ai(preset: MethodSettings) -> Estimator:
+    """The paper's; the model's further parameters adapt within the memory."""
+    further = (4.0 / (preset.memory * size**2) for size in preset.sizes[2:])
+    return AdaptiveIdentification(
+        (*preset.adaptation_gain, *further), preset.ai_method, preset.model, preset.correlation
+    )
+
+
+def ceiling(preset: MethodSettings) -> tuple[float, ...]:
+    """Largest variances of a Kalman filter, per N^2 of force variance."""
+    return tuple(1.0 / size**2 for size in preset.sizes)
+
+
+BUILT_IN: dict[str, Factory] = {
+    "rls": rls,
+    "ai": ai,
+    "me": lambda p: MultiEstimator(p.grid, p.forgetting_rate, p.correlation),
+    "rls_conditional": lambda p: ConditionalUpdate(
+        p.forgetting**tuning.CONDITIONAL_FORGETTING,
+        p.covariance,
+        p.sample_period,
+        tuning.CONDITIONAL_THRESHOLD,
+        p.model,
+        p.correlation,
+    ),
+    "rls_directional": lambda p: DirectionalForgetting(
+        p.forgetting, p.covariance, p.sample_period, p.model, p.correlation
+    ),
+    "rls_sift": lambda p: SubspaceForgetting(
+        p.forgetting, p.covariance, p.sample_period, 1.0, p.model, p.correlation
+    ),
+    "rls_trace": lambda p: ConstantTrace(
+        tuning.TRACE * p.model.regressors * (1.0 - p.forgetting),
+        p.covariance,
+        model=p.model,
+        correlation=p.correlation,
+    ),
+    "kalman": lambda p: RandomWalkKalman(
+        process_noise(p.memory, p.sample_period, p.sizes),
+        p.covariance,
+        ceiling(p),
+        p.model,
+        p.correlation,
+    ),
+    "observer": lambda p: ActiveObserver(
+        (
+            *process_noise(p.memory, p.sample_period, p.sizes),
+            *process_noise(tuning.OBSERVER_MEMORY * p.memory, p.sample_period, (1.0,)),
+        ),
+        (*p.covariance, 1e4),
+        (*ceiling(p), 1.0),
+        p.model,
+        p.correlation,
+    ),
+    "passive": lambda p: PassiveLeastSquares(
+        p.forgetting**tuning.PASSIVE_FORGETTING,
+        p.covariance,
+        p.sample_period,
+        p.model,
+        p.correlation,
+    ),
+    "window": lambda p: BatchWindow(
+        tuning.WINDOW * p.memory, p.sample_period, p.model, p.correlation
+    ),
+    "ai_normalised": lambda p: NormalisedIdentification(
+        tuning.NORMALISED_RATE / p.memory, p.sizes, p.memory, p.model, p.correlation
+    ),
+    "indirect": lambda p: IndirectAdaptive(
+        tuning.INDIRECT_RATE / p.memory, p.sizes, model=p.model, correlation=p.correlation
+    ),
+    "reference": lambda p: ReferenceModel(
+        tuning.REFERENCE_RATE / p.memory,
+        p.sizes,
+        tuning.REFERENCE_BANDWIDTH / p.memory,
+        model=p.model,
+    ),
+    "composite": lambda p: CompositeAdaptive(
+        tuning.COMPOSITE_FORGETTING / p.memory,
+        p.sizes,
+        tuning.COMPOSITE_BANDWIDTH / p.memory,
+        model=p.model,
+    ),
+    "spectral": lambda p: SpectralRatio(motion=max(0.02 * p.x_size, 1e-9)),
+    "hc_double": lambda p: DoubleStage(p.memory, p.x_size, p.v_size, 0.003 * p.f_size),
+    "hc_log": lambda p: Logarithmic(
+        tuning.LOGARITHMIC_MEMORY * p.memory, p.x_size, p.v_size, 0.003 * p.f_size, p.correlation
+    ),
+    "me_switching": lambda p: SwitchingMultiEstimator(
+        p.grid,
+        tuning.SWITCHING_FORGETTING * p.forgetting_rate,
+        hysteresis=0.05,
+        dwell=0.25 * p.memory,
+        correlation=p.correlation,
+    ),
+    "me_moving": lambda p: CoarseToFine(
+        tuning.MOVING_FORGETTING * p.forgetting_rate,
+        patience=0.5 * p.memory,
+        spacing=(p.f_size / p.v_size / 40.0, p.f_size / p.x_size / 4.0),
+        correlation=p.correlation,
+    ),
+    "segments": lambda p: PooledSegments(p.segment, p.correlation),
+}
+"""The methods of this package."""
+
+
+@cache
+def offered() -> dict[str, EntryPoint]:
+    """The estimators that installed packages offer, by name; a name of ours stays ours."""
+    points = entry_points(group=GROUP)
+    return {point.name: point for point in points if point.name not in BUILT_IN}
+
+
+class Methods(Mapping[str, Factory]):
+    """`METHODS[name](preset)` makes an estimator; a package is imported when it is first used."""
+
+    def __getitem__(self, name: str) -> Factory:
+        """Return the factory of this name.
+
+        Raises
+        ------
+        KeyError
+            There is none.
+        ValueError
+            The package that offers it cannot be imported, or has no such factory.
+        """
+        if name in BUILT_IN:
+            return BUILT_IN[name]
+        point = offered()[name]
+        try:
+            factory: Factory = point.load()
+        except (ImportError, AttributeError) as error:
+            raise ValueError(
+                f"estimator {name!r} is offered by {point.value}, which cannot be loaded: {error}"
+            ) from error
+        return factory
+
+    def __iter__(self) -> Iterator[str]:
+        return iter((*BUILT_IN, *offered()))
+
+    def __len__(self) -> int:
+        return len(BUILT_IN) + len(offered())
+
+    def __contains__(self, name: object) -> bool:
+        return name in BUILT_IN or name in offered()
+
+
+METHODS = Methods()
+"""Every method by name, ours first."""
+
+
+def named_estimators(names: str | Sequence[str]) -> tuple[str, ...]:
+    """Names of `METHODS`, in a sequence or with commas between; `all` stands for all of them.
+
+    Raises
+    ------
+    ValueError
+        A name is unknown or there twice, or there is none.
+    """
+    if isinstance(names, str):
+        names = [name.strip() for name in names.split(",") if name.strip()]
+    if list(names) == ["all"]:
+        return tuple(METHODS)
+    for name in names:
+        if name not in METHODS:
+            raise ValueError(f"estimator {name!r}: expected all, or some of {', '.join(METHODS)}")
+        if list(names).count(name) > 1:
+            raise ValueError(f"estimator {name!r} is named twice")
+    if not names:
+        raise ValueError(f"no estimator is named: expected all, or some of {', '.join(METHODS)}")
+    return tuple(names)

@@ -1,0 +1,272 @@
+"""Checks that every estimator passes, for the tests of this package and of others.
+
+    from estimation.testing import check_estimator
+
+    def test_it_is_an_estimator():
+        check_estimator(MyEstimator())
+
+Each of `CHECKS` is a function of a fresh estimator that raises AssertionError, or what the
+estimator raises, where the estimator does not behave as its name says.
+"""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Callable
+from copy import deepcopy
+from importlib.util import find_spec
+
+import numpy as np
+
+from estimation.checks import LARGEST, checked_samples
+from estimation.compiled import Floats, Samples, compiled_sweep, interpreted_sweep
+from estimation.estimator import Estimates, Estimator
+from estimation.records import numbers
+from estimation.testing_signals import (
+    degenerate,
+    further_regressors,
+    held_and_gaps,
+    palpation,
+)
+
+Check = Callable[[Estimator], None]
+
+
+def columns(estimates: Estimates) -> list[Floats]:
+    """Everything that an estimator gives, a column each."""
+    further = estimates.further.values()
+    b, k, b_std, k_std, held, _ = estimates
+    return [b, k, b_std, k_std, held.astype(np.float64)] + [
+        column for series in further for column in series
+    ]
+
+
+def assert_equal(ours: list[Floats], theirs: list[Floats], what: str) -> None:
+    """Fail unless all columns are the same to the bit, NaN included."""
+    for a, b in zip(ours, theirs, strict=True):
+        assert np.array_equal(a, b, equal_nan=True), what
+
+
+def assert_finite(estimator: Estimator, estimates: Estimates) -> None:
+    """Fail unless all values are finite, and nothing in the state is infinite."""
+    values = [estimates.b, estimates.k, *(s.value for s in estimates.further.values())]
+    assert all(np.isfinite(value).all() for value in values), "an estimate is not finite"
+    assert not np.isinf(numbers(estimator.state)).any(), "a number of the state is infinite"
+
+
+def check_names_and_units(estimator: Estimator) -> None:
+    """B and k come first, and each name has a value, a standard deviation and a unit."""
+    assert estimator.names[:2] == ("b", "k"), f"names are {estimator.names}, expected b, k, ..."
+    sizes = {len(part) for part in (estimator.names, estimator.units)}
+    sizes |= {len(estimator.state.theta), len(estimator.state.std)}
+    assert len(sizes) == 1, "names, units, theta and std differ in length"
+
+
+def check_online_equals_batch(estimator: Estimator) -> None:
+    """`update` sample by sample and `run` give the same numbers to the bit."""
+    s = palpation(estimator)
+    batch = deepcopy(estimator)
+    samples = zip(s.x.tolist(), s.v.tolist(), s.f.tolist(), s.dt.tolist(), strict=True)
+    more = [()] * len(s.x) if s.further is None else s.further.tolist()
+    online = [estimator.update(*row, further) for row, further in zip(samples, more, strict=True)]
+    size = len(estimator.names) - 2
+    rows = [
+        (*e[:5], *(value for i in range(size) for value in (e.further[i], e.further[size + i])))
+        for e in online
+    ]
+    expected = np.array(rows, dtype=np.float64).T
+    assert_equal(columns(batch.run(*s)), list(expected), "update and run differ")
+    assert repr(batch.state) == repr(estimator.state), "update and run leave different states"
+
+
+def check_compiled_equals_interpreted(estimator: Estimator) -> None:
+    """Numba gives the interpreter's numbers to the bit, also on degenerate signals.
+
+    Passes without a check where numba is not installed.
+    """
+    if not find_spec("numba"):
+        return
+    s = palpation(estimator)
+    samples = [s, *held_and_gaps(s), *degenerate(estimator)]
+    for part in samples:
+        check_sweeps(estimator, estimator.as_taken(checked_samples(*part)))
+    some = checked_samples(*s)
+    some.open[700:900] = False
+    check_sweeps(estimator, estimator.as_taken(some))
+
+
+def check_sweeps(estimator: Estimator, samples: Samples) -> None:
+    """Fail unless both sweeps give the same answers and leave the same state."""
+    fast, slow = deepcopy(estimator), deepcopy(estimator)
+    got = compiled_sweep(fast.law, fast.state, samples)
+    expected = interpreted_sweep(slow.law, slow.state, samples)
+    assert np.array_equal(got, expected, equal_nan=True), "compiled and interpreted differ"
+    assert repr(fast.state) == repr(slow.state), "compiled and interpreted states differ"
+
+
+def check_pieces_equal_the_whole(estimator: Estimator) -> None:
+    """A recording in pieces gives the same numbers as at once."""
+    s = palpation(estimator)
+    pieces = deepcopy(estimator)
+    parts = []
+    for i in range(0, len(s.x), 300):
+        x, v, f, dt = (channel[i : i + 300] for channel in (s.x, s.v, s.f, s.dt))
+        further = None if s.further is None else s.further[i : i + 300]
+        parts.append(columns(pieces.run(x, v, f, dt, further)))
+    joined = [np.concatenate(column) for column in zip(*parts, strict=True)]
+    assert_equal(joined, columns(estimator.run(*s)), "pieces and the whole differ")
+
+
+def check_finite_whatever_the_signals(estimator: Estimator) -> None:
+    """Estimates are finite for signals of any size, with zeros, and for any sample period."""
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        x, v, f = rng.normal(size=(3, 300)) * 10.0 ** rng.uniform(-6.0, 3.0, (3, 1))
+        x *= rng.integers(0, 2, 300)
+        v *= rng.integers(0, 2, 300)
+        dt = rng.uniform(1e-5, 0.1, 300)
+        fresh = deepcopy(estimator)
+        assert_finite(fresh, fresh.run(x, v, f, dt, further_regressors(fresh, x, v, f)))
+
+
+def check_degenerate_signals(estimator: Estimator) -> None:
+    """No signal makes it divide by zero or leave the real numbers; estimates stay finite."""
+    moved = deepcopy(estimator)
+    moved.run(*palpation(estimator, n=50))
+    for signals in degenerate(estimator):
+        for start in (estimator, moved):
+            fresh = deepcopy(start)
+            assert_finite(fresh, fresh.run(*signals))
+
+
+def check_a_gap_in_the_data(estimator: Estimator) -> None:
+    """A gap leaves the estimate finite."""
+    for seed in range(10):
+        s = palpation(estimator, seed=seed)
+        s.dt[1000] = 10.0 ** np.random.default_rng(seed).uniform(-1.0, 5.0)
+        fresh = deepcopy(estimator)
+        assert_finite(fresh, fresh.run(*s))
+
+
+def check_numbers_of_any_kind(estimator: Estimator) -> None:
+    """Integers and numpy's numbers give the same estimate as Python's floats."""
+    other = deepcopy(estimator)
+    further = [1.0] * (estimator.model.regressors - 2)
+    for value in (1e-3, 2e-3, 4e-3):
+        single = np.float32(value)
+        expected = estimator.update(float(single), 10.0 * float(single), 5.0, 1e-3, further)
+        speed = float(np.float32(10.0) * np.float64(single))
+        got = other.update(single, speed, 5, 1e-3, further)  # type: ignore[arg-type]
+        assert repr(got) == repr(expected), "the kind of number matters"
+
+
+def check_bad_samples_are_refused(estimator: Estimator) -> None:
+    """ValueError for a sample that is not finite or too large, which leaves the state as it was."""
+    further = [1.0] * (estimator.model.regressors - 2)
+    good = (1e-3, 0.01, 2.0, 1e-3, further)
+    estimator.update(*good)
+    before = repr(estimator.state)
+    nan, inf = float("nan"), float("inf")
+    bad = [(x, 0.0, 0.0, 1e-3, further) for x in (nan, inf, -inf, 10.0 * LARGEST, 1e308)]
+    bad += [(0.0, v, 0.0, 1e-3, further) for v in (nan, inf)]
+    bad += [(0.0, 0.0, f, 1e-3, further) for f in (nan, -inf, 1e154)]
+    bad += [(0.0, 0.0, 0.0, dt, further) for dt in (0.0, -1e-3, nan, inf)]
+    bad += [(1e-3, 0.0, 2.0, 1e-3, [*further, 1.0])]
+    for x, v, f, dt, more in bad:
+        assert_refused(estimator, x, v, f, dt, more)
+    assert repr(estimator.state) == before, "a refused sample changed the state"
+
+
+def assert_refused(
+    estimator: Estimator, x: float, v: float, f: float, dt: float, further: list[float]
+) -> None:
+    """Fail unless `update` and `run` raise ValueError."""
+    row = np.array([further]) if further else None
+    refused = 0
+    for call in (
+        lambda: estimator.update(x, v, f, dt, further),
+        lambda: estimator.run([x], [v], [f], [dt], row),
+    ):
+        try:
+            call()
+        except ValueError:
+            refused += 1
+    assert refused == 2, f"not refused: x={x}, v={v}, f={f}, dt={dt}, further={further}"
+
+
+def check_no_samples(estimator: Estimator) -> None:
+    """No samples give no estimates and change nothing."""
+    before = repr(estimator.state)
+    further = np.empty((0, estimator.model.regressors - 2))
+    assert [len(s) for s in estimator.run([], [], [], [], further)[:5]] == [0] * 5
+    assert repr(estimator.state) == before
+
+
+def check_inputs_are_not_changed_or_kept(estimator: Estimator) -> None:
+    """Arrays that are given stay as they are, and no result shares memory with them."""
+    s = [channel for channel in palpation(estimator, n=100) if channel is not None]
+    copies = [channel.copy() for channel in s]
+    results = columns(estimator.run(*s))
+    assert all(map(np.array_equal, s, copies)), "an input was changed"
+    assert not any(np.shares_memory(a, b) for a in results for b in s), "an input was kept"
+
+
+def check_pickle(estimator: Estimator) -> None:
+    """A pickled estimator goes on with the same numbers."""
+    s = palpation(estimator, n=200)
+    estimator.run(*s)
+    twin = pickle.loads(pickle.dumps(estimator))
+    assert_equal(columns(twin.run(*s)), columns(estimator.run(*s)), "the pickle differs")
+
+
+def check_reset(estimator: Estimator) -> None:
+    """`reset` restores the state before the first sample."""
+    before = repr(estimator.state)
+    estimator.run(*palpation(estimator, n=200))
+    estimator.reset()
+    assert repr(estimator.state) == before, "reset does not restore the first state"
+
+
+def check_hold(estimator: Estimator) -> None:
+    """`hold` changes nothing but `held`."""
+    estimator.run(*palpation(estimator))
+    before = estimator.estimate
+    held = estimator.hold()
+    assert held.held
+    assert repr(held) == repr(before._replace(held=True)), "hold changed the estimate"
+    assert repr(estimator.estimate) == repr(held)
+
+
+CHECKS: tuple[Check, ...] = (
+    check_names_and_units,
+    check_online_equals_batch,
+    check_pieces_equal_the_whole,
+    check_finite_whatever_the_signals,
+    check_degenerate_signals,
+    check_a_gap_in_the_data,
+    check_numbers_of_any_kind,
+    check_bad_samples_are_refused,
+    check_no_samples,
+    check_inputs_are_not_changed_or_kept,
+    check_pickle,
+    check_reset,
+    check_hold,
+    check_compiled_equals_interpreted,
+)
+
+
+def check_estimator(estimator: Estimator) -> None:
+    """Check that an estimator behaves as every estimator does.
+
+    Parameters
+    ----------
+    estimator
+        A fresh estimator. It is copied for each check.
+
+    Raises
+    ------
+    AssertionError
+        It does not pass one of `CHECKS`; the traceback names it.
+    """
+    for check in CHECKS:
+        check(deepcopy(estimator))

@@ -1,0 +1,58 @@
+"""What a rig returns, as plain numbers: the checks of the supervisor rely on them."""
+
+from __future__ import annotations
+
+import math
+from struct import Struct, error
+
+from drivers import Ages, Command, Measurement, RigError
+from teleop.printable import one_line
+
+SAMPLES, VELOCITIES = Struct("11d"), Struct("2d")
+
+
+def measurement_of(returned: Measurement) -> Measurement:
+    """The measurement that a rig returned, with each number as a float.
+
+    Raises
+    ------
+    TypeError
+        It is no measurement, or one of its values is no number.
+    RigError
+        Its time is infinite or no number.
+    """
+    try:
+        time, *channels, age, drive_error, emergency_stop = returned
+        values = SAMPLES.unpack(SAMPLES.pack(time, *channels, *age))
+        stop = bool(emergency_stop)
+    except (TypeError, ValueError, error) as problem:
+        raise TypeError(
+            f"Rig.read returned {one_line(repr(returned))}: expected a Measurement of numbers"
+        ) from problem
+    if not math.isfinite(values[0]):
+        raise RigError(f"the time of the measurement is {values[0]} s: expected a number")
+    text = one_line(str(drive_error)) if drive_error else ""
+    return Measurement._make((*values[:6], Ages._make(values[6:]), text, stop))
+
+
+def command_of(returned: Command) -> Command:
+    """The command that a rig returned as applied, with each velocity as a float.
+
+    Raises
+    ------
+    TypeError
+        It is no command, or one of its velocities is no number.
+    RigError
+        A velocity is infinite or no number.
+    """
+    try:
+        master, slave = VELOCITIES.unpack(VELOCITIES.pack(*returned))
+    except (TypeError, error) as problem:
+        raise TypeError(
+            f"Rig.write returned {one_line(repr(returned))}: expected a Command of two velocities"
+        ) from problem
+    if not (math.isfinite(master) and math.isfinite(slave)):
+        raise RigError(
+            f"the rig applied the velocities {master} and {slave} m/s: expected finite ones"
+        )
+    return Command(master, slave)

@@ -1,0 +1,110 @@
+"""Estimates kept as test data: `python tests/estimation/reference.py` writes them anew.
+
+They were computed before the estimators' states got names, by the code of commit dcad2fa. Write
+them anew only for a change of an estimator's numbers that is intended, and say so in its commit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimation import METHODS, MODELS, Estimates, paper_preset
+
+FILE = Path(__file__).parents[1] / "data" / "estimates" / "estimates.npz"
+SAMPLES = 400
+KEPT = {"kelvin-voigt": 25}
+"""Every so many samples of an estimate are kept, by model."""
+KEPT_OTHERWISE = 100
+
+Signals = tuple[NDArray[np.float64], ...]
+"""x, v, f and dt, each of shape (n,)."""
+
+
+def sequences() -> dict[str, Signals]:
+    """The signals by name."""
+    rng = np.random.default_rng(7)
+    period = np.full(SAMPLES, 1e-3)
+    t = np.cumsum(period)
+
+    poke = 3e-3 * np.maximum(np.sin(2 * np.pi * 4.0 * t), 0.0)
+    poke_rate = 3e-3 * 8 * np.pi * np.cos(2 * np.pi * 4.0 * t) * (poke > 0.0)
+    force = (2000.0 + 1e7 * poke**2) * poke + 8.0 * poke_rate + rng.normal(0.0, 0.02, SAMPLES)
+    pokes = (poke, poke_rate, force, period)
+
+    jitter = 1e-3 * (1.0 + 0.3 * rng.uniform(-1.0, 1.0, SAMPLES))
+    t = np.cumsum(jitter)
+    x = 5e-3 + 3e-3 * np.sin(25.0 * t)
+    v = 75e-3 * np.cos(25.0 * t)
+    sine = (x, v, 20.0 * v + 2100.0 * x + rng.normal(0.0, 0.05, SAMPLES), jitter)
+
+    noise = (
+        *(rng.normal(size=(3, SAMPLES)) * [[5e-3], [0.03], [8.0]]),
+        10.0 ** rng.uniform(-4.0, -2.0, SAMPLES),
+    )
+
+    x, v, f = (signal.copy() for signal in sine[:3])
+    v[:80] = f[:40] = x[:20] = 0.0  # nothing, a displacement alone, then a hold with a force
+    v[120:180] = 1e-9
+    x[120:180] = 5e-3
+    x[200:240] = v[200:240] = 0.0
+    x[260:300], v[260:300], f[260:300] = 1e-12, -1e-12, 1e-9
+    x[320:340], v[320:340], f[320:340] = 3.0, -50.0, -2e4
+    degenerate = (x, v, f, period)
+
+    gaps = period.copy()
+    gaps[[60, 150, 151, 280, 350]] = (0.3, 5.0, 1e-6, 800.0, 0.05)
+    return {
+        "pokes": pokes,
+        "sine": sine,
+        "noise": noise,
+        "degenerate": degenerate,
+        "gaps": (*sine[:3], gaps),
+    }
+
+
+def regressor(model: str, signals: Signals) -> NDArray[np.float64] | None:
+    """The model's regressor besides v and x, shape (n, 1); None if it has none."""
+    x, v, f, _ = signals
+    further = {
+        "kelvin-voigt": None,
+        "datum": np.ones_like(x),
+        "inertia": np.gradient(v, 1e-3),
+        "stiffening": x**3,
+        "sls": -np.gradient(f, 1e-3),
+    }[model]
+    return None if further is None else further[:, np.newaxis]
+
+
+def columns(estimates: Estimates) -> NDArray[np.float64]:
+    """All of an answer, shape (n, columns)."""
+    further = estimates.further.values()
+    return np.column_stack((*estimates[:5], *(s.value for s in further), *(s.std for s in further)))
+
+
+def runs() -> Iterator[tuple[str, NDArray[np.float64]]]:
+    """Name and answer of every estimator with every model that it takes on every sequence."""
+    for cube in ("soft", "hard"):
+        for model in MODELS.values():
+            preset = replace(paper_preset(cube), model=model)
+            for name, make in METHODS.items():
+                if make(preset).model is not model or (cube == "hard" and name not in ("ai", "me")):
+                    continue
+                for sequence, signals in sequences().items():
+                    estimates = make(preset).run(*signals, regressor(model.name, signals))
+                    yield f"{name}/{model.name}/{cube}/{sequence}", columns(estimates)
+
+
+def kept(key: str, answer: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The samples of an answer that are kept."""
+    every = KEPT.get(key.split("/")[1], KEPT_OTHERWISE)
+    return answer[every - 1 :: every]
+
+
+if __name__ == "__main__":
+    FILE.parent.mkdir(parents=True, exist_ok=True)
+    np.savez_compressed(FILE, **{key: kept(key, answer) for key, answer in runs()})
