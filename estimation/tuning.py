@@ -1,8 +1,9 @@
 """How the methods that are not the paper's are tuned, relative to the settings of a preset.
 
 `python benchmarks/tuning.py` shows, for each value and its multiples, how long k takes to come
-within 5 % of a cube that was swapped, and how much it follows noise. Where nothing else is said, a
-value is the one that follows noise least, in steps of a quarter, and still takes at most 0.3 s.
+within 5 % of a cube that was swapped, and how much it follows noise. A docstring gives that time in
+seconds. The forgetting values are those that follow noise least, in steps of a quarter, and still
+take at most 0.3 s.
 """
 
 from __future__ import annotations

@@ -22,11 +22,12 @@ from teleop.names import RealtimeName
 PRIORITY = 80
 """Of SCHED_FIFO on a processor of its own: above interrupt threads (50), below the kernel's
 watchdogs (99)."""
-RECORDER_PRIORITY = 70
-"""Of the process that reads the loop's pipe: above all on shared processors. The kernel locks a
-pipe while it is read: a reader that waits for a processor meanwhile would hold up the loop."""
 SHARED_PRIORITIES = range(60, 50, -1)
 """Of SCHED_FIFO on shared processors, each for one process."""
+RECORDER_PRIORITY = 40
+"""Of the process that reads the loop's pipe: above all of ordinary priority. The kernel locks a
+pipe while it is read: a reader that waits for a processor meanwhile would hold up the loop. Below
+all loops, since compressing takes longer than their periods."""
 MCL_CURRENT, MCL_FUTURE = 1, 2
 """Linux's flags of mlockall."""
 DONE = "done"
