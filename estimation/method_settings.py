@@ -36,7 +36,7 @@ class MethodSettings:
     segment: float = 0.5
     """Length of the segments that are compared for misfit [s], about a period of the motion."""
     correlation: float = 1.0
-    """Samples for each one whose noise is independent, as the conditioner tells it."""
+    """Samples for each one whose noise is independent, as the conditioner gives it."""
     model: Model = KELVIN_VOIGT
     """Model of the methods that take any regressors."""
 

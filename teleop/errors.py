@@ -1,4 +1,4 @@
-"""What ends a command other than a defect, told in one line."""
+"""What ends a command other than a defect, reported in one line."""
 
 from __future__ import annotations
 
@@ -15,3 +15,9 @@ class MissingColumn(InputError, KeyError):
     """A recording has no column of this name."""
 
     __str__ = Exception.__str__
+
+
+def reason(error: OSError) -> str:
+    """The cause that the system gives, to stand within a line."""
+    text = error.strerror or str(error) or "unknown error"
+    return text[:1].lower() + text[1:]

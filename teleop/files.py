@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from drivers.input_file import check_regular
-from teleop.errors import InputError
+from teleop.errors import InputError, reason
 
 PICTURES = (".png", ".svg", ".pdf")
 RECORDING = ".mcap"
@@ -169,9 +169,3 @@ def unreadable(path: Path, error: OSError) -> InputError:
 def unwritable(path: Path, error: OSError) -> InputError:
     """The one line that says why a file cannot be written."""
     return InputError(f"{path}: cannot be written: {reason(error)}")
-
-
-def reason(error: OSError) -> str:
-    """What the system says."""
-    text = error.strerror or str(error) or "unknown error"
-    return text[:1].lower() + text[1:]

@@ -105,7 +105,7 @@ class Interruption:
 
 @contextlib.contextmanager
 def stop_signals() -> Iterator[Callable[[], bool]]:
-    """Give a function that tells whether a signal came within the block."""
+    """Give a function that returns whether a signal came within the block."""
     came = threading.Event()
     with handled(lambda reason: came.set()):
         yield came.is_set

@@ -6,6 +6,8 @@ import os
 import re
 import sys
 
+from teleop.errors import reason
+
 LONGEST = 2000
 """Most characters of a line of complaint."""
 CONTROL = re.compile(
@@ -34,4 +36,4 @@ def complain(text: str) -> None:
 def give_up_output(error: OSError) -> str:
     """Write nothing more to standard output, which failed; returns the line that reports it."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-    return f"standard output: {(error.strerror or str(error)).lower()}"
+    return f"standard output: {reason(error)}"

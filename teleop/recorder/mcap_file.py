@@ -16,6 +16,7 @@ import foxglove
 from foxglove import Channel, Context, Schema
 from foxglove.mcap import MCAPWriteOptions
 
+from teleop.errors import reason
 from teleop.recorder.schema import TICK
 
 TICKS, EVENTS = "/tick", "/event"
@@ -163,7 +164,7 @@ class McapFile:
     @property
     def failure(self) -> str:
         """The first error of the disk as text; empty for none."""
-        return (self.error.strerror or str(self.error)).lower() if self.error else ""
+        return reason(self.error) if self.error else ""
 
     @property
     def missing(self) -> str:

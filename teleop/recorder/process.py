@@ -19,6 +19,7 @@ import time
 from pathlib import Path
 from typing import Any
 
+from teleop.errors import reason
 from teleop.recorder.mcap_file import McapFile
 from teleop.recorder.schema import CDR, TIME
 from teleop.recorder.terminal import Terminal
@@ -176,7 +177,7 @@ def main() -> None:
                 session["overwrite"],
             )
         except OSError as refusal:
-            say(problem=(refusal.strerror or str(refusal)).lower())
+            say(problem=reason(refusal))
             return
     say(problem="")
     progress = Progress(session)

@@ -13,7 +13,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from teleop.errors import InputError
+from teleop.errors import InputError, reason
 from teleop.recorder.process import BEGIN, END, EVENT, FRAME, HEAD, NUMBER, TICK
 from teleop.recorder.schema import Layout
 from teleop.safety import Event
@@ -136,8 +136,7 @@ class RecorderProcess(Sink):
                 start_new_session=os.name == "posix",
             )
         except OSError as error:
-            why = (error.strerror or str(error)).lower()
-            raise InputError(f"the recorder process cannot be started: {why}") from error
+            raise InputError(f"the recorder process cannot be started: {reason(error)}") from error
         assert self.process.stdin
         assert self.process.stdout
         self._pipe = self.process.stdin.fileno()
