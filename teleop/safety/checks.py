@@ -125,7 +125,7 @@ def check_rest(measurement: Measurement, limits: Limits) -> Trip | None:
 def departure(state: Supervision, measurement: Measurement, dt: float, limits: Limits) -> float:
     """Departure of the slave from its command, less what its drive explains [m].
 
-    A time step that `check_loop` refuses is left out: the command of the drive at that time is not known.
+    A time step that `check_loop` refuses is left out: the command during it is not known.
     """
     if math.isnan(state.position):
         return 0.0
