@@ -12,7 +12,8 @@ from teleop.recording.black_box import BlackBox
 from teleop.recording.mcap_writer import McapFile
 from teleop.recording.message import Layout
 from teleop.recording.sinks import Outcome, Sink, event_record
-from teleop.trial.loop import Session
+from teleop.trial.assembly import make_controller
+from teleop.trial.loop import Loop
 from teleop.trial.settings import TrialSettings
 from teleop.trial.stop_switch import StopSwitch
 
@@ -85,20 +86,19 @@ class Case:
         self.settings, self.rig, self.clock = settings, rig, clock
         self.sim = rig.rig
         self.limits = settings.limits
-        self.bank = settings.make_bank()
+        self.bank = settings.estimation_preset.bank()
         self.layout = Layout(self.bank)
         self.box = BlackBox(self.layout, settings.rate)
         self.switch = StopSwitch()
-        self.sinks: list[Sink] = []
+        self.sinks: list[Sink] = [self.box]
         self.random = random.Random(0)
         self.killed = False
-        self.session = Session(
-            settings, clock, rig, self.bank, self.layout, self.sinks, self.box, self.switch
-        )
+        controller = make_controller(settings, rig, self.bank, clock)
+        self.loop = Loop(controller, clock, self.layout, self.sinks, self.switch, settings.duration)
 
     @property
     def controller(self) -> Any:
-        return self.session.controller
+        return self.loop.controller
 
     @property
     def speed(self) -> float:

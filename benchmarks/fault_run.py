@@ -45,7 +45,7 @@ def run_case(case: Case, name: str, folder: Path, slack: float = 0.0) -> dict[st
             case.sim.read()
         elif alive:
             before = case.clock.now()
-            alive = case.session.step()
+            alive = case.loop.step()
             travel += abs(case.speed) * (case.clock.now() - before)
             change += abs(case.speed - speed)
             speed = case.speed
@@ -69,7 +69,7 @@ def run_case(case: Case, name: str, folder: Path, slack: float = 0.0) -> dict[st
             break
     for other in case.sinks:
         other.close()
-    events = [e for e in case.box._events if e.fault]
+    events = [e for e in case.box._events if e["fault"]]
     fault = next((e.fault for e in events if e.fault in kind.faults), None)
     if events and not fault:
         fault = events[0].fault

@@ -30,6 +30,7 @@ from fault_run import run_case
 
 from sim_backend.faults import FaultyRig
 from teleop.control.clock import Tick
+from teleop.trial.assembly import make_clock, make_rig
 from teleop.trial.settings import TrialSettings
 
 LATE = 0.02
@@ -40,7 +41,7 @@ def virtual(condition: str, cube: str, names: list[str], instants: int, seed: in
     """All kinds at some instants of one trial, each in a child of its own."""
     settings = TrialSettings(condition=condition, cube=cube, clock="virtual", duration=7.0)
     clock = CampaignClock(settings.rate)
-    rig = FaultyRig(settings.make_rig(clock.now))
+    rig = FaultyRig(make_rig(settings, clock.now))
     rig.open()
     case = Case(settings, rig, clock)
     random_ = random.Random(f"{condition} {cube} {seed}")
@@ -48,7 +49,7 @@ def virtual(condition: str, cube: str, names: list[str], instants: int, seed: in
     results = []
     with tempfile.TemporaryDirectory() as folder:
         for n in range(5900):
-            case.session.step()
+            case.loop.step()
             while moments and moments[0] == n:
                 moments.pop(0)
                 results += [forked(case, name, Path(folder), random_.random()) for name in names]
@@ -87,7 +88,7 @@ def real(condition: str, cube: str, name: str, seed: int) -> dict[str, Any]:
     """One case in real time, from the start of a trial."""
     settings = TrialSettings(condition=condition, cube=cube, duration=3.0)
 
-    class Clock(type(settings.make_clock())):  # type: ignore[misc]
+    class Clock(type(make_clock(settings))):  # type: ignore[misc]
         """The machine's clock, which can stall."""
 
         losing = once = 0
@@ -98,12 +99,12 @@ def real(condition: str, cube: str, name: str, seed: int) -> dict[str, Any]:
             return super().wait()
 
     clock = Clock(settings.rate)
-    rig = FaultyRig(settings.make_rig(clock.now))
+    rig = FaultyRig(make_rig(settings, clock.now))
     rig.open()
     case = Case(settings, rig, clock)
     case.random.seed(seed)
     for _ in range(case.random.randrange(300, 1200)):
-        case.session.step()
+        case.loop.step()
     with tempfile.TemporaryDirectory() as folder:
         return run_case(case, name, Path(folder), LATE)
 

@@ -31,8 +31,8 @@ import numpy as np
 from drivers import Command, Measurement, Rig
 from sim_backend import CUBES, FreePalpation, SimulatedRig
 from teleop.errors import InputError
+from teleop.recording.recorder import RecorderProcess
 from teleop.recording.recording import load
-from teleop.recording.sinks import RecorderProcess
 from teleop.trial.run import run_trial
 from teleop.trial.settings import TrialSettings
 
@@ -110,18 +110,6 @@ class RemoteRig(Rig):
         self._call("idle")
 
 
-@dataclass(frozen=True)
-class VictimSettings(TrialSettings):
-    """A trial on the rig in the other process."""
-
-    address: str = ""
-
-    def make_rig(self, now: Any) -> Any:
-        if self.clock == "virtual":
-            return super().make_rig(now)
-        return RemoteRig(Client(self.address))
-
-
 def victim(path: Path, shared: Path, address: str, real: Any) -> None:
     """The controller that is to be killed, or whose recorder is."""
     with shared.open("r+b") as file:
@@ -136,7 +124,12 @@ def victim(path: Path, shared: Path, address: str, real: Any) -> None:
         COUNTS.pack_into(counts, 0, pushed, self.process.pid, 0)
 
     RecorderProcess.push = counted  # type: ignore[method-assign]
-    trial = run_trial(VictimSettings(duration=2.0, address=address), path, real=real)
+    trial = run_trial(
+        TrialSettings(duration=2.0),
+        path,
+        real=real,
+        rig_maker=lambda now: RemoteRig(Client(address)),
+    )
     COUNTS.pack_into(counts, 0, pushed, 0, 1 + bool(trial.incomplete))
 
 

@@ -68,6 +68,27 @@ def read_rig_file(path: Path) -> RigFile:
     raw = read_input(path)
     try:
         text = raw.decode()
+    except ValueError as error:
+        raise RigFileError(f"{path}: not a TOML file: {error}") from error
+    return parse_rig_file(path, text)
+
+
+def parse_rig_file(path: Path, text: str) -> RigFile:
+    """Check the text of a rig file.
+
+    Parameters
+    ----------
+    path
+        Path of the file. Files that it names are relative to its folder.
+    text
+        Content of the file.
+
+    Raises
+    ------
+    RigFileError
+        It is not as expected.
+    """
+    try:
         tree = tomllib.loads(text)
     except (ValueError, RecursionError) as error:
         raise RigFileError(f"{path}: not a TOML file: {error}") from error

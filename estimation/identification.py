@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from estimation.bank import Bank
 from estimation.checks import checked_samples
+from estimation.columns import estimate_arrays, estimate_columns
 from estimation.compiled import Floats
 from estimation.conditioning import MatchedFilter, Regression
 from estimation.estimator import LEVEL_95, Estimates
@@ -51,17 +52,9 @@ class Identification:
 
         x, v, f, *_ = self.regression
         columns: dict[str, ArrayLike] = {"x": x, "v": v, "f": f}
-        for name, e in self.estimates.items():
-            columns |= {
-                f"{name}_b": e.b,
-                f"{name}_k": e.k,
-                f"{name}_b_std": e.b_std,
-                f"{name}_k_std": e.k_std,
-                f"{name}_held": e.held,
-            }
-            for parameter, series in e.further.items():
-                columns[f"{name}_{parameter}"] = series.value
-                columns[f"{name}_{parameter}_std"] = series.std
+        arrays = estimate_arrays(self.estimates)
+        for column, values in zip(estimate_columns(self.bank), arrays, strict=True):
+            columns[column.name] = values == 1.0 if column.name.endswith("_held") else values
         return pandas.DataFrame(columns, index=pandas.Index(self.t, name="t"))
 
     def plot(self) -> Figure:

@@ -1,14 +1,21 @@
-"""What ends a command other than a defect, reported in one line."""
+"""Errors that end a command and are reported in one line; defects are not among them."""
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from pydantic import ValidationError
+
 
 class SafetyStop(Exception):
-    """The rig was stopped for safety; the message names what was wrong, and where."""
+    """The rig was stopped for safety; the message names the cause and its source."""
 
 
 class InputError(Exception):
-    """Bad input from outside; the message names what, where and what was expected."""
+    """Bad input; the message names what, where and what was expected."""
 
 
 class MissingColumn(InputError, KeyError):
@@ -17,7 +24,23 @@ class MissingColumn(InputError, KeyError):
     __str__ = Exception.__str__
 
 
+@contextlib.contextmanager
+def as_input_error() -> Iterator[None]:
+    """Turn a ValueError within the block into an InputError of the same text."""
+    try:
+        yield
+    except ValueError as error:
+        raise InputError(str(error)) from error
+
+
 def reason(error: OSError) -> str:
-    """The cause that the system gives, to stand within a line."""
+    """Return the cause that the operating system gives, as a part of a line."""
     text = error.strerror or str(error) or "unknown error"
     return text[:1].lower() + text[1:]
+
+
+def invalid_parts(error: ValidationError) -> str:
+    """Return all invalid parts of a document on one line, each with its path."""
+    return "; ".join(
+        f"{'.'.join(map(str, e['loc'])) or 'file'}: {e['msg'].lower()}" for e in error.errors()
+    )

@@ -1,10 +1,11 @@
-"""No import arrow runs against the plan of the house, DESIGN.md."""
+"""Imports go only in the directions that CONTRIBUTING.md states."""
 
 from __future__ import annotations
 
 import ast
 import re
 import sys
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -26,12 +27,49 @@ ALLOWED = {
         "foxglove",
         "lz4",
         "mcap",
+        "jinja2",
         "pydantic",
+        "pydantic_core",
         "h5py",
         "pyarrow",
         "zstandard",
     },
 }
+ROOMS = {
+    "safety": set(),
+    "control": {"safety"},
+    "live": set(),
+    "recording": {"safety", "control", "live"},
+    "evaluation": {"recording"},
+    "output": {"safety", "control", "recording", "evaluation"},
+    "trial": {"safety", "control", "recording", "output"},
+    "rig": {"safety", "control", "recording", "trial"},
+    "studies": {"control", "evaluation", "output", "trial"},
+    "commands": {
+        "safety",
+        "control",
+        "recording",
+        "evaluation",
+        "output",
+        "trial",
+        "rig",
+        "studies",
+    },
+}
+"""The rooms of `teleop`, and those that each may import from."""
+FLAT = {
+    "__init__",
+    "__main__",
+    "cli",
+    "errors",
+    "files",
+    "interruption",
+    "json_documents",
+    "names",
+    "printable",
+}
+"""Modules of `teleop` outside the rooms."""
+MOST_LINES = 300
 POSIX_ONLY = {"fcntl", "termios", "pty", "resource", "grp", "pwd", "posix", "syslog", "tty"}
 
 
@@ -60,6 +98,67 @@ def test_a_package_imports_only_what_the_plan_allows(package):
 def test_no_module_needs_posix_to_be_imported(package):
     for path in sorted((ROOT / package).rglob("*.py")):
         assert not imported(path, lazily=False) & POSIX_ONLY, path
+
+
+def modules() -> dict[str, Path]:
+    """The files of the four packages by the name of their module."""
+    files = (path for package in ALLOWED for path in (ROOT / package).rglob("*.py"))
+    return {
+        ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): path
+        for path in files
+    }
+
+
+def imports_between_files() -> dict[str, set[str]]:
+    """The modules that each module imports, also within functions and for types alone."""
+    known = modules()
+    arrows: dict[str, set[str]] = {}
+    for name, path in known.items():
+        found = set()
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Import):
+                found |= {alias.name for alias in node.names}
+            elif isinstance(node, ast.ImportFrom) and node.module:
+                submodules = {f"{node.module}.{alias.name}" for alias in node.names}
+                found |= submodules & known.keys() or {node.module}
+        arrows[name] = found & known.keys() - {name}
+    return arrows
+
+
+def room(module: str) -> str:
+    """The room of a module of `teleop`; empty for a flat one."""
+    _, _, rest = module.partition("teleop.")
+    first = rest.partition(".")[0]
+    return first if first in ROOMS else ""
+
+
+def test_no_files_import_each_other_in_a_circle():
+    order = TopologicalSorter(imports_between_files())
+    try:
+        order.prepare()
+    except CycleError as error:
+        pytest.fail(" <- ".join(error.args[1]))
+
+
+def test_rooms_import_only_from_the_rooms_that_the_plan_allows():
+    for name, imported_names in imports_between_files().items():
+        if here := room(name):
+            others = {room(other) for other in imported_names} - {"", here}
+            assert others <= ROOMS[here], name
+        elif name.startswith("teleop.") and name not in ("teleop.cli", "teleop.__main__"):
+            assert not any(room(other) for other in imported_names), name
+
+
+def test_only_the_named_modules_of_teleop_are_outside_the_rooms():
+    assert {path.stem for path in (ROOT / "teleop").glob("*.py")} == FLAT
+    folders = {path.name for path in (ROOT / "teleop").iterdir() if (path / "__init__.py").exists()}
+    assert folders == set(ROOMS)
+
+
+def test_no_file_has_more_lines_than_one_idea_needs():
+    for folder in (*ALLOWED, "benchmarks", "examples"):
+        for path in (ROOT / folder).rglob("*.py"):
+            assert len(path.read_text().splitlines()) <= MOST_LINES, path
 
 
 def test_only_the_controller_commands_a_rig_so_that_the_supervisor_sees_every_motion():

@@ -85,16 +85,16 @@ def estimate(
     json
         Print one JSON document instead of tables.
     """
+    from teleop.commands.choices import choose_estimators, choose_model
     from teleop.errors import InputError
     from teleop.evaluation.evaluation import Evaluation, evaluate
-    from teleop.evaluation.formats.delimited import write_table
     from teleop.evaluation.pooled import taken_together
     from teleop.evaluation.replay import agrees
     from teleop.files import check_outputs, new_file
-    from teleop.output import tables as console
+    from teleop.output import console
     from teleop.output.estimate_tables import print_evaluation, print_together
+    from teleop.recording.export_formats import write_table
     from teleop.recording.gaps import gap_rows
-    from teleop.trial.choices import choose_estimators, choose_model
 
     if more and (out or plot):
         raise InputError("--out and --plot take one recording: expected one file")

@@ -34,7 +34,7 @@ def export(
         Print one JSON document instead of the file's name.
     """
     from teleop.files import check_outputs
-    from teleop.output import tables as console
+    from teleop.output import console
     from teleop.printable import complain
     from teleop.recording.export_formats import export_recording, format_of
     from teleop.recording.gaps import gap_rows, missing_text

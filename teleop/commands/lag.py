@@ -43,8 +43,10 @@ def lag(
     """
     from teleop.errors import InputError
     from teleop.evaluation.datum import find_datum
-    from teleop.output import tables as console
-    from teleop.rig.force_lag import measure_lag, measure_simulated_lag
+    from teleop.output import console
+    from teleop.output.rig_tables import print_lag
+    from teleop.rig.force_lag import measure_lag
+    from teleop.rig.reference_spring import measure_simulated_lag
 
     summary: dict[str, Any]
     if file is None:
@@ -64,5 +66,5 @@ def lag(
     if json:
         console.print_json(summary)
     else:
-        console.print_lag(summary)
+        print_lag(summary)
     return 0

@@ -31,7 +31,7 @@ def recover(
     json
         Print one JSON document instead of a line.
     """
-    from teleop.output import tables as console
+    from teleop.output import console
     from teleop.recording.gaps import gap_rows, missing_text
     from teleop.recording.recovery import recover_recording
 

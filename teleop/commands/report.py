@@ -46,14 +46,13 @@ def report(
     from teleop.commands.estimate import chosen
     from teleop.evaluation.evaluation import FEWEST, evaluate
     from teleop.files import check_outputs, write_text
-    from teleop.output import tables as console
+    from teleop.output import console
     from teleop.output.report_page import report_page, stop_page
-    from teleop.recording.black_box import fault_of
 
     page = out or file.with_suffix(".html")
     check_outputs(page, sources=(file,), overwrite=overwrite)
     signals, recording = columns.read(file)
-    fault = fault_of(recording) if recording else None
+    fault = recording.fault if recording else None
     if recording and fault and len(signals.t) < FEWEST:
         text = stop_page(file.name, recording)
     else:

@@ -45,14 +45,15 @@ def reproduce(
     from rich.console import Console
     from rich.progress import Progress
 
+    from teleop.commands.choices import choose_estimators, choose_model
     from teleop.errors import InputError
-    from teleop.output import tables as console
-    from teleop.output.estimate_tables import print_table
+    from teleop.output import console
+    from teleop.output.console import print_table
     from teleop.studies.paper.methods import Methods
     from teleop.studies.paper.page import METHOD_HEADINGS, method_cells
     from teleop.studies.paper.reproduction import check_folder, write
     from teleop.studies.paper.reproduction import reproduce as run
-    from teleop.trial.choices import choose_estimators, choose_model
+    from teleop.studies.paper.tables import print_reproduction
 
     names = () if estimators is None else choose_estimators(estimators)
     if model != "kelvin-voigt" and not names:
@@ -68,7 +69,7 @@ def reproduce(
     if json:
         console.print_json({**reproduction.summary(), "page": str(page)})
     else:
-        console.print_reproduction(reproduction.summary())
+        print_reproduction(reproduction.summary())
         if names:
             print_table(
                 console.plain_console(),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -37,17 +38,15 @@ def check(
     json
         Print one JSON document instead of a table.
     """
-    import sys
-
     from drivers.wired_rig import WiredRig
     from teleop.control.clock import RealClock
     from teleop.errors import InputError, SafetyStop
-    from teleop.output import rig_tables as rig_console
-    from teleop.output import tables as console
-    from teleop.recording.black_box import moment
+    from teleop.output.console import print_json
+    from teleop.output.rig_tables import live_channels, print_check
     from teleop.rig.channel_check import listen, problems, round_trips
     from teleop.rig.drive_check import check_drives
     from teleop.rig.loading import load_rig_file
+    from teleop.safety.events import time_text
     from teleop.trial.realtime import realtime
     from teleop.trial.rehearsal import tick_cost
     from teleop.trial.settings import TrialSettings
@@ -59,28 +58,30 @@ def check(
     clock = RealClock(rig_file.sections.rate_hz)
     with realtime("try") as real_time, WiredRig(rig_file, clock.now) as rig:
         real_time.start()
-        with rig_console.live_channels(sys.stderr) as show:
-            channels = listen(rig, clock, seconds, show)
-        trips = dict(round_trips(rig, clock))
+        with live_channels(sys.stderr) as show:
+            channels = listen(
+                rig, clock, seconds, lambda found: show([channel._asdict() for channel in found])
+            )
+        round_trip = dict(round_trips(rig, clock))
         found = None if problems(channels, []) else check_drives(rig, clock, move)
         rejected = {name: dict(counts) for name, counts in rig.rejected.items()}
     drives = found.drives if found else []
     wrong = problems(channels, drives)
+    check = {
+        "rig": rig_file.sections.name,
+        "channels": [channel._asdict() for channel in channels],
+        "round_trip_s": round_trip,
+        "drives": [drive._asdict() for drive in drives],
+        "rejected": rejected,
+        "problems": wrong,
+    }
     if json:
-        console.print_json(
-            {
-                "rig": rig_file.sections.name,
-                "channels": [channel._asdict() for channel in channels],
-                "round_trip_s": trips,
-                "drives": [drive._asdict() for drive in drives],
-                "rejected": rejected,
-                "problems": wrong,
-            }
-        )
+        print_json(check)
     else:
-        rig_console.print_check(rig_file.sections.name, channels, trips, drives, rejected)
+        print_check(check)
     if found and found.fault:
-        raise SafetyStop(f"{file}: stopped {moment(found.fault)}: {found.fault['text']}")
+        text = found.fault["text"]
+        raise SafetyStop(f"{file}: stopped {time_text(found.fault['time'])}: {text}")
     if found and found.interrupted:
         return 130
     if wrong:

@@ -68,8 +68,7 @@ def emulate(
     from teleop.commands.run import read_depth
     from teleop.files import check_outputs, write_text
     from teleop.interruption import stop_signals
-    from teleop.output import rig_tables as rig_console
-    from teleop.output import tables as console
+    from teleop.output import console, rig_tables
     from teleop.rig.emulation import make_emulator, opened, read_fault
     from teleop.rig.loading import load_rig_file
     from teleop.rig.stamp import is_unchanged, stamped
@@ -95,7 +94,7 @@ def emulate(
             if json:
                 console.print_json({"rig": rig.sections.name, "file": str(out), "ports": ports})
             else:
-                rig_console.print_emulation(rig.sections.name, ports, out, condition, cube)
+                rig_tables.print_emulation(rig.sections.name, ports, out, condition, cube)
             real_time.start()
             emulator.serve(stopped)
     finally:

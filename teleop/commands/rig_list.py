@@ -18,12 +18,11 @@ def list_(*, json: Annotated[bool, Parameter(negative="")] = False) -> int:
         Print one JSON document instead of a table.
     """
     from drivers.ports import found
-    from teleop.output import rig_tables as rig_console
-    from teleop.output import tables as console
+    from teleop.output import console, rig_tables
 
     ports = found()
     if json:
         console.print_json({"ports": [port._asdict() for port in ports]})
     else:
-        rig_console.print_ports(ports)
+        rig_tables.print_ports(ports)
     return 0

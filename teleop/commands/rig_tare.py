@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
@@ -52,10 +53,11 @@ def tare(
     from teleop.errors import InputError
     from teleop.evaluation.formats.delimited import quantity
     from teleop.files import check_outputs
-    from teleop.output import tables as console
+    from teleop.output import console
+    from teleop.output.rig_tables import print_tare
     from teleop.rig.loading import load_rig_file
-    from teleop.rig.touching import off_the_cube, touch, touch_settings
-    from teleop.rig.zeroing import dated, force_zero
+    from teleop.rig.touching import dated_tare, off_the_cube, touch
+    from teleop.rig.zeroing import force_zero
 
     given = 0.0 if contact in ("keep", "touch") else quantity(contact, "position")
     if given is None or not abs(given) <= FARTHEST:
@@ -73,11 +75,11 @@ def tare(
     with opened:
         zero = force_zero(opened, clock)
     if contact == "touch":
-        given = touch(touch_settings(rig_file, cube, zero, sensors, seed), record=None)
-    found = dated(zero, given, rig_file.sections.name if rig_file else "simulated")
+        given = touch(zero, rig_file, cube, sensors, seed)
+    found = dated_tare(zero, given, rig_file.sections.name if rig_file else "simulated")
     write_tare(found, out, overwrite)
     if json:
-        console.print_json({**found._asdict(), "noise_n": zero.noise, "file": str(out)})
+        console.print_json({**asdict(found), "noise_n": zero.noise, "file": str(out)})
     else:
-        console.print_tare(found, zero.noise, out)
+        print_tare(found, zero.noise, out)
     return 0

@@ -22,7 +22,7 @@ from teleop.names import (
 )
 
 if TYPE_CHECKING:
-    from teleop.trial.run import Trial
+    from teleop.trial.result import Trial
 
 
 def run(
@@ -117,14 +117,15 @@ def run(
     """
     import sys
 
+    from teleop.commands.choices import choose_estimators, choose_model, make_coupling, make_signal
     from teleop.control.tare import NO_TARE, read_tare
     from teleop.errors import InputError, SafetyStop
     from teleop.files import check_outputs, make_folder
-    from teleop.output import tables as console
+    from teleop.output import console
+    from teleop.output.trial_tables import print_trial
     from teleop.printable import complain, give_up_output
-    from teleop.recording.black_box import moment
     from teleop.rig.loading import load_rig_file
-    from teleop.trial.choices import choose_estimators, choose_model, make_coupling, make_signal
+    from teleop.safety.events import time_text
     from teleop.trial.run import run_trial
     from teleop.trial.settings import TrialSettings
     from teleop.trial.stop_switch import StopSwitch
@@ -184,7 +185,7 @@ def run(
             if json:
                 console.print_json(trial.summary())
             else:
-                console.print_trial(trial.summary())
+                print_trial(trial.summary())
         except OSError as error:
             if not (trial.fault or problems):
                 raise
@@ -192,7 +193,7 @@ def run(
     if trial.fault:
         for problem in problems:
             complain(problem)
-        raise SafetyStop(f"stopped {moment(trial.fault)}: {trial.fault['text']}")
+        raise SafetyStop(f"stopped {time_text(trial.fault['time'])}: {trial.fault['text']}")
     if problems:
         raise InputError("; ".join(problems))
     return 130 if trial.interrupted else 0

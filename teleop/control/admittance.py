@@ -1,11 +1,9 @@
-"""From force to velocity: the virtual dynamics of the master, and its coupling to the slave."""
+"""Admittance: the virtual dynamics that turn a force into the velocity of the master."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-
-from drivers import Command
 
 
 @dataclass(frozen=True)
@@ -56,20 +54,9 @@ class Admittance:
         self.velocity = 0.0
         self.centre = 0.0
 
-    def align(self, slave_position: float, coupling: Coupling) -> None:
-        """Put the virtual mass at rest where the coupling has nothing to correct.
-
-        Called when the drives are armed, for the first time or again: without a force on the
-        handle the command is then zero, wherever the slave is.
-
-        Parameters
-        ----------
-        slave_position
-            Position of the slave [m].
-        coupling
-            From the position of the virtual mass to that of the slave.
-        """
-        self.position = self.centre = slave_position / coupling.scale
+    def align(self, position: float) -> None:
+        """Put the virtual mass at rest at this position [m], which becomes its centre."""
+        self.position = self.centre = position
         self.velocity = 0.0
 
     def step(self, force: float, dt: float) -> float:
@@ -108,36 +95,3 @@ class Admittance:
         """Take note that the handle was moved at this velocity [m/s] over dt [s] instead."""
         self.position += (velocity - self.velocity) * dt
         self.velocity = velocity
-
-
-class Coupling:
-    """Slave velocity from the master's motion, scaled.
-
-    v_s = scale v_m + gain (scale x_m - x_s). With gain zero, velocity alone is scaled, as in
-    the paper; with a gain the slave keeps to the scaled position as well.
-
-    Parameters
-    ----------
-    scale
-        Slave motion for a unit of master motion, > 0.
-    position_gain
-        Rate [1/s] at which the slave makes up for a difference in position, >= 0.
-
-    Raises
-    ------
-    ValueError
-        A parameter is out of its range.
-    """
-
-    def __init__(self, scale: float = 1.0, position_gain: float = 0.0) -> None:
-        if not 0.0 < scale < math.inf:
-            raise ValueError(f"motion scale must be positive, got {scale}")
-        if not 0.0 <= position_gain < math.inf:
-            raise ValueError(f"position gain must be >= 0, got {position_gain}")
-        self.scale = scale
-        self.position_gain = position_gain
-
-    def command(self, master: Admittance, slave_position: float) -> Command:
-        """Velocities for both drives."""
-        lag = self.scale * master.position - slave_position
-        return Command(master.velocity, self.scale * master.velocity + self.position_gain * lag)

@@ -8,10 +8,11 @@ from collections.abc import Callable
 
 from drivers import STANDSTILL, Command, Measurement, Rig
 from estimation import Bank, Conditioner, Estimate, Excitation
-from teleop.control.admittance import Admittance, Coupling
+from teleop.control.admittance import Admittance
 from teleop.control.alignment import Alignment, Pair
 from teleop.control.clock import Tick
 from teleop.control.conditions import Condition
+from teleop.control.coupling import Coupling
 from teleop.control.failures import failure
 from teleop.control.rig_values import command_of, measurement_of
 from teleop.control.tare import NO_TARE, Tare
@@ -135,7 +136,7 @@ class Controller:
                 active = measurement.time - self._supervision.since
                 drive_force = float(self._condition.drive_force(active, measurement))
                 self._admittance.step(drive_force, dt)
-                desired = self._coupling.command(self._admittance, measurement.slave_position)
+                desired = self._coupling.command(self._admittance, measurement)
                 self.over = bool(self._condition.over)
             except BaseException as error:
                 self._fail(Fault.CONTROL_FAILURE, error, measurement.time)
@@ -143,7 +144,7 @@ class Controller:
         verdict = supervise(self._supervision, measurement, desired, request, self._limits)
         if verdict.arm and self._enable(measurement.time):
             verdict = activated(verdict)
-            self._admittance.align(measurement.slave_position, self._coupling)
+            self._coupling.align(self._admittance, measurement)
         self._supervision = verdict.state
         mode = verdict.state.mode
 

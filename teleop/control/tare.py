@@ -1,18 +1,16 @@
-"""Where force and position are zero: found with nothing loaded, stored with its date, applied."""
+"""Tare: the zeros of force and position, their file, and their use on measurements."""
 
 from __future__ import annotations
 
-import json
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from typing import Annotated
 
 from drivers import CHANNELS, Measurement
 from drivers.input_file import read_input
-from teleop.errors import InputError
+from teleop.errors import InputError, invalid_parts
 from teleop.files import unreadable, write_text
-
-if TYPE_CHECKING:
-    from pydantic import ValidationError
+from teleop.json_documents import dumps
 
 LARGEST_ZERO = 15.0
 """Largest force that is accepted as the zero of a sensor [N]; beyond it the sensor is loaded."""
@@ -22,27 +20,28 @@ LONGEST_TEXT = 1000
 """Longest date or name of a rig that is accepted, in characters."""
 
 
-class Tare(NamedTuple):
+@dataclass(frozen=True)
+class Tare:
     """Zeros of the channels, subtracted from every measurement."""
 
     master_force: float = 0.0
-    """What the handle's force sensor reads at no force [N]."""
+    """Reading of the handle's force sensor at no force [N]."""
     contact_force: float = 0.0
-    """What the contact force sensor reads at no force [N]."""
+    """Reading of the contact force sensor at no force [N]."""
     slave_position: float = 0.0
-    """What the slave's encoder reads where contact begins, the contact datum [m]."""
+    """Reading of the slave's encoder where contact begins, the contact datum [m]."""
     date: str = ""
-    """When it was found, ISO 8601."""
+    """Date of the measurement, ISO 8601."""
     rig: str = ""
-    """Name of the rig that it was found on; empty where that is not known."""
+    """Name of the rig; empty if it is not known."""
 
     @property
     def zeros(self) -> dict[str, float]:
-        """What is subtracted from the channels that have a zero other than 0, in SI units."""
-        return {name: value for name, value in self._asdict().items() if name in CHANNELS and value}
+        """Zeros other than 0, by channel, in SI units."""
+        return {name: value for name, value in asdict(self).items() if name in CHANNELS and value}
 
     def apply(self, measurement: Measurement) -> Measurement:
-        """The measurement from these zeros."""
+        """Return the measurement relative to these zeros."""
         return measurement._replace(
             master_force=measurement.master_force - self.master_force,
             contact_force=measurement.contact_force - self.contact_force,
@@ -50,7 +49,7 @@ class Tare(NamedTuple):
         )
 
     def check(self, rig: str) -> None:
-        """Refuse zeros that are none, and those of another rig.
+        """Refuse zeros that are out of range, and those of another rig.
 
         Parameters
         ----------
@@ -83,19 +82,19 @@ NO_TARE = Tare()
 
 
 def write_tare(tare: Tare, path: Path, overwrite: bool = False) -> None:
-    """Store zeros; InputError if the file cannot be written, or is there and not to be replaced."""
-    write_text(path, json.dumps(tare._asdict(), indent=2) + "\n", overwrite)
+    """Store zeros; InputError if the file cannot be written, or exists without `overwrite`."""
+    write_text(path, dumps(asdict(tare), indent=2) + "\n", overwrite)
 
 
 def read_tare(path: Path) -> Tare:
-    """The zeros in a file of `teleop rig tare`.
+    """Return the zeros in a file of `teleop rig tare`.
 
     Files of teleop 0.1 name no rig.
 
     Raises
     ------
     InputError
-        The file cannot be read, or is not as expected.
+        The file cannot be read, or its content is not as expected.
     """
     from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 
@@ -116,12 +115,5 @@ def read_tare(path: Path) -> Tare:
         raise unreadable(path, error) from error
     except ValidationError as error:
         raise InputError(
-            f"{path}: expected a file of teleop rig tare: {problems(error)}"
+            f"{path}: expected a file of teleop rig tare: {invalid_parts(error)}"
         ) from error
-
-
-def problems(error: ValidationError) -> str:
-    """All that is wrong with a file, on one line."""
-    return "; ".join(
-        f"{'.'.join(map(str, e['loc'])) or 'file'}: {e['msg'].lower()}" for e in error.errors()
-    )

@@ -20,20 +20,20 @@ from estimation import (
     paper_preset,
     scaled_preset,
 )
+from estimation.columns import estimate_arrays, estimate_columns
 from estimation.compiled import Floats
+from estimation.conditioner_choice import make_conditioner
 from estimation.excitation import dominant_frequency
 from estimation.model import KELVIN_VOIGT
 from estimation.registry import PAPER
-from teleop.errors import InputError
+from estimation.summary import summarise
+from teleop.errors import InputError, as_input_error
 from teleop.evaluation.datum import Datum, find_datum, moving_part, smallest_step
 from teleop.evaluation.formats.delimited import Signals
 from teleop.evaluation.model_comparison import compare
 from teleop.evaluation.model_comparison import cost as sample_cost
+from teleop.evaluation.sampling_gaps import closed_up, condition
 from teleop.names import ConditioningName, PresetName
-from teleop.recording.gaps import closed_up, condition
-from teleop.recording.message import answers, estimate_columns
-from teleop.recording.timing import summarise
-from teleop.trial.choices import make_conditioner
 
 FEWEST = 10
 """Fewest moving samples that are evaluated."""
@@ -157,7 +157,7 @@ class Evaluation:
         units = {"Time": "s", "Displacement": "m", "Velocity": "m/s", "Force": "N"}
         columns["Excitation"], units["Excitation"] = self.excitation, "-"
         for column, values in zip(
-            estimate_columns(self.bank), answers(self.estimates), strict=True
+            estimate_columns(self.bank), estimate_arrays(self.estimates), strict=True
         ):
             columns[column.name] = np.asarray(values, dtype=np.float64)
             units[column.name] = column.unit
@@ -194,9 +194,10 @@ def evaluate(signals: Signals, settings: EstimateSettings) -> Evaluation:
     count = settings.resolution or smallest_step(signals.x)
     given = settings.preset if isinstance(settings.preset, Preset) else None
     model = settings.model or (given.model if given else KELVIN_VOIGT)
-    conditioner = make_conditioner(
-        settings.conditioning, bandwidth, count, settings.force_lag, model
-    )
+    with as_input_error():
+        conditioner = make_conditioner(
+            settings.conditioning, bandwidth, count, settings.force_lag, model
+        )
     whole, settled = condition(
         conditioner,
         signals.t,
@@ -216,7 +217,7 @@ def evaluate(signals: Signals, settings: EstimateSettings) -> Evaluation:
     apart = 1 + np.flatnonzero(np.diff(used) > 1)
     regression.dt[apart] = t[apart] - t[apart - 1]
     x, v, f, dt, _ = regression
-    try:
+    with as_input_error():
         if given:
             preset = given
         else:
@@ -228,8 +229,6 @@ def evaluate(signals: Signals, settings: EstimateSettings) -> Evaluation:
             preset = replace(preset, correlation=conditioner.correlation(float(np.median(dt))))
         preset = replace(preset, model=model, estimators=settings.estimators or preset.estimators)
         bank = preset.bank()
-    except ValueError as error:
-        raise InputError(str(error)) from error
     estimates = bank.run(*regression)
     measure = Excitation(frequency, resolution=10.0 * count)
     excitation = [measure.update(*sample) for sample in zip(x, v, dt, strict=True)]

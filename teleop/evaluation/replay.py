@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from estimation import Preset
-from teleop.control.tare import problems
-from teleop.errors import InputError
+from teleop.errors import InputError, invalid_parts
 from teleop.evaluation.evaluation import EstimateSettings, Evaluation
 from teleop.evaluation.formats.delimited import LARGEST, Signals
 from teleop.recording.recording import Recording
@@ -66,7 +65,8 @@ def recorded_settings(recording: Recording) -> EstimateSettings:
         raise InputError(f"the recording has no setting {error} of its estimators") from error
     except ValidationError as error:
         raise InputError(
-            f"the recording's settings of its estimators are not as expected: {problems(error)}"
+            "the recording's settings of its estimators are not as expected: "
+            + invalid_parts(error)
         ) from error
 
 

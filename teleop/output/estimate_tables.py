@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from rich import box
 from rich.console import Console
-from rich.table import Table
 
-from teleop.output.tables import number, plain_console, small
+from teleop.output.console import number, plain_console, print_table, small
 from teleop.recording.gaps import Gap, missing_text
 
 STALL = 20.0
@@ -53,18 +51,6 @@ def with_interval(value: float, half: float, decimals: int) -> str:
     if 0.0 < half < 1.0:
         decimals = max(decimals, min(1 - math.floor(math.log10(half)), 4))
     return f"{number(value, decimals)} \u00b1 {number(half, decimals)}"
-
-
-def print_table(console: Console, title: str, headings: Sequence[str], rows: Any) -> None:
-    """A table whose first column is text and whose others are numbers."""
-    table = Table(
-        title=title or None, title_justify="left", box=box.SIMPLE_HEAD, title_style="bold"
-    )
-    for i, heading in enumerate(headings):
-        table.add_column(heading, justify="right" if i else "left", no_wrap=True)
-    for cells in rows:
-        table.add_row(*cells)
-    console.print(table)
 
 
 def print_estimates(rows: Mapping[str, Mapping[str, Any]], title: str) -> None:

@@ -10,9 +10,9 @@ from estimation.model import KELVIN_VOIGT
 from estimation.redundancy import ambiguity
 from teleop.evaluation.evaluation import Evaluation
 from teleop.output.estimate_tables import HEADINGS, estimate_cells, interval_table
+from teleop.output.fault_report import fault_text
 from teleop.output.figures import ambiguity_figure, estimates_figure, fault_figure, timing_figure
 from teleop.output.web_page import captioned, svg, table, web_page
-from teleop.recording.black_box import fault_of, fault_text
 from teleop.recording.gaps import missing_text
 from teleop.recording.recording import Recording
 
@@ -101,7 +101,7 @@ def gaps(evaluation: Evaluation) -> str:
 
 def black_box(recording: Recording | None) -> str:
     """What stopped a trial for safety; empty where nothing did."""
-    fault = fault_of(recording) if recording else None
+    fault = recording.fault if recording else None
     if not recording or not fault:
         return ""
     drawing = captioned(

@@ -1,43 +1,41 @@
-"""What `teleop rig` prints."""
+"""Tables of rigs: channels, drives, ports, tare, and the lag of a force channel."""
 
 from __future__ import annotations
 
 import contextlib
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, TextIO
+from typing import TYPE_CHECKING, Any, TextIO
 
 from rich import box
 from rich.live import Live
 from rich.table import Table
 
-from teleop.output.tables import number, plain_console, print_rejected, small
+from drivers.rig_file import UNITS as CHANNEL_UNITS
+from teleop.control.tare import Tare
+from teleop.output.console import number, plain_console, small
+from teleop.output.trial_tables import print_rejected
 
 if TYPE_CHECKING:
     from drivers.ports import Port
-    from teleop.rig.channel_check import ChannelReport
-    from teleop.rig.drive_check import DriveReport
 
-SHOWN_IN = {
-    "master_force": ("N", 1.0),
-    "contact_force": ("N", 1.0),
-    "master_position": ("mm", 1e3),
-    "slave_position": ("mm", 1e3),
-    "slave_velocity": ("mm/s", 1e3),
-}
-"""Unit in which a channel is shown, and how many of it make the SI unit."""
+Row = Mapping[str, Any]
+"""Report of a channel or of a drive, by the names of its fields."""
+SHOWN_IN = {"N": ("N", 1.0), "m": ("mm", 1e3), "m/s": ("mm/s", 1e3)}
+"""Unit in which a quantity is shown, and its number in the SI unit."""
 
 
 def table(title: str, *headings: str) -> Table:
-    """An empty table: the first two columns are text, the others numbers."""
+    """Return an empty table; its first two columns are text, the others numbers."""
     made = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, title_style="bold")
     for i, heading in enumerate(headings):
         made.add_column(heading, justify="left" if i < 2 else "right", no_wrap=True)
     return made
 
 
-def channels_table(title: str, channels: Sequence[ChannelReport]) -> Table:
-    """Every channel as it comes in."""
+def channels_table(title: str, channels: Sequence[Row]) -> Table:
+    """Return the table of the channels of a rig."""
     made = table(
         title,
         "channel",
@@ -52,26 +50,26 @@ def channels_table(title: str, channels: Sequence[ChannelReport]) -> Table:
         "at end",
     )
     for c in channels:
-        unit, factor = SHOWN_IN[c.name]
+        unit, factor = SHOWN_IN[CHANNEL_UNITS[c["name"]]]
         made.add_row(
-            c.name,
-            c.source,
-            number(c.rate_hz, 1),
-            number(c.jitter_s * 1e3, 2),
-            number(c.age_s * 1e3, 2),
-            number(c.oldest_s * 1e3, 1),
-            number(c.mean * factor, 3),
-            small(c.noise * factor),
+            c["name"],
+            c["source"],
+            number(c["rate_hz"], 1),
+            number(c["jitter_s"] * 1e3, 2),
+            number(c["age_s"] * 1e3, 2),
+            number(c["oldest_s"] * 1e3, 1),
+            number(c["mean"] * factor, 3),
+            small(c["noise"] * factor),
             unit,
-            f"{c.saturated:.0%}",
-            style="red" if c.problem else "",
+            f"{c['saturated']:.0%}",
+            style="red" if c["problem"] else "",
         )
     return made
 
 
 @contextlib.contextmanager
-def live_channels(stream: TextIO) -> Iterator[Callable[[list[ChannelReport]], None]]:
-    """Draw the channels as they come in, where the stream is a terminal."""
+def live_channels(stream: TextIO) -> Iterator[Callable[[Sequence[Row]], None]]:
+    """Draw the channels as they are measured, where the stream is a terminal."""
     if not stream.isatty():
         yield lambda channels: None
         return
@@ -79,38 +77,36 @@ def live_channels(stream: TextIO) -> Iterator[Callable[[list[ChannelReport]], No
         yield lambda channels: live.update(channels_table("listening", channels), refresh=True)
 
 
-def print_check(
-    name: str,
-    channels: Sequence[ChannelReport],
-    trips: Mapping[str, float],
-    drives: Sequence[DriveReport],
-    rejected: Mapping[str, Mapping[str, int]],
-) -> None:
-    """What the check of a rig came to."""
-    from teleop.rig.channel_check import problems
+def print_check(check: Mapping[str, Any]) -> None:
+    """Print the result of the check of a rig.
 
+    Parameters
+    ----------
+    check
+        The document that `teleop rig check --json` prints.
+    """
     console = plain_console()
-    console.print(channels_table(name, channels))
-    for device, seconds in trips.items():
+    console.print(channels_table(check["rig"], check["channels"]))
+    for device, seconds in check["round_trip_s"].items():
         console.print(f"  {device}: answers after {seconds * 1e3:.2f} ms")
-    print_rejected(console, rejected)
-    for drive in drives:
+    print_rejected(console, check["rejected"])
+    for drive in check["drives"]:
         parts = []
-        if drive.commanded_m == drive.commanded_m:
-            parts.append(f"commanded {drive.commanded_m * 1e3:.3f} mm and back")
-        if drive.moved_m == drive.moved_m:
-            parts.append(f"moved {drive.moved_m * 1e3:.3f} mm")
-        if drive.watchdog_s == drive.watchdog_s:
-            parts.append(f"stopped by its watchdog after {drive.watchdog_s * 1e3:.0f} ms")
+        if math.isfinite(drive["commanded_m"]):
+            parts.append(f"commanded {drive['commanded_m'] * 1e3:.3f} mm and back")
+        if math.isfinite(drive["moved_m"]):
+            parts.append(f"moved {drive['moved_m'] * 1e3:.3f} mm")
+        if math.isfinite(drive["watchdog_s"]):
+            parts.append(f"stopped by its watchdog after {drive['watchdog_s'] * 1e3:.0f} ms")
         if parts:
-            style = "red" if drive.problem else ""
-            console.print(f"  {drive.name} drive: {', '.join(parts)}", style=style)
-    for problem in problems(channels, drives):
+            style = "red" if drive["problem"] else ""
+            console.print(f"  {drive['name']} drive: {', '.join(parts)}", style=style)
+    for problem in check["problems"]:
         console.print(f"  {problem}", style="red")
 
 
 def print_ports(ports: Sequence[Port]) -> None:
-    """Ports and buses that were found."""
+    """Print the ports and buses of this machine."""
     console = plain_console()
     if not ports:
         console.print("no serial port and no CAN bus found")
@@ -125,9 +121,34 @@ def print_ports(ports: Sequence[Port]) -> None:
 def print_emulation(
     name: str, ports: Mapping[str, str], out: Path, condition: str, cube: str
 ) -> None:
-    """Where the emulated devices are, and how to run against them."""
+    """Print the ports of the emulated devices and the command to run against them."""
     console = plain_console()
     console.print(f"{name}: emulated, {cube} cube, Ctrl-C ends it")
     for bus, port in ports.items():
         console.print(f"  {bus}: {port}")
     console.print(f"  run against it: teleop run --rig {out} --condition {condition} --cube {cube}")
+
+
+def print_lag(summary: Mapping[str, Any]) -> None:
+    """Print the lag of a force channel."""
+    console = plain_console()
+    low, high = summary["lag_low_s"] * 1e3, summary["lag_high_s"] * 1e3
+    console.print(
+        f"lag {summary['lag_s'] * 1e3:.3f} ms, 95 % interval {low:.3f} to {high:.3f} ms\n"
+        f"spring {number(summary['k'], 0)} N/m, residual {summary['rms']:.2g} N rms"
+    )
+    if "true_lag_s" in summary:
+        console.print(f"true lag (simulated) {summary['true_lag_s'] * 1e3:.3f} ms")
+    console.print(
+        f"take it into account with: teleop estimate FILE --force-lag {summary['lag_s']:.5f}"
+    )
+
+
+def print_tare(tare: Tare, noise: float, path: Path) -> None:
+    """Print the zeros of a rig."""
+    plain_console().print(
+        f"master force zero {tare.master_force:+.4f} N\n"
+        f"contact force zero {tare.contact_force:+.4f} N, noise {noise:.3f} N rms\n"
+        f"contact at {tare.slave_position * 1e3:+.4f} mm\n"
+        f"{tare.date}: stored in {path}; apply it with: teleop run --tare {path}"
+    )

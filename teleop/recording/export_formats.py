@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import codecs
+import csv
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
 import numpy as np
 
+from estimation.compiled import Floats
 from teleop.errors import InputError
-from teleop.evaluation.formats.delimited import write_table
 from teleop.files import new_file
 from teleop.json_documents import dumps
 
@@ -120,3 +122,12 @@ def export_recording(path: Path, recording: Recording, overwrite: bool = False) 
 def missing(library: str, name: str) -> InputError:
     """The one line that says what to install."""
     return InputError(f"{name} needs {library}: pip install '.[export]'")
+
+
+def write_table(file: BinaryIO, columns: Mapping[str, Floats], units: Mapping[str, str]) -> None:
+    """Write columns, each of shape (n,), as CSV with all digits of each number."""
+    header = [f"{name} [{units[name]}]" for name in columns]
+    rows: Iterable[tuple[float, ...]] = zip(*(c.tolist() for c in columns.values()), strict=True)
+    writer = csv.writer(codecs.getwriter("utf-8")(file, "backslashreplace"))
+    writer.writerow(header)
+    writer.writerows(rows)

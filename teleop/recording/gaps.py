@@ -1,19 +1,14 @@
-"""Gaps in time: where samples are missing, and how signals are conditioned across them."""
+"""Gaps in a recording: where ticks are missing because the recorder did not get them."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from estimation import Conditioner, Regression
 from estimation.compiled import Floats
 
-LONG = 20.0
-"""A sample period longer than this many median periods is a gap."""
 SAME_TIME = 1e-6
 """Times that differ by less are equal [s]."""
 LISTED = 4
@@ -82,59 +77,3 @@ def missing_text(gaps: Sequence[Gap]) -> str:
 def gap_rows(gaps: Sequence[Gap]) -> list[dict[str, Any]]:
     """The gaps as `--json` prints them."""
     return [{"from_s": gap.start, "to_s": gap.end, "ticks": gap.ticks} for gap in gaps]
-
-
-def long_periods(dt: Floats) -> NDArray[np.intp]:
-    """The samples before which there is a gap, going by the median period."""
-    return np.flatnonzero(dt > LONG * np.median(dt))
-
-
-def closed_up(dt: Floats, gaps: Sequence[int]) -> Floats:
-    """Sample periods with the median period in place of each gap.
-
-    Parameters
-    ----------
-    dt
-        Time since the sample before [s], shape (n,).
-    gaps
-        Numbers of the samples before which samples are missing.
-    """
-    periods = dt.copy()
-    periods[list(gaps)] = np.median(dt)
-    return periods
-
-
-def condition(
-    conditioner: Conditioner,
-    t: Floats,
-    x: Floats,
-    f: Floats,
-    dt: Floats,
-    gaps: Sequence[int],
-) -> tuple[Regression, NDArray[np.bool_]]:
-    """Condition signals between gaps, over which nothing is known of position and force.
-
-    Parameters
-    ----------
-    conditioner
-        Is reset at each gap.
-    t, x, f, dt
-        Time [s], position [m], force [N] and time since the sample before [s], each of shape
-        (n,).
-    gaps
-        Numbers of the samples before which samples are missing.
-
-    Returns
-    -------
-    The regression, and for which samples the filters have settled since the gap before them,
-    both of n samples.
-    """
-    bounds = sorted({0, len(t), *gaps})
-    settled = np.ones(len(t), dtype=np.bool_)
-    parts = []
-    for start, end in pairwise(bounds):
-        conditioner.reset()
-        parts.append(conditioner.run(x[start:end], f[start:end], dt[start:end]))
-        if start in gaps:
-            settled[start:end] = t[start:end] - t[start] > conditioner.settling
-    return Regression(*(np.concatenate(channel) for channel in zip(*parts, strict=True))), settled

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from teleop.json_documents import loads
-from teleop.recording.message import CDR
+from teleop.recording.cdr import CDR
 
 MOST_COLUMNS = 4096
 LONGEST_NAME = 63

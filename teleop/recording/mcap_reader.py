@@ -21,10 +21,10 @@ from numpy.typing import NDArray
 from drivers.input_file import open_input
 from teleop.errors import InputError
 from teleop.files import unreadable
+from teleop.recording.cdr import MESSAGE_NAME, TIME
 from teleop.recording.chunks import chunk_data
 from teleop.recording.mcap_checks import check_ticks, checked_event, is_readable, message_size
 from teleop.recording.mcap_writer import EVENT_SCHEMA, EVENTS, TICKS
-from teleop.recording.message import TICK, TIME
 
 MAGIC = b"\x89MCAP"
 """How an MCAP file begins."""
@@ -178,7 +178,7 @@ def check_memory(file: BinaryIO, contents: Contents) -> None:
 def read_chunk(chunk: Chunk, contents: Contents, channels: dict[int, Source]) -> None:
     """Take in a chunk: its ticks in bulk, everything else record by record."""
     for record in records(chunk_data(chunk), contents, channels):
-        if isinstance(record, Schema) and record.name == TICK:
+        if isinstance(record, Schema) and record.name == MESSAGE_NAME:
             definition = record.data.decode()
             if contents.definition not in ("", definition):
                 raise ValueError("its ticks have two definitions")

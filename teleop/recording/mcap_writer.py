@@ -17,7 +17,7 @@ from foxglove import Channel, Context, Schema
 from foxglove.mcap import MCAPWriteOptions
 
 from teleop.errors import reason
-from teleop.recording.message import TICK
+from teleop.recording.cdr import MESSAGE_NAME
 
 TICKS, EVENTS = "/tick", "/event"
 """Topics of the file."""
@@ -145,7 +145,7 @@ class McapFile:
         units = {name: unit for name, unit, _ in columns}
         self._ticks = Channel(
             TICKS,
-            schema=Schema(name=TICK, encoding="ros2msg", data=definition.encode()),
+            schema=Schema(name=MESSAGE_NAME, encoding="ros2msg", data=definition.encode()),
             message_encoding="cdr",
             metadata=units,
             context=context,

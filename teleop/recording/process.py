@@ -2,11 +2,10 @@
 
     python -m teleop.recording.process
 
-Standard input carries a head, the session as JSON, and then frames: when the trial begins, and a
-tick or an event each.
-Standard output says when recording has begun, and at the end what became of it. Standard error
-shows the progress line where the session asks for one. It ends when the pipe ends: when the
-control process closes it, exits, or is killed; so what was pushed is kept in every case.
+Standard input carries the frames of `teleop/recording/frames.py`. Standard output reports that the
+recording has begun, and its state at the end. Standard error shows the progress line where the
+session requests one. The process ends when the pipe ends: when the control process closes it,
+exits, or is killed. Thus everything that was pushed is kept in each of these cases.
 """
 
 from __future__ import annotations
@@ -20,88 +19,24 @@ from pathlib import Path
 from typing import Any
 
 from teleop.errors import reason
-from teleop.live.terminal import Terminal
+from teleop.live.progress import Estimates, Progress
+from teleop.recording.cdr import CDR, TIME
+from teleop.recording.frames import BEGIN, END, EVENT, FRAME, HEAD, NUMBER, TICK
 from teleop.recording.mcap_writer import McapFile
-from teleop.recording.message import CDR, TIME
 
-FRAME = struct.Struct("<cH")
-"""Head of a frame: its kind and the length of what follows."""
-TICK, EVENT, BEGIN, END = b"T", b"E", b"B", b"N"
-HEAD = struct.Struct("<I")
-"""Length of the session's JSON."""
-NUMBER = struct.Struct("<q")
-"""Wall-clock time of the trial's beginning [ns], or number of dropped ticks at its end."""
 CHECK = 1.0
 """Time between two checks that the file is still in its place [s]."""
 NAP = 0.02
 """The pipe is left alone for this long [s]: a sleeping reader costs the writer no wake-up."""
 FLUSH = 0.05
 """Longest time for which a tick stays out of the file [s]."""
-REDRAW = 0.1
-"""Time between two drawings of the progress line [s]."""
 BULK = 1 << 16
+"""Most bytes that are read from the pipe at a time."""
 PAIR = struct.Struct("<2d")
-SHOWN = 4
-"""Most estimators on the progress line."""
-STDERR = 2
 
 
-class Progress:
-    """The progress line: time and the present estimates, drawn over and over.
-
-    Parameters
-    ----------
-    session
-        Whether to show it, how long the trial lasts, and where the estimates stand.
-    """
-
-    def __init__(self, session: dict[str, Any]) -> None:
-        self._shown = session["show"]
-        self._duration = session["duration"]
-        self._hint = f"[{session['hint']}]  " if session.get("hint") else ""
-        self._names = session["estimators"]
-        columns = [name for name, _, _ in session["columns"]]
-        self._places = [len(CDR) + 8 * columns.index(f"{name}_b") for name in self._names]
-        self._due = 0.0
-        self._terminal = Terminal(STDERR)
-        if self._shown and session.get("instructions"):
-            self.tell(f"teleop: {session['instructions']}")
-
-    def show(self, message: bytes, t: float) -> None:
-        """Draw the line if it is due."""
-        now = time.monotonic()
-        if not self._shown or now < self._due or t < 0.0:
-            return
-        self._due = now + REDRAW
-        told = []
-        for name, place in zip(self._names, self._places, strict=True):
-            b, k = PAIR.unpack_from(message, place)
-            told.append(f"  {name} {k:6.0f} {b:+5.0f}")
-        estimates = "".join(told[:SHOWN])
-        progress = f"{self._hint}{t:4.1f} of {self._duration:g} s"
-        self._draw(f"{progress}  k [N/m], b [N s/m]:{estimates}")
-
-    def tell(self, text: str) -> None:
-        """Write a line that stays."""
-        self._terminal.write(("\r\x1b[K" if self._shown else "") + text + "\n")
-
-    def close(self) -> None:
-        """Clear the line, unless the terminal is stopped."""
-        if self._shown:
-            self._terminal.draw("\r\x1b[K")
-        self._terminal.close()
-
-    def _draw(self, text: str) -> None:
-        try:
-            width = os.get_terminal_size(STDERR).columns or 80
-        except OSError:
-            self._shown = False
-            return
-        self._terminal.draw("\r" + text[: width - 1] + "\x1b[K")
-
-
-def say(**status: Any) -> None:
-    """Tell the control process, if it is still there."""
+def send(**status: Any) -> None:
+    """Send a status to the control process, unless it has ended."""
     try:
         print(json.dumps(status), flush=True)
     except BrokenPipeError:
@@ -109,7 +44,7 @@ def say(**status: Any) -> None:
 
 
 def read_session() -> dict[str, Any]:
-    """The session, from the head of the pipe."""
+    """Return the session from the head of the pipe."""
     pipe = sys.stdin.fileno()
 
     def exactly(count: int) -> bytes:
@@ -126,16 +61,31 @@ def read_session() -> dict[str, Any]:
 
 
 class Drain:
-    """Takes frames apart and hands them to the file."""
+    """Separates the frames and passes them on to the file and the progress line.
 
-    def __init__(self, file: McapFile | None, progress: Progress) -> None:
-        self.file = file
-        self.progress = progress
+    Parameters
+    ----------
+    session
+        The session, from the head of the pipe.
+    file
+        The recording; None for none.
+    progress
+        The progress line.
+    """
+
+    def __init__(self, session: dict[str, Any], file: McapFile | None, progress: Progress) -> None:
         self.ticks = 0
+        self._file = file
+        self._progress = progress
+        columns = [name for name, _, _ in session["columns"]]
+        self._places = [
+            (name, len(CDR) + 8 * columns.index(f"{name}_b")) for name in session["estimators"]
+        ]
+        self._last = b""
         self._rest = b""
 
     def take(self, data: bytes) -> None:
-        """Take in what the pipe had."""
+        """Take in data from the pipe."""
         data = self._rest + data
         place, end = 0, len(data)
         while end - place >= FRAME.size:
@@ -148,16 +98,22 @@ class Drain:
             if kind == TICK:
                 self.ticks += 1
                 t = TIME.unpack_from(frame)[0]
-                if self.file:
-                    self.file.tick(frame, t)
-                self.progress.show(frame, t)
-            elif self.file and kind == EVENT:
-                self.file.event(json.loads(frame))
-            elif self.file and kind == BEGIN:
-                self.file.begin(*NUMBER.unpack(frame))
-            elif self.file and kind == END:
-                self.file.end(*NUMBER.unpack(frame))
+                if self._file:
+                    self._file.tick(frame, t)
+                self._last = frame
+                self._progress.show(t, self._estimates)
+            elif self._file and kind == EVENT:
+                self._file.event(json.loads(frame))
+            elif self._file and kind == BEGIN:
+                self._file.begin(*NUMBER.unpack(frame))
+            elif self._file and kind == END:
+                self._file.end(*NUMBER.unpack(frame))
         self._rest = data[place:]
+
+    def _estimates(self) -> Estimates:
+        for name, place in self._places:
+            b, k = PAIR.unpack_from(self._last, place)
+            yield name, b, k
 
 
 def main() -> None:
@@ -177,11 +133,13 @@ def main() -> None:
                 session["overwrite"],
             )
         except OSError as refusal:
-            say(problem=reason(refusal))
+            send(problem=reason(refusal))
             return
-    say(problem="")
-    progress = Progress(session)
-    drain = Drain(file, progress)
+    send(problem="")
+    progress = Progress(
+        session["show"], session["duration"], session["hint"], session["instructions"]
+    )
+    drain = Drain(session, file, progress)
     watch = Watch(session["path"], file, progress) if file else None
     pipe = sys.stdin.fileno()
     if hasattr(os, "set_blocking"):
@@ -201,18 +159,18 @@ def main() -> None:
             time.sleep(NAP)
     status = finish(file, drain.ticks) if file else {"problem": ""}
     progress.close()
-    say(**status)
+    send(**status)
 
 
 class Watch:
-    """Flushes the file in time, and reports at once what keeps it from holding the ticks."""
+    """Flushes the file regularly, and reports a failure of the recording at once."""
 
     def __init__(self, path: str, file: McapFile, progress: Progress) -> None:
         self._path = path
         self._file = file
         self._progress = progress
         self._flushed = self._checked = time.monotonic()
-        self._told = False
+        self._reported = False
 
     def look(self) -> None:
         """Flush and check, where that is due."""
@@ -224,9 +182,9 @@ class Watch:
         if now - self._checked >= CHECK:
             self._checked = now
             problem = problem or file.missing
-        if problem and not self._told:
-            self._told = True
-            self._progress.tell(f"teleop: {self._path}: {problem}: the run continues")
+        if problem and not self._reported:
+            self._reported = True
+            self._progress.report(f"teleop: {self._path}: {problem}: the run continues")
 
 
 def finish(file: McapFile, ticks: int) -> dict[str, Any]:

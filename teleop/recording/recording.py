@@ -11,16 +11,15 @@ from typing import Any
 import numpy as np
 
 from estimation import Estimates, Regression
+from estimation.columns import estimates_in, estimators_in
 from estimation.compiled import Floats
-from estimation.estimator import Series
 from teleop.errors import InputError, MissingColumn
+from teleop.recording.cdr import CDR
 from teleop.recording.gaps import Gap, missing_ticks
 from teleop.recording.mcap_reader import read_intact
 from teleop.recording.mcap_writer import END
-from teleop.recording.message import CDR
+from teleop.recording.message import REGRESSOR
 
-REGRESSOR = "regressor_"
-"""How the names of columns of further regressors begin."""
 FIELD = re.compile(r"float64 (\w+)(?:\s*#\s*\[([^]]*)\]\s*(.*))?")
 """A line of a tick's definition: name, unit, meaning."""
 
@@ -68,7 +67,12 @@ class Recording:
     @property
     def estimators(self) -> list[str]:
         """Names of the estimators."""
-        return [name[:-2] for name in self.columns if name.endswith("_b")]
+        return estimators_in(self.columns)
+
+    @property
+    def fault(self) -> dict[str, Any] | None:
+        """The event that tripped the supervisor, if any did."""
+        return next((event for event in self.events if event["fault"]), None)
 
     @property
     def estimated_channels(self) -> list[str]:
@@ -85,30 +89,8 @@ class Recording:
         return replace(self, columns=columns)
 
     def estimates(self) -> dict[str, Estimates]:
-        """Each estimator's estimates."""
-        nothing = np.full(len(self), np.nan)
-        return {
-            name: Estimates(
-                self[f"{name}_b"],
-                self[f"{name}_k"],
-                self.columns.get(f"{name}_b_std", nothing),
-                self.columns.get(f"{name}_k_std", nothing),
-                self.columns.get(f"{name}_held", nothing) == 1.0,
-                self._further(name),
-            )
-            for name in self.estimators
-        }
-
-    def _further(self, estimator: str) -> dict[str, Series]:
-        """Its parameters besides b and k."""
-        start = f"{estimator}_"
-        names = [name.removeprefix(start) for name in self.columns if name.startswith(start)]
-        told = [name.removesuffix("_std") for name in names if name.endswith("_std")]
-        return {
-            name: Series(self[start + name], self[f"{start}{name}_std"])
-            for name in told
-            if name not in ("b", "k") and "_" not in name
-        }
+        """Return the estimates of each estimator."""
+        return {name: estimates_in(self.columns, name) for name in self.estimators}
 
     def regression(self) -> Regression:
         """What the estimators were given."""

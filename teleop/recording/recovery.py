@@ -8,10 +8,10 @@ from pathlib import Path
 
 from teleop.errors import InputError
 from teleop.files import unwritable
+from teleop.recording.cdr import CDR, TIME
 from teleop.recording.gaps import Gap
 from teleop.recording.mcap_reader import CUT, Contents, read_intact
 from teleop.recording.mcap_writer import McapFile
-from teleop.recording.message import CDR, TIME
 from teleop.recording.recording import FIELD, from_messages
 
 CHUNK = 1000

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 from drivers import Measurement, RigError
@@ -19,13 +19,13 @@ from teleop.control.tare import Tare
 from teleop.errors import InputError
 from teleop.recording.black_box import BlackBox
 from teleop.recording.message import Layout
-from teleop.recording.sinks import Memory
 from teleop.rig.drive_travel import DriveTravel
 from teleop.rig.pausable_rig import PausableRig
 from teleop.rig.zeroing import ForceZero, force_zero
 from teleop.safety import Limits
 from teleop.safety.rig_limits import rig_limits
-from teleop.trial.loop import Session
+from teleop.trial.assembly import make_controller
+from teleop.trial.loop import Loop
 from teleop.trial.settings import TrialSettings
 from teleop.trial.stop_switch import StopSwitch
 
@@ -179,23 +179,6 @@ class DriveCheck(Condition):
                 )
 
 
-@dataclass(frozen=True)
-class DriveCheckSettings(TrialSettings):
-    """The trial that tests the drives."""
-
-    test: DriveCheck = field(kw_only=True)
-    about: Limits = field(kw_only=True)
-
-    @property
-    def raw_limits(self) -> Limits:
-        """Those about where the slave stands."""
-        return self.about
-
-    def make_condition(self) -> Condition:
-        """The test."""
-        return self.test
-
-
 def limits_about(limits: Limits, zero: ForceZero) -> Limits:
     """The limits of a rig, narrowed to where the slave stands; positions count from there.
 
@@ -257,7 +240,7 @@ def check_drives(rig: WiredRig, clock: Clock, move: bool) -> DrivesReport:
     }
     away = -1 if about.soft_position[0] <= -STROKES[-1] else 1
     test = DriveCheck(tested, drives, QUICK.damping, away if move else 0)
-    settings = DriveCheckSettings(
+    settings = TrialSettings(
         condition="autonomous",
         duration=LONGEST,
         rate=clock.rate,
@@ -265,21 +248,19 @@ def check_drives(rig: WiredRig, clock: Clock, move: bool) -> DrivesReport:
         estimators=("rls",),
         rig=rig.file,
         tare=Tare(zero.master, zero.contact, zero.position),
-        test=test,
-        about=about,
+        custom_limits=about,
     )
-    bank = settings.make_bank()
+    bank = settings.estimation_preset.bank()
     layout = Layout(bank)
     box = BlackBox(layout, settings.rate)
+    controller = make_controller(settings, tested, bank, clock, test)
     try:
         with StopSwitch(key=True) as switch, switch.attended():
-            session = Session(settings, clock, tested, bank, layout, [Memory()], box, switch)
-            while session.step():
-                pass
+            Loop(controller, clock, layout, [box], switch, settings.duration).run()
     finally:
         rig.idle()
-    if session.error and not isinstance(session.error, RigError):
-        raise session.error
+    if controller.error and not isinstance(controller.error, RigError):
+        raise controller.error
     reports = [
         DriveReport(
             name,

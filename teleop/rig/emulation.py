@@ -13,6 +13,7 @@ from sim_backend.wire.bench import NEVER
 from sim_backend.wire.emulator import ACTIONS, Emulator, PlannedFault
 from sim_backend.wire.wire_faults import FAULTS, ON_CAN, ON_SERIAL_LINES
 from teleop.errors import InputError
+from teleop.trial.assembly import make_simulated_rig
 from teleop.trial.settings import TrialSettings
 
 if TYPE_CHECKING:
@@ -70,7 +71,7 @@ def make_emulator(
     """
 
     def make_rig(now: Callable[[], float]) -> SimulatedRig:
-        return settings.make_simulated_rig(now, NEVER)
+        return make_simulated_rig(settings, now, NEVER)
 
     try:
         return Emulator(rig, make_rig, folder, faults)

@@ -6,32 +6,26 @@ from typing import Any, NamedTuple
 
 from estimation.compiled import Floats
 from estimation.stiffening import Interval, MatchedSignals
-from sim_backend import Cube, Setup, paper_setup
-from teleop.control.injector import Chirp
 from teleop.errors import InputError
-from teleop.trial.run import run_trial
-from teleop.trial.settings import TrialSettings
 
 BANDWIDTH = 20.0
 """Bandwidth of the matched filter [Hz]."""
 LONGEST = 0.1
-"""Longest lag that is looked for [s]."""
-SPRING = 5000.0
-"""Stiffness of the simulated reference spring [N/m]."""
+"""Longest lag that can be found [s]."""
 
 
 class ForceLag(NamedTuple):
-    """What a reference spring says of a force channel."""
+    """Lag of a force channel, from a reference spring."""
 
     lag: Interval
     """Time constant of a first-order lag with its 95 % interval [s]."""
     k: float
     """Stiffness of the spring [N/m]."""
     rms: float
-    """Root mean square of what the fit leaves [N]."""
+    """Root mean square of the residual [N]."""
 
     def summary(self) -> dict[str, Any]:
-        """As `teleop lag --json` prints it."""
+        """Return the values that `teleop lag --json` prints."""
         return {
             "lag_s": self.lag.value,
             "lag_low_s": self.lag.low,
@@ -44,8 +38,8 @@ class ForceLag(NamedTuple):
 def measure_lag(position: Floats, force: Floats, dt: Floats) -> ForceLag:
     """Fit f = L(k x) to a spring without damping, L a first-order lag.
 
-    The lag is what turns a spring's force against its displacement, f = k x - k lag v + ..., so
-    the reference must have no damping of its own: a steel spring.
+    A lag delays the force of a spring relative to its displacement, f = k x - k lag v + ..., as
+    negative damping does. So the reference must have no damping of its own: a steel spring.
 
     Parameters
     ----------
@@ -87,29 +81,3 @@ def measure_lag(position: Floats, force: Floats, dt: Floats) -> ForceLag:
     curvature = (squared(best + step) - 2.0 * least + squared(best - step)) / step**2
     half = 1.96 * (2.0 * least / (signals.independent * curvature)) ** 0.5
     return ForceLag(Interval(best, best - half, best + half), fit.k, fit.rms)
-
-
-def measure_simulated_lag(cube: str, seed: int = 0) -> tuple[ForceLag, float]:
-    """The lag of the simulated force channel on a simulated spring, and the true one [s].
-
-    Parameters
-    ----------
-    cube
-        Whose trials the force channel belongs to.
-    seed
-        Seed of the sensor noise.
-    """
-    setup = paper_setup("autonomous", cube)
-    spring = Setup(Cube(SPRING, 0.0, 1e-9), setup.force_lag, depth=5e-3)
-    columns = run_trial(
-        TrialSettings(
-            condition="autonomous",
-            cube=cube,
-            clock="virtual",
-            seed=seed,
-            signal=Chirp(1.0, 8.0),
-            custom_setup=spring,
-        )
-    ).columns
-    measured = measure_lag(columns["slave_position"], columns["contact_force"], columns["dt"])
-    return measured, setup.force_lag

@@ -1,100 +1,103 @@
-"""The trial that feels for contact, under the supervisor like any other."""
+"""The contact datum: a trial under the supervisor that moves forward until it touches."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
+from datetime import datetime
 from pathlib import Path
 
-from drivers import Rig
+import numpy as np
+
+from drivers import Measurement
 from drivers.rig_file import RigFile
+from estimation.compiled import Floats
 from sim_backend import CUBES, Sensors, SimulatedRig
 from teleop.control.conditions import Condition
 from teleop.control.tare import Tare
-from teleop.errors import SafetyStop
-from teleop.recording.black_box import moment
-from teleop.rig.zeroing import ForceZero, Touch, contact_begins, touch_threshold
+from teleop.errors import InputError, SafetyStop
+from teleop.recording.recording import Recording
+from teleop.rig.zeroing import ForceZero
 from teleop.safety import Limits
+from teleop.safety.events import time_text
 from teleop.trial.run import run_trial
 from teleop.trial.settings import TrialSettings
 
 SPEED = 1e-3
-"""Of the approach [m/s]."""
+"""Speed of the approach [m/s]."""
 REACH = 4e-3
-"""How far contact is looked for [m]."""
+"""Greatest travel of the approach [m]."""
 SOFT_FORCE = 5.0
 """Contact force at which the approach ends in any case [N]."""
 AWAY = 2e-3
-"""How far before the cube the simulated slave stands [m]."""
+"""Distance from the cube at which the simulated slave starts [m]."""
+TOUCH = 0.5
+"""Least contact force that counts as contact [N]; the threshold is at least ten times the noise."""
 
 
-@dataclass(frozen=True)
-class TouchSettings(TrialSettings):
-    """A trial that goes forward until it touches; a simulated cube lets go again."""
-
-    zero: ForceZero = field(kw_only=True)
-
-    @property
-    def raw_limits(self) -> Limits:
-        """Tight on force; positions count from the start, since the datum is not known yet."""
-        limits = super().raw_limits
-        return replace(
-            limits,
-            soft_position=(-AWAY, REACH),
-            hard_position=(-2.0 * AWAY, REACH + AWAY),
-            soft_force=min(SOFT_FORCE, limits.soft_force),
-            hard_force=min(2.0 * SOFT_FORCE, limits.hard_force),
-        )
-
-    def make_rig(self, now: Callable[[], float]) -> Rig:
-        """The rig; the simulated one with the slave off the cube."""
-        if self.rig:
-            return super().make_rig(now)
-        return off_the_cube(self.cube, now, self.sensors, self.seed)
-
-    def make_condition(self) -> Condition:
-        """Forward until contact."""
-        return Touch(self.admittance.damping * SPEED, touch_threshold(self.zero), 0.5 * AWAY)
-
-
-def off_the_cube(cube: str, now: Callable[[], float], sensors: Sensors, seed: int) -> SimulatedRig:
-    """The simulated rig with nobody at the handle and the slave off the cube."""
-    body = replace(CUBES[cube], glued=False)
-    return SimulatedRig(body, now, sensors=sensors, seed=seed, start=-AWAY)
-
-
-def touch(settings: TouchSettings, record: Path | None) -> float:
-    """What the slave's encoder reads where contact begins [m].
+class Touch(Condition):
+    """Moves forward at a constant speed until contact, and back again.
 
     Parameters
     ----------
-    settings
-        The trial; its tare holds the force zeros and the position at the start.
+    force
+        Force on the admittance that gives the speed [N].
+    threshold
+        Contact force that counts as contact [N].
+    retreat
+        Distance of the retreat [m].
+    """
+
+    def __init__(self, force: float, threshold: float, retreat: float) -> None:
+        self._force, self._threshold, self._retreat = force, threshold, retreat
+        self._touched = math.nan
+
+    def drive_force(self, t: float, measurement: Measurement) -> float:
+        """Return a force forward until contact, then one backward."""
+        if math.isnan(self._touched):
+            if measurement.contact_force < self._threshold:
+                return self._force
+            self._touched = measurement.slave_position
+        self.over = measurement.slave_position < self._touched - self._retreat
+        return 0.0 if self.over else -self._force
+
+
+def touch(
+    zero: ForceZero,
+    rig: RigFile | None,
+    cube: str,
+    sensors: Sensors,
+    seed: int,
+    record: Path | None = None,
+) -> float:
+    """Return the reading of the slave's encoder where contact begins [m].
+
+    Parameters
+    ----------
+    zero
+        Readings of the sensors at no force.
+    rig
+        The rig of devices; None for the simulated rig, whose slave starts away from the cube.
+    cube
+        The cube on the simulated rig.
+    sensors
+        Imperfections of the simulated sensors.
+    seed
+        Seed of the simulated noise.
     record
         MCAP file to record to.
 
     Raises
     ------
     InputError
-        Nothing was touched.
+        There was no contact within the reach.
     SafetyStop
         The trial was stopped for safety.
     KeyboardInterrupt
         A person stopped it.
     """
-    trial = run_trial(settings, record)
-    if trial.fault:
-        raise SafetyStop(f"tare: stopped {moment(trial.fault)}: {trial.fault['text']}")
-    if trial.interrupted:
-        raise KeyboardInterrupt
-    return settings.tare.slave_position + contact_begins(trial.recording.estimated())
-
-
-def touch_settings(
-    rig: RigFile | None, cube: str, zero: ForceZero, sensors: Sensors, seed: int
-) -> TouchSettings:
-    """The trial that feels for contact, on a rig of devices or for this cube."""
-    return TouchSettings(
+    settings = TrialSettings(
         condition="autonomous",
         rig=rig,
         cube=cube,
@@ -104,5 +107,65 @@ def touch_settings(
         seed=seed,
         sensors=sensors,
         tare=Tare(zero.master, zero.contact, zero.position),
-        zero=zero,
     )
+    settings = replace(settings, custom_limits=touch_limits(settings.raw_limits))
+    threshold = max(TOUCH, 10.0 * zero.noise)
+    trial = run_trial(
+        settings,
+        record,
+        condition=Touch(settings.admittance.damping * SPEED, threshold, 0.5 * AWAY),
+        rig_maker=None if rig else lambda now: off_the_cube(cube, now, sensors, seed),
+    )
+    if trial.fault:
+        text = trial.fault["text"]
+        raise SafetyStop(f"tare: stopped {time_text(trial.fault['time'])}: {text}")
+    if trial.interrupted:
+        raise KeyboardInterrupt
+    return zero.position + contact_begins(trial.recording.estimated())
+
+
+def touch_limits(limits: Limits) -> Limits:
+    """Return narrow limits about the start; the datum is not known yet."""
+    return replace(
+        limits,
+        soft_position=(-AWAY, REACH),
+        hard_position=(-2.0 * AWAY, REACH + AWAY),
+        soft_force=min(SOFT_FORCE, limits.soft_force),
+        hard_force=min(2.0 * SOFT_FORCE, limits.hard_force),
+    )
+
+
+def off_the_cube(cube: str, now: Callable[[], float], sensors: Sensors, seed: int) -> SimulatedRig:
+    """Return the simulated rig with a free handle and the slave away from the cube."""
+    body = replace(CUBES[cube], glued=False)
+    return SimulatedRig(body, now, sensors=sensors, seed=seed, start=-AWAY)
+
+
+def contact_begins(recording: Recording) -> float:
+    """Return where contact begins in a recorded approach [m]: f = 0 before, linear after.
+
+    Raises
+    ------
+    InputError
+        There was no contact.
+    """
+    deepest = int(np.argmax(recording["slave_position"])) if len(recording) else -1
+    x, f = (recording[name][: deepest + 1] for name in ("slave_position", "contact_force"))
+    if not len(f) or f.max() < 0.5 * TOUCH:
+        raise InputError("tare: nothing was touched within the range: expected a contact")
+    candidates = np.linspace(x.max() - 0.5 * np.ptp(x), x.max(), 400, endpoint=False)
+    return float(candidates[int(np.argmin([misfit(x, f, start) for start in candidates]))])
+
+
+def misfit(x: Floats, f: Floats, start: float) -> float:
+    """Return the sum of squared residuals of a spring that begins at `start` [N^2]."""
+    pressed = np.maximum(x - start, 0.0)
+    power = float(pressed @ pressed)
+    k = float(pressed @ f) / power if power > 0.0 else 0.0
+    return float(np.sum((f - k * pressed) ** 2))
+
+
+def dated_tare(zero: ForceZero, position: float, rig: str) -> Tare:
+    """Return the tare of the rig of this name, with the present date."""
+    now = datetime.now().astimezone().isoformat(timespec="seconds")
+    return Tare(zero.master, zero.contact, position, now, rig)

@@ -88,6 +88,11 @@ class Event(NamedTuple):
     """Since when it had been so [s]."""
 
 
+def time_text(time: float) -> str:
+    """Return the time of a fault [s] as a part of a sentence."""
+    return f"at {time:.3f} s" if time >= 0.0 else "before the drives were armed"
+
+
 UNITS = {"force": "N", "position": "m", "velocity": "m/s", "": ""}
 
 

@@ -1,103 +1,103 @@
-"""A session: ticks from arming to standstill, pushed to whoever keeps them."""
+"""The control loop of a trial: ticks from arming to standstill, pushed to the sinks."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 
-from drivers import Rig, RigError
-from estimation import Bank
+from drivers import RigError
 from teleop.control.clock import Clock
-from teleop.recording.black_box import AFTER, BlackBox
+from teleop.control.controller import Controller
+from teleop.recording.black_box import AFTER
 from teleop.recording.message import Layout
 from teleop.recording.sinks import Sink
 from teleop.safety.events import ACTIVE, FAULT, IDLE
-from teleop.trial.settings import TrialSettings
 from teleop.trial.stop_switch import StopSwitch
 
 END = "end of the trial"
 
 
-class Session:
+class Loop:
     """Runs a trial tick by tick on an opened rig.
 
     Parameters
     ----------
-    settings
-        What to run.
+    controller
+        The controller of the rig.
     clock
-        What wakes the loop.
-    rig
-        The telemanipulator, opened.
-    bank
-        The estimators.
+        The clock that paces the loop.
     layout
-        The ticks' message.
+        Layout of the message of a tick.
     sinks
         Where ticks and events are pushed.
-    box
-        The black box.
     switch
-        How a person stops it.
+        How a person stops the trial.
+    duration
+        Duration of the trial [s].
     """
 
     def __init__(
         self,
-        settings: TrialSettings,
+        controller: Controller,
         clock: Clock,
-        rig: Rig,
-        bank: Bank,
         layout: Layout,
         sinks: Sequence[Sink],
-        box: BlackBox,
         switch: StopSwitch,
+        duration: float,
     ) -> None:
-        self.controller = settings.make_controller(rig, bank, clock)
+        self.controller = controller
         self.ticks = 0
         self._clock = clock
         self._layout = layout
         self._sinks = sinks
-        self._box = box
         self._switch = switch
-        self._last = settings.duration - 0.5 / settings.rate
+        self._last = duration - 0.5 * clock.period
         self._end = ""
         self._armed = False
         self._elapsed = 0
-        """Periods of the clock, those that were skipped included."""
+        """Periods of the clock, skipped ones included."""
         self._leave = math.inf
-        """After how many of them the session ends."""
+        """Number of periods after which the loop ends."""
 
     @property
     def error(self) -> Exception | None:
         """The first exception of a tick."""
         return self.controller.error
 
-    def step(self) -> bool:
-        """Run one tick; whether there is another.
+    def run(self) -> None:
+        """Run ticks until the trial has ended.
 
         Raises
         ------
         RigError
-            The drives did not get ready in the time of the trial.
+            The drives were not ready within the duration of the trial.
+        """
+        while self.step():
+            pass
+
+    def step(self) -> bool:
+        """Run one tick; return whether another one follows.
+
+        Raises
+        ------
+        RigError
+            The drives were not ready within the duration of the trial.
         """
         tick = self._clock.wait()
         request = self._switch.request(not self._armed, self._end)
         record = self.controller.tick(tick, request)
         message = self._layout.pack(record, sum(sink.dropped for sink in self._sinks))
-        self._box.push(message)
         for sink in self._sinks:
             sink.push(message)
         self.ticks += 1
         self._elapsed += 1 + tick.skipped
-        if record.events:
-            for event in record.events:
-                self._box.event(event)
-                for sink in self._sinks:
-                    sink.event(event)
-                if event.mode is ACTIVE:
-                    self._armed = True
-                elif event.mode is FAULT:
-                    self._leave = self._elapsed + AFTER * self._clock.rate
+        for event in record.events:
+            for sink in self._sinks:
+                sink.event(event)
+            if event.mode is ACTIVE:
+                self._armed = True
+            elif event.mode is FAULT:
+                self._leave = self._elapsed + AFTER * self._clock.rate
         if record.t >= self._last or self.controller.over:
             self._end = END
         if record.mode is not IDLE or self.error:

@@ -1,4 +1,4 @@
-"""A rehearsal before a trial: warms every kernel, and checks that this machine holds the rate."""
+"""The rehearsal before a trial: checks that this machine holds the rate of the loop."""
 
 from __future__ import annotations
 
@@ -16,30 +16,31 @@ from teleop.recording.black_box import BlackBox
 from teleop.recording.message import Layout
 from teleop.recording.sinks import Memory
 from teleop.safety.events import ACTIVE
-from teleop.trial.loop import Session
+from teleop.trial.assembly import make_clock, make_controller, make_simulated_rig
+from teleop.trial.loop import Loop
 from teleop.trial.settings import TrialSettings
 from teleop.trial.stop_switch import StopSwitch
 
 TICKS = 600
-"""Ticks by which a rate is tried; the second half of the active ones counts."""
+"""Ticks of a rehearsal; the second half of the active ones counts."""
 WIRE_TIME = 0.25
 """Time for which the devices of a rig are read before a trial [s]."""
 SHARE = 0.9
-"""Share of a period that a tick may take."""
+"""Greatest share of a period that a tick may take."""
 
 
 def tick_cost(settings: TrialSettings) -> float:
-    """Time [s] that nine of ten ticks keep to on this machine, rehearsed in virtual time.
+    """Return the 90th percentile of the time of a tick on this machine [s], in virtual time.
 
     The rehearsal runs on the simulated rig, without the tare and the limits of the real one, and
-    at 1 kHz at the most, so that it gets to the motion.
+    at 1 kHz at most, so that it reaches the motion.
 
     Raises
     ------
     InputError
         The rehearsal was stopped for safety, so that its ticks are not those of a trial.
     Exception
-        Whatever a tick raised.
+        An exception of a tick.
     """
     rate = min(settings.rate, 1000.0)
     rehearsal = replace(
@@ -51,19 +52,20 @@ def tick_cost(settings: TrialSettings) -> float:
         rate=rate,
         duration=2.0 * TICKS / rate,
     )
-    clock, bank = rehearsal.make_clock(), rehearsal.make_bank()
+    clock, bank = make_clock(rehearsal), rehearsal.estimation_preset.bank()
     layout = Layout(bank)
+    box = BlackBox(layout, rate)
     costs = []
-    with rehearsal.make_simulated_rig(clock.now) as rig:
-        box = BlackBox(layout, rehearsal.rate)
-        session = Session(rehearsal, clock, rig, bank, layout, [Memory()], box, StopSwitch())
+    with make_simulated_rig(rehearsal, clock.now) as rig:
+        controller = make_controller(rehearsal, rig, bank, clock)
+        loop = Loop(controller, clock, layout, [Memory(), box], StopSwitch(), rehearsal.duration)
         for _ in range(TICKS):
             start = time.perf_counter()
-            session.step()
-            if session.controller.mode is ACTIVE:
+            loop.step()
+            if controller.mode is ACTIVE:
                 costs.append(time.perf_counter() - start)
-    if session.error:
-        raise session.error
+    if loop.error:
+        raise loop.error
     if box.fault:
         raise InputError(
             f"rehearsal on the simulated rig: stopped for safety: {box.fault['text']}: expected "

@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 
 from estimation import Estimates
 from teleop.cli import main
+from teleop.output.console import plain_console
 from teleop.output.figures import estimates_figure
-from teleop.output.tables import plain_console
 from teleop.output.web_page import svg
 from teleop.printable import one_line, printable
 

@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
-import codecs
 import contextlib
 import csv
 import io
 import math
 import re
 from array import array
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
-from typing import BinaryIO, NamedTuple, TextIO
+from typing import NamedTuple, TextIO
 
 import numpy as np
 
 from drivers.input_file import open_input
 from estimation.compiled import Floats
 from teleop.errors import InputError
+from teleop.evaluation.sampling_gaps import long_periods
 from teleop.files import unreadable
-from teleop.recording.gaps import long_periods
 
 UNITS = {
     "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "min": 60.0},
@@ -278,12 +277,3 @@ def read_value(where: str, cells: list[str], column: Column, header: list[str]) 
             f"{where}: {header[column.place]!r} is {cell or 'empty'}, expected a finite number"
         )
     return value
-
-
-def write_table(file: BinaryIO, columns: Mapping[str, Floats], units: Mapping[str, str]) -> None:
-    """Write columns as CSV, each number with all of its digits."""
-    header = [f"{name} [{units[name]}]" for name in columns]
-    rows: Iterable[tuple[float, ...]] = zip(*(c.tolist() for c in columns.values()), strict=True)
-    writer = csv.writer(codecs.getwriter("utf-8")(file, "backslashreplace"))
-    writer.writerow(header)
-    writer.writerows(rows)

@@ -19,13 +19,11 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import least_squares
 
-from estimation import Bank, RecursiveLeastSquares, paper_preset
 from sim_backend import CUBES, DEPTH, FORCE_LAG, Cube, Setup
 from teleop.studies.paper.table1 import CALIBRATED, table1
 from teleop.studies.paper.trials import paper_trial
 from teleop.studies.workers import workers
 from teleop.trial.run import run_trial
-from teleop.trial.settings import TrialSettings
 
 K_TOLERANCE = 0.02
 """Error of k, as a share of it, that weighs as much as ..."""
@@ -33,24 +31,9 @@ B_TOLERANCE = 0.2
 """... this error of b, as a share of it."""
 
 
-class RlsOnly(TrialSettings):
-    """A trial whose bank holds RLS alone, for speed."""
-
-    def make_bank(self) -> Bank:
-        """A fresh bank with RLS alone."""
-        preset = paper_preset(self.cube)
-        return Bank(
-            {
-                "rls": RecursiveLeastSquares(
-                    preset.forgetting, preset.initial_covariance, preset.sample_period
-                )
-            }
-        )
-
-
 def rls_averages(condition: str, cube: str, setup: Setup) -> tuple[float, float]:
     """Average (b, k) of RLS over a trial of the paper with another set-up."""
-    settings = RlsOnly(**vars(replace(paper_trial(condition, cube), custom_setup=setup)))
+    settings = replace(paper_trial(condition, cube), custom_setup=setup, estimators=("rls",))
     columns = run_trial(settings).columns
     return float(columns["rls_b"].mean()), float(columns["rls_k"].mean())
 

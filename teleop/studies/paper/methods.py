@@ -11,7 +11,7 @@ import numpy as np
 from estimation import MatchedFilter, Model, estimated_force, force_error, paper_preset, rise_time
 from estimation.model import KELVIN_VOIGT
 from teleop.evaluation.model_comparison import Comparison, compare
-from teleop.trial.run import Trial
+from teleop.trial.result import Trial
 
 BANDWIDTH = 20.0
 """Bandwidth of the matched filter [Hz]."""

@@ -11,10 +11,11 @@ import numpy as np
 from estimation import Estimates
 from estimation.compiled import Floats
 from estimation.stiffening import Interval, MatchedSignals
-from teleop.control.injector import Sine
+from teleop.control.excitation_signals import Sine
 from teleop.studies.paper.methods import MethodResult, Methods, compare_methods
 from teleop.studies.paper.table1 import is_calibrated, table1
-from teleop.trial.run import Trial, run_trial
+from teleop.trial.result import Trial
+from teleop.trial.run import run_trial
 from teleop.trial.settings import TrialSettings
 
 DURATION = 10.0

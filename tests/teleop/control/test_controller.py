@@ -12,16 +12,18 @@ import pytest
 from drivers import Ages, Command, Measurement, Rig, RigError
 from estimation import Excitation, MatchedFilter, paper_preset
 from sim_backend import CUBES, SimulatedRig
-from teleop.control.admittance import Admittance, AdmittanceParameters, Coupling
+from teleop.control.admittance import Admittance, AdmittanceParameters
 from teleop.control.clock import Tick, VirtualClock
 from teleop.control.conditions import Teleoperation
 from teleop.control.controller import Controller
+from teleop.control.coupling import Coupling
 from teleop.control.tare import NO_TARE, Tare
 from teleop.recording.message import Layout
 from teleop.recording.recording import from_messages
 from teleop.safety import Fault, Limits, Mode, Request
 from teleop.safety.channels import Trip
 from teleop.safety.limits import usual_channels
+from teleop.trial.assembly import make_controller
 from teleop.trial.settings import TrialSettings
 
 PERIOD = 1e-3
@@ -113,6 +115,11 @@ def make(rig, condition=None, limits=WIDE, tare=NO_TARE):
     )
 
 
+def at(position):
+    """A measurement with the slave at this position [m]."""
+    return Measurement(0.0, 0.0, 0.0, position, 0.0, 0.0, Ages(*[0.0] * 5))
+
+
 TARE = Tare(master_force=0.5, contact_force=-0.25, slave_position=1e-3)
 
 
@@ -147,11 +154,11 @@ def test_every_stage_gets_its_channel_and_the_measured_dt():
         measure.update(*sample) for sample in zip(x[armed:], v[armed:], dt[armed:], strict=True)
     ]
     admittance, coupling = Admittance(AdmittanceParameters()), Coupling(0.5, 2.0)
-    admittance.align(position[armed], coupling)
+    coupling.align(admittance, at(position[armed]))
     desired = [Command(0.0, 0.0)] * (armed + 1)
     for n in range(armed + 1, len(TIMES)):
         admittance.step(hand[n], dt[n])
-        desired.append(coupling.command(admittance, position[n]))
+        desired.append(coupling.command(admittance, at(position[n])))
     idle = [math.nan] * armed
     drive_force = np.where(np.arange(len(TIMES)) > armed, hand, 0.0)
 
@@ -310,7 +317,7 @@ def test_the_slave_stays_where_it_is_when_it_is_armed_and_armed_again(scale):
     rig = SimulatedRig(replace(CUBES["soft"], glued=False), clock.now)
     settings = TrialSettings(clock="virtual", coupling=Coupling(scale, position_gain=10.0))
     with rig:
-        controller = settings.make_controller(rig, settings.make_bank(), clock)
+        controller = make_controller(settings, rig, settings.estimation_preset.bank(), clock)
         for position in (-4e-3, -2e-3):
             rig.plant.slave.x = position
             record = drive_and_tick(controller, clock, 500, Request(arm=True))

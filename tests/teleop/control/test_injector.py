@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from teleop.control.admittance import Admittance, AdmittanceParameters
-from teleop.control.injector import Chirp, Injector, Multisine, Sine
+from teleop.control.excitation_signals import Chirp, Multisine, Sine
+from teleop.control.injector import Injector
 
 SIGNALS = {
     "sine": Sine(1.0),

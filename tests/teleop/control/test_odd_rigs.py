@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,8 @@ from drivers import Ages, Command, RigError
 from sim_backend import SimulatedRig
 from teleop.control.conditions import Condition
 from teleop.safety import Fault, Mode
-from teleop.trial.loop import Session
+from teleop.trial.assembly import make_simulated_rig
+from teleop.trial.loop import Loop
 from teleop.trial.run import run_trial
 from teleop.trial.settings import TrialSettings
 
@@ -60,27 +61,25 @@ class Odd(Condition):
         return self._odd["force"] if late and "force" in self._odd else 0.5
 
 
-@dataclass(frozen=True)
-class OddSettings(TrialSettings):
-    odd: tuple[str, Any] = ("", None)
-    other: Condition | None = None
-    rigs: list[OddRig] = field(default_factory=list)
+SETTINGS = TrialSettings(condition="autonomous", clock="virtual", duration=1.0, estimators=("rls",))
+
+
+class OddTrial:
+    """A trial on an odd rig, or under an odd condition."""
+
+    def __init__(self, odd: tuple[str, Any] = ("", None), other: Condition | None = None) -> None:
+        self.odd, self.other = odd, other
+        self.rigs: list[OddRig] = []
 
     def make_rig(self, now):
-        setup = self.make_simulated_rig(now)
-        setup.__class__ = OddRig
-        setup.odd = self.odd
-        self.rigs.append(setup)
-        return setup
+        rig = make_simulated_rig(SETTINGS, now)
+        rig.__class__ = OddRig
+        rig.odd = self.odd
+        self.rigs.append(rig)
+        return rig
 
-    def make_condition(self):
-        return self.other or super().make_condition()
-
-
-def settings(**given: Any) -> OddSettings:
-    return OddSettings(
-        condition="autonomous", clock="virtual", duration=1.0, estimators=("rls",), **given
-    )
+    def run(self, path: Path | None = None):
+        return run_trial(SETTINGS, path, condition=self.other, rig_maker=self.make_rig)
 
 
 def raising(error: BaseException) -> Any:
@@ -116,10 +115,10 @@ ANSWERS = {
 
 @pytest.mark.parametrize("odd", ANSWERS.values(), ids=ANSWERS)
 def test_an_odd_answer_of_a_rig_stops_the_drives_and_is_reported(odd, tmp_path):
-    made = settings(odd=odd)
+    made = OddTrial(odd=odd)
     path = tmp_path / "odd.mcap"
     with pytest.raises(Exception) as raised:  # noqa: PT011
-        run_trial(made, path)
+        made.run(path)
     assert "The drives were stopped." in "".join(raised.value.__notes__)
     assert AT <= made.rigs[0].idled < AT + 100
     assert "rig failure" in (tmp_path / "odd.fault" / "cause.txt").read_text()
@@ -135,7 +134,7 @@ def test_an_odd_answer_of_a_rig_stops_the_drives_and_is_reported(odd, tmp_path):
     ],
 )
 def test_an_answer_that_is_not_finite_is_a_rig_failure(odd):
-    trial = run_trial(settings(odd=odd))
+    trial = OddTrial(odd=odd).run()
     assert trial.fault["fault"] == Fault.RIG_FAILURE
     assert "expected" in trial.fault["text"]
     assert np.isfinite(trial.recording["time"]).all()
@@ -151,18 +150,18 @@ def test_numpy_numbers_and_whole_ones_are_taken():
         )
         return single._replace(age=single.age._replace(master_force=0))
 
-    trial = run_trial(settings(odd=("read", numpy)))
+    trial = OddTrial(odd=("read", numpy)).run()
     assert trial.fault is None
 
 
 def test_a_drive_error_that_is_no_text_is_reported_as_text():
-    trial = run_trial(settings(odd=("read", lambda m: m._replace(drive_error=0x8611))))
+    trial = OddTrial(odd=("read", lambda m: m._replace(drive_error=0x8611))).run()
     assert trial.fault["text"] == f"drive error: {0x8611}"
 
 
 def test_a_drive_error_has_one_line_of_bounded_length():
     long = "\x1b[2J" + "over-current\n" * 10_000
-    trial = run_trial(settings(odd=("read", lambda m: m._replace(drive_error=long))))
+    trial = OddTrial(odd=("read", lambda m: m._replace(drive_error=long))).run()
     assert "\x1b" not in trial.fault["text"]
     assert "\n" not in trial.fault["text"]
     assert len(trial.fault["text"]) < 3000
@@ -170,16 +169,16 @@ def test_a_drive_error_has_one_line_of_bounded_length():
 
 @pytest.mark.parametrize("force", [None, np.ones(2), 1j])
 def test_a_force_that_is_no_number_is_a_control_failure(force, tmp_path):
-    made = settings(other=Odd(force=force))
+    made = OddTrial(other=Odd(force=force))
     with pytest.raises(TypeError):
-        run_trial(made, tmp_path / "odd.mcap")
+        made.run(tmp_path / "odd.mcap")
     assert AT <= made.rigs[0].idled < AT + 100
     assert "control failure" in (tmp_path / "odd.fault" / "cause.txt").read_text()
 
 
 def test_a_condition_whose_end_is_no_truth_value_is_a_control_failure(tmp_path):
     with pytest.raises(ValueError, match="ambiguous"):
-        run_trial(settings(other=Odd(over=np.zeros(2))), tmp_path / "odd.mcap")
+        OddTrial(other=Odd(over=np.zeros(2))).run(tmp_path / "odd.mcap")
     assert "control failure" in (tmp_path / "odd.fault" / "cause.txt").read_text()
 
 
@@ -189,7 +188,7 @@ def test_a_program_end_in_a_condition_is_reported_as_an_error():
             raise SystemExit(0)
 
     with pytest.raises(RuntimeError, match="unexpected SystemExit: 0"):
-        run_trial(settings(other=Exiting()))
+        OddTrial(other=Exiting()).run()
 
 
 def clock_of(name: str) -> Any:
@@ -205,17 +204,17 @@ def clock_of(name: str) -> Any:
 
 @pytest.mark.parametrize("name", ["stands still", "jumps ahead", "restarts"])
 def test_a_run_ends_a_second_after_a_fault_whatever_the_rigs_time_does(name, monkeypatch):
-    made = settings(odd=("read", clock_of(name)))
+    made = OddTrial(odd=("read", clock_of(name)))
     steps = itertools.count()
-    step = "teleop.trial.loop.Session.step"
-    original = Session.step
+    step = "teleop.trial.loop.Loop.step"
+    original = Loop.step
 
     def bounded(self):
         assert next(steps) < 3000, "the run does not end"
         return original(self)
 
     monkeypatch.setattr(step, bounded)
-    trial = run_trial(made)
+    trial = made.run()
     assert trial.recording["mode"][-1] == Mode.FAULT
     expected = {"jumps ahead": Fault.OVERRUN, "restarts": Fault.RIG_FAILURE}
     assert trial.fault["fault"] == expected.get(name, trial.fault["fault"])
@@ -224,7 +223,7 @@ def test_a_run_ends_a_second_after_a_fault_whatever_the_rigs_time_does(name, mon
 def test_drives_that_never_get_ready_end_the_run_in_one_line(monkeypatch):
     monkeypatch.setattr(OddRig, "enable", lambda self: False, raising=False)
     with pytest.raises(RigError, match="the drives did not get ready in the time of the trial"):
-        run_trial(settings())
+        OddTrial().run()
 
 
 def test_drives_that_cannot_be_idled_at_the_last_tick_are_a_rig_failure(monkeypatch):
@@ -232,7 +231,7 @@ def test_drives_that_cannot_be_idled_at_the_last_tick_are_a_rig_failure(monkeypa
         raise RigError("no answer")
 
     monkeypatch.setattr(OddRig, "idle", refuse)
-    trial = run_trial(settings())
+    trial = OddTrial().run()
     assert trial.fault
     assert trial.fault["fault"] == Fault.RIG_FAILURE
     assert "no answer" in trial.fault["text"]

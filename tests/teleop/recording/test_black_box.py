@@ -10,7 +10,6 @@ import pytest
 from sim_backend import SimulatedRig
 from sim_backend.faults import FaultyRig, Replaced, Unplugged
 from teleop.cli import main
-from teleop.recording.black_box import fault_of
 from teleop.recording.recording import load
 from teleop.trial.run import run_trial
 from teleop.trial.settings import TrialSettings
@@ -35,7 +34,7 @@ def with_fault(monkeypatch):
             rig.rig.read = late
             return rig
 
-        monkeypatch.setattr("teleop.trial.settings.SimulatedRig", make)
+        monkeypatch.setattr("teleop.trial.assembly.SimulatedRig", make)
 
     return inject
 
@@ -54,7 +53,7 @@ def stopped(tmp_path, with_fault):
 def test_the_box_holds_five_seconds_before_and_one_after_at_full_rate(stopped):
     trial, path = stopped(Replaced("contact_force", float("nan")))
     box = load(trial.black_box / "ticks.mcap")
-    fault = fault_of(box)
+    fault = box.fault
     assert trial.black_box == path.with_suffix(".fault")
     assert fault == trial.fault
     assert box["time"][0] == pytest.approx(fault["time"] - 5.0, abs=2e-3)

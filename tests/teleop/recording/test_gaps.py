@@ -16,9 +16,10 @@ from teleop.errors import InputError
 from teleop.evaluation.evaluation import EstimateSettings, evaluate
 from teleop.evaluation.formats.delimited import Signals, periods, read_signals
 from teleop.evaluation.replay import agrees, recorded_settings, recorded_signals
-from teleop.recording.gaps import condition, missing_text, missing_ticks
+from teleop.evaluation.sampling_gaps import condition
+from teleop.recording.gaps import missing_text, missing_ticks
+from teleop.recording.recorder import RecorderProcess
 from teleop.recording.recording import load
-from teleop.recording.sinks import RecorderProcess
 from teleop.trial.run import run_trial
 from teleop.trial.settings import TrialSettings
 

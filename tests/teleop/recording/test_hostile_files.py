@@ -161,8 +161,8 @@ def test_a_chunk_that_cannot_be_decompressed_is_told(tmp_path, refused, compress
     [
         "[" * 100_000,
         '{"a":' * 100_000,
-        '{"a":' * 60 + "1" + "}" * 60,
-        "[" * 60 + "]" * 60,
+        '{"a":' * 300 + "1" + "}" * 300,
+        "[" * 300 + "]" * 300,
         "1" * 5000,
         '{"a": ' + "1" * 5000 + "}",
         "[]",
@@ -199,7 +199,7 @@ def test_settings_that_are_no_sound_json_are_told(tmp_path, refused, document):
 def test_an_event_that_is_not_as_expected_is_refused(changes):
     good = {"time": 0.0, "text": "armed", "mode": "active", "fault": None}
     assert checked_event(json.dumps(good).encode()) == good
-    with pytest.raises(ValueError, match="an event"):
+    with pytest.raises(ValueError, match="an event|expected value"):
         checked_event(json.dumps(good | changes).encode())
 
 

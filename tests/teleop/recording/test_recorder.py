@@ -19,8 +19,8 @@ from estimation import paper_preset
 from teleop.errors import InputError
 from teleop.recording.mcap_reader import read_intact
 from teleop.recording.message import Layout
+from teleop.recording.recorder import RecorderProcess
 from teleop.recording.recording import load
-from teleop.recording.sinks import RecorderProcess
 from teleop.safety import Event, Fault, Mode
 from teleop.trial.run import run_trial
 from teleop.trial.settings import TrialSettings
@@ -172,7 +172,7 @@ def test_a_tick_that_the_pipe_takes_in_parts_comes_back_whole(tmp_path):
 def test_a_recorder_that_hangs_does_not_hang_the_end(tmp_path, monkeypatch):
     if not hasattr(signal, "SIGSTOP"):
         pytest.skip("needs SIGSTOP")
-    monkeypatch.setattr("teleop.recording.sinks.PATIENCE", 0.5)
+    monkeypatch.setattr("teleop.recording.recorder.PATIENCE", 0.5)
     sink = recorder(tmp_path / "a.mcap", wait=False)
     sink.process.send_signal(signal.SIGSTOP)
     for i in range(10_000):

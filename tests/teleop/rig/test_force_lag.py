@@ -7,9 +7,10 @@ import pytest
 
 from teleop.cli import main
 from teleop.errors import InputError
-from teleop.evaluation.formats.delimited import write_table
 from teleop.files import new_file
-from teleop.rig.force_lag import measure_lag, measure_simulated_lag
+from teleop.recording.export_formats import write_table
+from teleop.rig.force_lag import measure_lag
+from teleop.rig.reference_spring import measure_simulated_lag
 
 
 @pytest.mark.parametrize("cube", ["soft", "medium", "hard"])

@@ -16,9 +16,10 @@ from teleop.control.clock import VirtualClock
 from teleop.control.tare import Tare, read_tare, write_tare
 from teleop.errors import InputError, SafetyStop
 from teleop.recording.recording import load
-from teleop.rig.touching import touch, touch_settings
+from teleop.rig.touching import touch, touch_limits
 from teleop.rig.zeroing import force_zero
 from teleop.safety import Fault
+from teleop.trial.assembly import make_controller
 from teleop.trial.run import run_trial
 from teleop.trial.settings import TrialSettings
 
@@ -69,7 +70,7 @@ def test_touch_finds_where_contact_begins_and_goes_back(cube, tmp_path):
     clock = VirtualClock(1000.0)
     zero = force_zero(rig_of(OFFSETS, clock), clock)
     path = tmp_path / "touch.mcap"
-    found = touch(touch_settings(None, cube, zero, OFFSETS, seed=0), path)
+    found = touch(zero, None, cube, OFFSETS, 0, path)
     assert found == pytest.approx(OFFSETS.contact_position, abs=20e-6)
     recording = load(path)
     assert recording["contact_force"].max() < 5.0
@@ -77,13 +78,12 @@ def test_touch_finds_where_contact_begins_and_goes_back(cube, tmp_path):
     assert recording["commanded_slave_velocity"][-1] == STANDSTILL.slave_velocity
 
 
-def test_touching_nothing_is_told():
+def test_touching_nothing_is_reported(monkeypatch):
     clock = VirtualClock(1000.0)
     zero = force_zero(rig_of(Sensors(), clock), clock)
-    far = touch_settings(None, "soft", zero, Sensors(), 0)
-    object.__setattr__(far, "duration", 0.5)
+    monkeypatch.setattr("teleop.rig.touching.REACH", 0.5e-3)
     with pytest.raises(InputError, match="nothing was touched"):
-        touch(far, None)
+        touch(zero, None, "soft", Sensors(), 0)
 
 
 def test_an_applied_tare_makes_an_offset_rig_read_like_one_without():
@@ -192,16 +192,16 @@ def test_a_sensor_beyond_its_range_trips_whatever_the_tare():
     rig = SimulatedRig(CUBES["soft"], clock.now)
     high = TrialSettings().limits.channels["contact_force"].high
     settings = TrialSettings(clock="virtual", tare=Tare(contact_force=14.0))
-    controller = settings.make_controller(rig, settings.make_bank(), clock)
+    controller = make_controller(settings, rig, settings.estimation_preset.bank(), clock)
     rig.read = lambda read=rig.read: read()._replace(contact_force=high + 1.0)
     faults = [event.fault for event in controller.tick(clock.wait()).events]
     assert Fault.OUT_OF_RANGE in faults
 
 
-def test_touching_stops_for_safety_at_the_rigs_own_force_limit_if_that_is_lower():
+def test_touching_stops_for_safety_at_the_rigs_own_force_limit_if_that_is_lower(monkeypatch):
     clock = VirtualClock(1000.0)
     zero = force_zero(rig_of(Sensors(), clock), clock)
-    settings = touch_settings(None, "hard", zero, Sensors(), 0)
-    low = replace(settings.raw_limits, soft_force=0.2, hard_force=0.3)
+    limits = touch_limits(replace(TrialSettings().raw_limits, soft_force=0.2, hard_force=0.3))
+    monkeypatch.setattr("teleop.rig.touching.touch_limits", lambda _: limits)
     with pytest.raises(SafetyStop, match=r"force limit: contact force 0\.3"):
-        touch(replace(settings, custom_limits=low), None)
+        touch(zero, None, "hard", Sensors(), 0)

@@ -13,11 +13,10 @@ from sim_backend import CUBES, DEPTH, SimulatedRig
 from teleop.control.clock import VirtualClock
 from teleop.control.tare import NO_TARE, Tare
 from teleop.errors import InputError
-from teleop.recording.black_box import fault_of
 from teleop.recording.recording import load
 from teleop.recording.timing import loop_timing
 from teleop.safety import Mode, Request
-from teleop.trial.loop import Session
+from teleop.trial.loop import Loop
 from teleop.trial.rehearsal import check_wire, tick_cost
 from teleop.trial.run import run_trial
 from teleop.trial.settings import TrialSettings
@@ -61,7 +60,7 @@ def test_same_seed_same_run_to_the_bit(condition):
 
 
 def test_the_signal_and_the_ramps_are_those_that_were_asked_for():
-    from teleop.control.injector import Chirp, Sine
+    from teleop.control.excitation_signals import Chirp, Sine
 
     settings = replace(QUICK, condition="autonomous", signal=Sine(3.0))
     columns = run_trial(settings).columns
@@ -82,7 +81,7 @@ def test_the_truth_is_the_secant_at_the_deepest():
 
 
 def test_position_coupling_keeps_the_slave_closer_to_the_master():
-    from teleop.trial.choices import make_coupling
+    from teleop.commands.choices import make_coupling
 
     lag = {}
     for name in ("velocity", "position"):
@@ -150,7 +149,7 @@ class Spy(SimulatedRig):
     "part", ["estimation.Bank.update", "teleop.control.conditions.Teleoperation.drive_force"]
 )
 def test_an_exception_in_a_tick_stops_the_rig_and_is_not_swallowed(monkeypatch, tmp_path, part):
-    monkeypatch.setattr("teleop.trial.settings.SimulatedRig", Spy)
+    monkeypatch.setattr("teleop.trial.assembly.SimulatedRig", Spy)
     calls = []
 
     def fail(*arguments):
@@ -170,7 +169,7 @@ def test_an_exception_in_a_tick_stops_the_rig_and_is_not_swallowed(monkeypatch, 
     assert Spy.last.calls[0] == "enable"
     assert Spy.last.calls[-1] == "idle"
     recording = load(path)
-    fault = fault_of(recording)
+    fault = recording.fault
     assert fault["text"].endswith("failure: ZeroDivisionError: by design")
     assert (path.with_suffix(".fault") / "cause.txt").read_text().startswith("what      ")
     after = recording["time"] > fault["time"] + 0.05
@@ -179,7 +178,7 @@ def test_an_exception_in_a_tick_stops_the_rig_and_is_not_swallowed(monkeypatch, 
 
 
 def test_a_stop_ramps_to_standstill_and_keeps_what_was_logged(monkeypatch):
-    monkeypatch.setattr("teleop.trial.settings.SimulatedRig", Spy)
+    monkeypatch.setattr("teleop.trial.assembly.SimulatedRig", Spy)
     settings = replace(QUICK, condition="autonomous")
     asked = []
 
@@ -222,27 +221,24 @@ def test_a_rate_that_this_machine_cannot_hold_is_refused_before_anything_moves(m
 
 @pytest.mark.parametrize("tare", [NO_TARE, Tare(slave_position=12e-3, contact_force=5.0)])
 def test_the_rehearsal_is_active_whatever_the_tare_and_the_limits(monkeypatch, tare):
-    sessions = []
+    loops = []
 
-    class Spy(Session):
+    class Spy(Loop):
         def __init__(self, *parts):
             super().__init__(*parts)
-            sessions.append(self)
+            loops.append(self)
 
-    monkeypatch.setattr("teleop.trial.rehearsal.Session", Spy)
+    monkeypatch.setattr("teleop.trial.rehearsal.Loop", Spy)
     limits = replace(QUICK.raw_limits, soft_force=0.1, hard_force=0.2)
     assert 1e-6 < tick_cost(replace(QUICK, tare=tare, custom_limits=limits)) < 0.1
-    assert sessions[0].controller.mode is Mode.ACTIVE
+    assert loops[0].controller.mode is Mode.ACTIVE
 
 
-def test_a_rehearsal_that_is_stopped_for_safety_is_no_measure():
-    class Tight(TrialSettings):
-        @property
-        def raw_limits(self):
-            return replace(super().raw_limits, soft_force=0.1, hard_force=0.2)
-
+def test_a_rehearsal_that_is_stopped_for_safety_is_no_measure(monkeypatch):
+    limits = replace(QUICK.raw_limits, soft_force=0.1, hard_force=0.2)
+    monkeypatch.setattr("teleop.trial.settings.palpation_limits", lambda *_: limits)
     with pytest.raises(InputError, match="rehearsal on the simulated rig: stopped .* force limit"):
-        tick_cost(Tight(condition="autonomous", duration=1.0))
+        tick_cost(TrialSettings(condition="autonomous", duration=1.0))
 
 
 class SlowToRead(SimulatedRig):

@@ -10,8 +10,8 @@ from drivers import RigError
 from sim_backend import SimulatedRig
 from sim_backend.faults import FaultyRig, Replaced
 from teleop.cli import main
+from teleop.recording.recorder import RecorderProcess
 from teleop.recording.recording import load
-from teleop.recording.sinks import RecorderProcess
 
 RUN = ["run", "--clock", "virtual", "--duration", "1"]
 
@@ -49,7 +49,7 @@ def fault(monkeypatch):
         rig.rig.read = late
         return rig
 
-    monkeypatch.setattr("teleop.trial.settings.SimulatedRig", make)
+    monkeypatch.setattr("teleop.trial.assembly.SimulatedRig", make)
 
 
 def test_a_run_that_is_refused_leaves_no_recording(refused, tmp_path):
@@ -64,7 +64,7 @@ def test_a_rig_that_does_not_answer_leaves_no_recording(refused, tmp_path, monke
     def silent(*arguments, **options):
         raise RigError("no answer")
 
-    monkeypatch.setattr("teleop.trial.settings.SimulatedRig", silent)
+    monkeypatch.setattr("teleop.trial.assembly.SimulatedRig", silent)
     assert "no answer" in refused(*RUN, "--record", tmp_path / "a.mcap")
     assert not (tmp_path / "a.mcap").exists()
 
@@ -141,7 +141,7 @@ def test_the_plot_is_saved_before_anything_is_printed(tmp_path, monkeypatch):
         assert picture.exists()
         raise BrokenPipeError
 
-    monkeypatch.setattr("teleop.output.tables.print_trial", closed)
+    monkeypatch.setattr("teleop.output.trial_tables.print_trial", closed)
     assert main([*RUN, "--no-record", "--plot", str(picture)]) == 1
     assert "<svg" in picture.read_text()
 

@@ -10,7 +10,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +22,9 @@ from drivers.wired_rig import WiredRig
 from sim_backend.wire.bench import NEVER
 from sim_backend.wire.emulator import Emulator, PlannedFault, host_file
 from teleop.safety.rig_limits import rig_limits
+from teleop.trial.assembly import make_simulated_rig
+from teleop.trial.result import Trial
+from teleop.trial.run import run_trial
 from teleop.trial.settings import TrialSettings
 
 RIGS = Path(__file__).parents[3] / "rigs"
@@ -44,7 +47,7 @@ class SteppedRig(WiredRig):
         self._folder = Path(tempfile.mkdtemp(prefix="stepped-"))
         self.emulator = Emulator(
             file,
-            lambda now: settings.make_simulated_rig(now, NEVER),
+            lambda now: make_simulated_rig(settings, now, NEVER),
             self._folder,
             faults,
             self.present,
@@ -92,30 +95,42 @@ class SteppedRig(WiredRig):
 
 
 @dataclass(frozen=True)
-class SteppedSettings(TrialSettings):
+class SteppedTrial:
     """A trial on an emulated rig in virtual time."""
 
-    file: RigFile = field(kw_only=True)
+    settings: TrialSettings
+    file: RigFile
     faults: Sequence[PlannedFault] = ()
     prepare: Callable[[Emulator], None] = lambda emulator: None
     rewrite: Callable[[str], str] = str
-    """What is wrong in the rig file that the host reads."""
+    """Changes the rig file that the host reads."""
 
     def make_rig(self, now: Callable[[], float]) -> SteppedRig:
-        return SteppedRig(self.file, self, now, self.faults, self.prepare, self.rewrite)
+        return SteppedRig(self.file, self.settings, now, self.faults, self.prepare, self.rewrite)
+
+    def run(self) -> Trial:
+        return run_trial(self.settings, rig_maker=self.make_rig)
 
 
-def stepped_settings(name: str, condition: str = "autonomous", **settings: Any) -> SteppedSettings:
+def stepped_trial(
+    name: str,
+    condition: str = "autonomous",
+    *,
+    faults: Sequence[PlannedFault] = (),
+    prepare: Callable[[Emulator], None] = lambda emulator: None,
+    rewrite: Callable[[str], str] = str,
+    **settings: Any,
+) -> SteppedTrial:
     """A trial on one of the example rigs."""
     file = read_rig_file(RIGS / f"{name}.toml")
-    return SteppedSettings(
+    made = TrialSettings(
         condition=condition,
         clock="virtual",
         rate=file.sections.rate_hz,
         custom_limits=rig_limits(file.sections),
-        file=file,
         **settings,
     )
+    return SteppedTrial(made, file, faults, prepare, rewrite)
 
 
 @pytest.fixture(autouse=True)
@@ -125,7 +140,7 @@ def soon(monkeypatch):
 
 
 @pytest.fixture
-def stepped() -> Callable[..., SteppedSettings]:
-    """Makes the settings of a trial on one of the example rigs, emulated."""
+def stepped() -> Callable[..., SteppedTrial]:
+    """Makes a trial on one of the example rigs, emulated."""
     pytest.importorskip("pty", reason="there are no pseudo-terminals on this system")
-    return stepped_settings
+    return stepped_trial

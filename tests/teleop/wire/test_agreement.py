@@ -7,7 +7,8 @@ import pytest
 from teleop.output.report_page import not_measured
 from teleop.recording.message import Layout
 from teleop.recording.recording import from_messages
-from teleop.trial.run import run_trial, session_metadata
+from teleop.trial.metadata import session_metadata
+from teleop.trial.run import run_trial
 from teleop.trial.settings import TrialSettings
 
 SECONDS = 2.5
@@ -21,15 +22,15 @@ def final(trial):
 
 @pytest.mark.parametrize("name", ["serial-board", "odrive-bota", "cia402-ft300"])
 def test_estimates_are_those_of_the_simulated_rig(stepped, name):
-    settings = stepped(name, duration=SECONDS)
+    wired = stepped(name, duration=SECONDS)
     plain = TrialSettings(
         condition="autonomous",
         clock="virtual",
-        rate=settings.rate,
+        rate=wired.settings.rate,
         duration=SECONDS,
-        custom_limits=settings.custom_limits,
+        custom_limits=wired.settings.custom_limits,
     )
-    b, k = final(run_trial(settings))
+    b, k = final(wired.run())
     true_b, true_k = final(run_trial(plain))
     assert k == pytest.approx(true_k, rel=0.05)
     if name == "serial-board":  # the others' samples are dated to half a tick, emulated in steps
@@ -37,7 +38,7 @@ def test_estimates_are_those_of_the_simulated_rig(stepped, name):
 
 
 def test_an_observer_in_place_of_the_contact_sensor_gives_the_stiffness(stepped):
-    trial = run_trial(stepped("odrive-reaction-force", duration=SECONDS))
+    trial = stepped("odrive-reaction-force", duration=SECONDS).run()
     assert trial.fault is None
     assert final(trial)[1] == pytest.approx(2000.0, rel=0.2)
 

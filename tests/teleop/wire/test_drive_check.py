@@ -65,10 +65,10 @@ def drive_goes(factor: float, axis: str = "slave") -> dict[str, Any]:
 class Checked:
     """The check of an emulated rig, and how far its true slave went [m] and pressed [N]."""
 
-    def __init__(self, settings: Any, move: bool = True) -> None:
+    def __init__(self, trial: Any, move: bool = True) -> None:
         self.travel = self.force = 0.0
-        clock = VirtualClock(settings.rate)
-        with settings.make_rig(clock.now) as rig:
+        clock = VirtualClock(trial.settings.rate)
+        with trial.make_rig(clock.now) as rig:
             self.limits = rig_limits(rig.file.sections)
             step = rig.emulator.step
 
@@ -222,12 +222,12 @@ def test_a_wire_that_fails_during_the_check_is_a_stop_for_safety(stepped, at):
 def command(monkeypatch):
     """Runs `teleop rig check --move` on an emulated rig in virtual time."""
 
-    def run(settings: Any, *options: str) -> int:
+    def run(trial: Any, *options: str) -> int:
         monkeypatch.setattr("teleop.control.clock.RealClock", VirtualClock)
-        monkeypatch.setattr("drivers.wired_rig.WiredRig", lambda file, now: settings.make_rig(now))
+        monkeypatch.setattr("drivers.wired_rig.WiredRig", lambda file, now: trial.make_rig(now))
         monkeypatch.setattr("teleop.trial.realtime.realtime", lambda mode: RealTime("off", ()))
         monkeypatch.setattr("teleop.rig.channel_check.round_trips", lambda rig, clock: [])
-        path = str(settings.file.path)
+        path = str(trial.file.path)
         return main(["rig", "check", path, "--seconds", "0.2", "--move", *options])
 
     return run

@@ -11,7 +11,6 @@ from drivers import RigError
 from sim_backend.wire.emulator import PlannedFault
 from sim_backend.wire.wire_faults import FAULTS, BaudMismatch, Burst
 from teleop.safety import Fault, Mode
-from teleop.trial.run import run_trial
 
 AT = 0.2
 """When a fault sets in, after the drives were enabled [s]."""
@@ -38,8 +37,8 @@ def run(stepped, wired, kind, where="", duration=0.45):
     """A trial whose wire fails at `AT`; the trial and the emulator."""
     emulators = []
     fault = PlannedFault(kind, where or wired.bus, AT)
-    settings = stepped(wired.rig, duration=duration, faults=[fault], prepare=emulators.append)
-    return run_trial(settings), emulators[0]
+    trial = stepped(wired.rig, duration=duration, faults=[fault], prepare=emulators.append)
+    return trial.run(), emulators[0]
 
 
 def check_stopped(trial, emulator):
@@ -111,8 +110,7 @@ def test_bursts_beyond_the_age_limit_are_stale(stepped, wired, monkeypatch):
 def test_a_port_that_is_unplugged_stops_the_rig_and_plugged_in_again_starts_nothing(stepped, wired):
     emulators = []
     faults = [PlannedFault("unplug", wired.bus, AT), PlannedFault("replug", wired.bus, AT + 0.1)]
-    settings = stepped(wired.rig, duration=0.45, faults=faults, prepare=emulators.append)
-    trial = run_trial(settings)
+    trial = stepped(wired.rig, duration=0.45, faults=faults, prepare=emulators.append).run()
     assert trial.fault["fault"] == Fault.RIG_FAILURE
     assert "is gone" in trial.fault["text"] or "unplugged" in trial.fault["text"]
     check_stopped(trial, emulators[0])
@@ -135,7 +133,7 @@ def test_a_line_at_another_baud_rate_is_told_at_the_start(stepped, wired, monkey
         emulator.wires[wired.bus].fault = BaudMismatch()
 
     with pytest.raises(RigError, match="baud|is not acknowledged"):
-        run_trial(stepped(wired.rig, prepare=mismatch))
+        stepped(wired.rig, prepare=mismatch).run()
 
 
 @pytest.mark.parametrize("wired", [ODRIVE, CIA402], ids=["can", "drives"])
@@ -156,4 +154,4 @@ def test_a_board_of_another_version_is_refused_at_the_start(stepped):
         emulator.devices["board"].version = 2
 
     with pytest.raises(RigError, match="version 2 of the protocol, expected 1"):
-        run_trial(stepped("serial-board", prepare=newer))
+        stepped("serial-board", prepare=newer).run()

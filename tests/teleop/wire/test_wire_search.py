@@ -21,6 +21,7 @@ from sim_backend.wire.emulator import ACTIONS, PlannedFault
 from sim_backend.wire.wire_faults import FAULTS, ON_CAN
 from teleop.safety import Fault, Mode, Request
 from teleop.safety.channels import Trip
+from teleop.trial.assembly import make_clock, make_controller
 
 TRIALS = int(os.environ.get("WIRE_SEARCH_TRIALS", "3"))
 TICKS = 450
@@ -71,7 +72,7 @@ def check(record, limits, before):
 @pytest.mark.parametrize("name", ["serial-board", "odrive-bota", "cia402-ft300"])
 def test_no_sequence_of_wire_faults_and_requests_leaves_a_wired_rig_moving(stepped, name):
     trial = stepped(name, duration=2.0)
-    limits = trial.limits
+    limits = trial.settings.limits
 
     @settings(
         max_examples=TRIALS,
@@ -87,14 +88,15 @@ def test_no_sequence_of_wire_faults_and_requests_leaves_a_wired_rig_moving(stepp
         st.booleans(),
     )
     def search(faults, stop, stop_at, rearm):
-        clock, emulators = trial.make_clock(), []
+        clock, emulators = make_clock(trial.settings), []
         case = stepped(name, duration=2.0, faults=faults, prepare=emulators.append)
         with contextlib.suppress(RigError), case.make_rig(clock.now) as rig:
             # a rig whose port is gone cannot be closed in good order
             run(case, rig, clock, emulators[0], stop, stop_at, rearm)
 
     def run(case, rig, clock, emulator, stop, stop_at, rearm):
-        controller = case.make_controller(rig, case.make_bank(), clock)
+        bank = case.settings.estimation_preset.bank()
+        controller = make_controller(case.settings, rig, bank, clock)
         command, tripped, rearmed = STANDSTILL, math.inf, False
         for n in range(TICKS + 400):
             tick = clock.wait()

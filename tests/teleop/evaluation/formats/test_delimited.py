@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from teleop.errors import InputError
-from teleop.evaluation.formats.delimited import quantity, read_signals, write_table
+from teleop.evaluation.formats.delimited import quantity, read_signals
 from teleop.files import new_file
+from teleop.recording.export_formats import write_table
 
 GOOD = "Time [s],Position [mm],Force [gf]\n0.0,1.0,100\n0.01,1.5,150\n0.03,2.0,200\n"
 

@@ -46,7 +46,7 @@ def test_calibrated_are_the_rls_cells_of_free_and_autonomous():
 def test_a_trial_has_the_papers_settings():
     settings = paper_trial("mimic", "hard")
     assert (settings.duration, settings.rate) == (10.0, 1000.0)
-    parameters = settings.make_bank()["ai"].parameters
+    parameters = settings.estimation_preset.bank()["ai"].parameters
     assert (parameters.rk4, parameters.Gamma) == (True, (50_000.0, 1e7))
 
 

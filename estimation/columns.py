@@ -1,0 +1,91 @@
+"""Columns of a table of estimates: their names, units and order, for writing and for reading."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from estimation.compiled import Floats
+from estimation.estimator import Estimate, Estimates, Estimator, Series
+
+
+class Column(NamedTuple):
+    """A column of a table."""
+
+    name: str
+    unit: str
+    meaning: str
+
+
+def estimate_columns(bank: Mapping[str, Estimator]) -> list[Column]:
+    """Return the columns of the estimates of a bank.
+
+    The columns of each estimator are b and k, their standard deviations, whether the estimate is
+    held, the further parameters, and the standard deviations of these.
+    """
+    columns = []
+    for name, estimator in bank.items():
+        parameters = list(zip(estimator.names, estimator.units, strict=True))
+        values = [Column(f"{name}_{p}", unit, f"{p}, by {name}") for p, unit in parameters]
+        deviations = [
+            Column(f"{name}_{p}_std", unit, f"standard deviation of {p}, NaN for none")
+            for p, unit in parameters
+        ]
+        held = Column(f"{name}_held", "-", "1 while the estimate is held")
+        columns += [*values[:2], *deviations[:2], held, *values[2:], *deviations[2:]]
+    return columns
+
+
+def estimate_row(estimates: Mapping[str, Estimate]) -> list[float]:
+    """Return the values of `estimate_columns` after one sample."""
+    row: list[float] = []
+    for estimate in estimates.values():
+        row += estimate[:5]
+        row += estimate.further
+    return row
+
+
+def estimate_arrays(estimates: Mapping[str, Estimates]) -> Iterator[Floats]:
+    """Yield the values of `estimate_columns`, each an array of shape (n,)."""
+    for e in estimates.values():
+        yield from (e.b, e.k, e.b_std, e.k_std, e.held.astype(float))
+        yield from (series.value for series in e.further.values())
+        yield from (series.std for series in e.further.values())
+
+
+def estimators_in(columns: Mapping[str, Floats]) -> list[str]:
+    """Return the names of the estimators whose estimates a table has."""
+    return [name[:-2] for name in columns if name.endswith("_b")]
+
+
+def estimates_in(columns: Mapping[str, Floats], estimator: str) -> Estimates:
+    """Return the estimates of an estimator from the columns of a table, each of shape (n,).
+
+    Standard deviations that the table does not have are NaN.
+    """
+    b, k = columns[f"{estimator}_b"], columns[f"{estimator}_k"]
+    missing = np.full(len(b), np.nan)
+    return Estimates(
+        b,
+        k,
+        columns.get(f"{estimator}_b_std", missing),
+        columns.get(f"{estimator}_k_std", missing),
+        columns.get(f"{estimator}_held", missing) == 1.0,
+        further_in(columns, f"{estimator}_"),
+    )
+
+
+def further_in(columns: Mapping[str, Floats], prefix: str) -> dict[str, Series]:
+    """Return the parameters besides b and k, whose columns begin with the prefix.
+
+    The name of a parameter has no underscore. Thus `rls_sift_k3` is not a column of `rls`.
+    """
+    names = [name.removeprefix(prefix) for name in columns if name.startswith(prefix)]
+    parameters = [name.removesuffix("_std") for name in names if name.endswith("_std")]
+    return {
+        name: Series(columns[prefix + name], columns[f"{prefix}{name}_std"])
+        for name in parameters
+        if name not in ("b", "k") and "_" not in name
+    }

@@ -1,0 +1,68 @@
+"""Signal conditioning by name."""
+
+from __future__ import annotations
+
+from estimation.conditioning import (
+    Conditioner,
+    FilteredDifference,
+    FirstOrderAdaptiveWindowing,
+    MatchedFilter,
+    StateVariableFilter,
+)
+from estimation.filters import angular
+from estimation.model import KELVIN_VOIGT, Model
+
+CONDITIONERS = ("matched", "svf", "foaw", "difference")
+"""Names of the signal conditioning."""
+LONGEST_LAG = 0.5
+"""Longest lag of a force channel that can be compensated [s]."""
+
+
+def make_conditioner(
+    name: str,
+    bandwidth: float,
+    resolution: float,
+    force_lag: float = 0.0,
+    model: Model = KELVIN_VOIGT,
+) -> Conditioner:
+    """Return the signal conditioning of this name.
+
+    Parameters
+    ----------
+    name
+        One of `CONDITIONERS`.
+    bandwidth
+        Bandwidth of its filter [Hz]; not used by FOAW.
+    resolution
+        Position of one encoder count [m], for FOAW.
+    force_lag
+        Time constant of the force channel [s]. Only the matched filter compensates it.
+    model
+        Model that defines the regressors. Only the matched filter forms regressors other than
+        velocity and displacement.
+
+    Raises
+    ------
+    ValueError
+        The name is unknown, a number is out of its range, or this conditioning does not support
+        the lag or the model.
+    """
+    if name not in CONDITIONERS:
+        raise ValueError(f"conditioning {name!r}: expected one of {', '.join(CONDITIONERS)}")
+    if force_lag != 0.0 and name != "matched":
+        raise ValueError(f"force lag {force_lag:g} s: expected matched conditioning, not {name}")
+    if force_lag > LONGEST_LAG:
+        raise ValueError(f"force lag {force_lag:g} s: expected at most {LONGEST_LAG:g} s")
+    if model.further and name != "matched":
+        raise ValueError(f"model {model.name}: expected matched conditioning, not {name}")
+    try:
+        angular(bandwidth)
+        if name == "matched":
+            return MatchedFilter(bandwidth, force_lag, model)
+        if name == "svf":
+            return StateVariableFilter(bandwidth)
+        if name == "difference":
+            return FilteredDifference(bandwidth)
+        return FirstOrderAdaptiveWindowing(resolution)
+    except ValueError as error:
+        raise ValueError(f"conditioning {name}: {error}") from error

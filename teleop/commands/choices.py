@@ -1,0 +1,63 @@
+"""Parts of a trial that an option names."""
+
+from __future__ import annotations
+
+from typing import get_args
+
+from estimation.model import Model, model_named
+from estimation.registry import named_estimators
+from teleop.control.coupling import Coupling
+from teleop.control.excitation_signals import AnySignal, Chirp, Multisine, Sine
+from teleop.errors import InputError, as_input_error
+from teleop.names import CouplingName, SignalName
+
+POSITION_GAIN = 10.0
+"""Rate at which a position-coupled slave corrects a difference in position [1/s]."""
+
+
+def make_signal(name: SignalName, frequency: float) -> AnySignal:
+    """Return a sine, a multisine of five harmonics, or a chirp over two octaves.
+
+    Parameters
+    ----------
+    name
+        Name of the signal.
+    frequency
+        Its lowest frequency [Hz].
+
+    Raises
+    ------
+    InputError
+        The name is unknown, or the frequency is not positive.
+    """
+    try:
+        if name == "sine":
+            return Sine(frequency)
+        if name == "multisine":
+            return Multisine(tuple(frequency * harmonic for harmonic in range(1, 6)))
+        if name == "chirp":
+            return Chirp(frequency, 4.0 * frequency)
+    except ValueError as error:
+        raise InputError(f"frequency {frequency:g} Hz: {error}") from error
+    raise InputError(f"signal {name!r}: expected one of {', '.join(get_args(SignalName))}")
+
+
+def make_coupling(name: CouplingName) -> Coupling:
+    """Return the coupling by velocity alone, or by position too; InputError for another name."""
+    if name == "velocity":
+        return Coupling()
+    if name == "position":
+        return Coupling(position_gain=POSITION_GAIN)
+    raise InputError(f"coupling {name!r}: expected one of {', '.join(get_args(CouplingName))}")
+
+
+def choose_estimators(names: str) -> tuple[str, ...]:
+    """Return estimators named in a list with commas, or all; InputError for an unknown name."""
+    with as_input_error():
+        return named_estimators(names)
+
+
+def choose_model(name: str) -> Model:
+    """Return a model of the environment by its name; InputError for an unknown name."""
+    with as_input_error():
+        return model_named(name)

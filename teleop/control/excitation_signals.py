@@ -1,0 +1,150 @@
+"""Excitation signals for the persistent-excitation (PE) injector."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+
+class Motion(NamedTuple):
+    """A signal and its first two time derivatives."""
+
+    value: float
+    rate: float
+    acceleration: float
+
+
+class Signal(ABC):
+    """An excitation within [-1, 1]."""
+
+    @property
+    @abstractmethod
+    def highest(self) -> float:
+        """Highest frequency [Hz]."""
+
+    @abstractmethod
+    def at(self, t: float) -> Motion:
+        """Return the signal at time t [s]."""
+
+
+@dataclass(frozen=True)
+class Sine(Signal):
+    """One sine, the excitation of the paper.
+
+    Raises
+    ------
+    ValueError
+        The frequency is not positive.
+    """
+
+    frequency: float
+    """Frequency [Hz], > 0."""
+    kind: Literal["sine"] = "sine"
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.frequency < math.inf:
+            raise ValueError(f"excitation frequency must be positive, got {self.frequency}")
+
+    @property
+    def highest(self) -> float:
+        """Highest frequency [Hz]."""
+        return self.frequency
+
+    def at(self, t: float) -> Motion:
+        """Return the signal at time t [s]."""
+        omega = 2.0 * math.pi * self.frequency
+        sine, cosine = math.sin(omega * t), math.cos(omega * t)
+        return Motion(sine, omega * cosine, -omega * omega * sine)
+
+
+@dataclass(frozen=True)
+class Multisine(Signal):
+    """Sum of sines of equal amplitude with Schroeder phases, which keep the crest factor low.
+
+    Raises
+    ------
+    ValueError
+        There is no frequency, or one is not positive.
+
+    References
+    ----------
+    M. R. Schroeder, "Synthesis of low-peak-factor signals", IEEE Trans. Inf. Theory 16, 1970.
+    """
+
+    frequencies: tuple[float, ...]
+    """Frequencies [Hz], all > 0."""
+    kind: Literal["multisine"] = "multisine"
+
+    def __post_init__(self) -> None:
+        if not self.frequencies or not all(0.0 < f < math.inf for f in self.frequencies):
+            raise ValueError(
+                f"excitation frequencies must be positive, got {list(self.frequencies)}"
+            )
+
+    @property
+    def highest(self) -> float:
+        """Highest frequency [Hz]."""
+        return max(self.frequencies)
+
+    def at(self, t: float) -> Motion:
+        """Return the signal at time t [s]."""
+        n = len(self.frequencies)
+        value = rate = acceleration = 0.0
+        for i, frequency in enumerate(self.frequencies):
+            omega, phase = 2.0 * math.pi * frequency, -math.pi * i * i / n
+            angle = omega * t + phase
+            value += math.sin(angle)
+            rate += omega * math.cos(angle)
+            acceleration -= omega * omega * math.sin(angle)
+        return Motion(value / n, rate / n, acceleration / n)
+
+
+@dataclass(frozen=True)
+class Chirp(Signal):
+    """A sine whose frequency rises and falls smoothly between two values.
+
+    Raises
+    ------
+    ValueError
+        A parameter is out of its range.
+    """
+
+    low: float
+    """Lowest frequency [Hz], > 0."""
+    high: float
+    """Highest frequency [Hz], > low."""
+    sweep: float = 5.0
+    """Time for one sweep up and down [s], > 0."""
+    kind: Literal["chirp"] = "chirp"
+
+    def __post_init__(self) -> None:
+        if not (0.0 < self.low < self.high < math.inf and 0.0 < self.sweep < math.inf):
+            raise ValueError(
+                "a chirp needs 0 < low < high and a positive sweep, got "
+                f"{self.low}, {self.high}, {self.sweep}"
+            )
+
+    @property
+    def highest(self) -> float:
+        """Highest frequency [Hz]."""
+        return self.high
+
+    def at(self, t: float) -> Motion:
+        """Return the signal at time t [s]."""
+        mean = math.pi * (self.low + self.high)
+        half = math.pi * (self.high - self.low)
+        slow = 2.0 * math.pi / self.sweep
+        phase = mean * t - half / slow * math.sin(slow * t)
+        omega = mean - half * math.cos(slow * t)
+        slew = half * slow * math.sin(slow * t)
+        return Motion(
+            math.sin(phase),
+            omega * math.cos(phase),
+            slew * math.cos(phase) - omega * omega * math.sin(phase),
+        )
+
+
+AnySignal = Sine | Multisine | Chirp
+"""Signals that settings can hold."""

@@ -1,0 +1,79 @@
+"""The progress line: time and present estimates, drawn on a terminal while a trial runs."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Iterable
+
+from teleop.live.terminal import Terminal
+
+REDRAW = 0.1
+"""Time between two drawings of the line [s]."""
+SHOWN = 4
+"""Most estimators on the line."""
+STDERR = 2
+
+Estimates = Iterable[tuple[str, float, float]]
+"""Name, b [N s/m] and k [N/m] of each estimator."""
+
+
+class Progress:
+    """The progress line on standard error.
+
+    Parameters
+    ----------
+    shown
+        Whether to draw the line. Lines of `report` are written in any case.
+    duration
+        Duration of the trial [s].
+    hint
+        What stops the run, for the line.
+    instructions
+        How to stop the run, for a line at the start.
+    """
+
+    def __init__(self, shown: bool, duration: float, hint: str, instructions: str) -> None:
+        self._shown = shown
+        self._duration = duration
+        self._hint = f"[{hint}]  " if hint else ""
+        self._due = 0.0
+        self._terminal = Terminal(STDERR)
+        if shown and instructions:
+            self.report(f"teleop: {instructions}")
+
+    def show(self, t: float, estimates: Callable[[], Estimates]) -> None:
+        """Draw the line if it is due.
+
+        Parameters
+        ----------
+        t
+            Time of the trial [s].
+        estimates
+            Called for the present estimates where they are drawn.
+        """
+        now = time.monotonic()
+        if not self._shown or now < self._due or t < 0.0:
+            return
+        self._due = now + REDRAW
+        texts = [f"  {name} {k:6.0f} {b:+5.0f}" for name, b, k in estimates()]
+        progress = f"{self._hint}{t:4.1f} of {self._duration:g} s"
+        self._draw(f"{progress}  k [N/m], b [N s/m]:{''.join(texts[:SHOWN])}")
+
+    def report(self, text: str) -> None:
+        """Write a line that stays."""
+        self._terminal.write(("\r\x1b[K" if self._shown else "") + text + "\n")
+
+    def close(self) -> None:
+        """Clear the line, unless the terminal is stopped."""
+        if self._shown:
+            self._terminal.draw("\r\x1b[K")
+        self._terminal.close()
+
+    def _draw(self, text: str) -> None:
+        try:
+            width = os.get_terminal_size(STDERR).columns or 80
+        except OSError:
+            self._shown = False
+            return
+        self._terminal.draw("\r" + text[: width - 1] + "\x1b[K")

@@ -1,0 +1,86 @@
+"""The report on a fault: cause, channels at that time, stopping time, and timing of the loop."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+from teleop.files import write_text
+from teleop.output.figures import fault_figure, save
+from teleop.recording.black_box import BEFORE
+from teleop.recording.recording import Recording
+from teleop.recording.timing import loop_timing
+
+CHANNELS = (
+    "master_force",
+    "master_position",
+    "slave_position",
+    "contact_force",
+    "slave_velocity",
+    "desired_slave_velocity",
+    "applied_slave_velocity",
+)
+"""Columns that the report lists."""
+
+
+def write_fault_report(folder: Path, recording: Recording, fault: dict[str, Any]) -> None:
+    """Write the text and a figure of the channels about a fault; existing files are overwritten.
+
+    Raises
+    ------
+    InputError
+        A file cannot be written.
+    """
+    write_text(folder / "cause.txt", fault_text(recording, fault), overwrite=True)
+    save(fault_figure(recording, fault), folder / "channels.svg", overwrite=True)
+
+
+def fault_text(recording: Recording, fault: dict[str, Any]) -> str:
+    """Return cause, limit, value and time of a fault, the channels then, and the loop's timing."""
+    t = recording["time"]
+    lines = [
+        f"what      {fault['text']}",
+        f"kind      {fault['fault']}",
+        f"where     {fault['source']}",
+        f"when      {fault['time']:.4f} s",
+    ]
+    lines += [
+        f"{name:<9} {fault[name]:.6g}"
+        for name in ("value", "limit", "since")
+        if fault[name] is not None
+    ]
+    others = [event["text"] for event in recording.events if event["fault"] and event is not fault]
+    lines += [f"also      {text}" for text in others]
+    at = int((t <= fault["time"]).sum()) - 1
+    if at >= 0:
+        lines += ["", "channels at that tick"]
+        lines += [
+            f"  {name:<24} {recording[name][at]: .6g} {recording.units[name]}" for name in CHANNELS
+        ]
+    stopped = stopping_time(recording, fault)
+    lines += ["", "stop", f"  commanded speed zero after {stopped * 1e3:.1f} ms"]
+    before = (t > fault["time"] - BEFORE) & (t <= fault["time"])
+    if before.sum() > 1:
+        rate = 1.0 / float(recording["dt"][before].mean())
+        columns = (recording[name][before] for name in ("dt", "lateness", "overrun"))
+        timing = loop_timing(rate, *columns)
+        late = timing["lateness_us"]
+        lines += [
+            "",
+            f"loop in the {t[before][-1] - t[before][0]:.1f} s before",
+            f"  {timing['mean_rate_hz']:.1f} Hz, {timing['overruns']} overruns, "
+            f"{int(recording['skipped'][before].sum())} periods skipped",
+            f"  lateness [us]: p50 {late['p50']:.1f}, p99 {late['p99']:.1f}, max {late['max']:.1f}",
+        ]
+    return "\n".join(lines) + "\n"
+
+
+def stopping_time(recording: Recording, fault: dict[str, Any]) -> float:
+    """Return the time from a fault to a lasting commanded standstill [s]; NaN for never."""
+    t, speed = recording["time"], abs(recording["commanded_slave_velocity"])
+    moving = (t >= fault["time"]) & (speed > 0.0)
+    if not moving.any():
+        return 0.0
+    last = int(moving.nonzero()[0][-1])
+    return float(t[last + 1] - fault["time"]) if last + 1 < len(t) else math.nan

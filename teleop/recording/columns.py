@@ -1,0 +1,81 @@
+"""Columns of a tick: name, unit, meaning, and the attribute of its record that has the value."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from drivers import CHANNELS
+from teleop.safety import Mode
+from teleop.safety.soft_limits import ACCELERATION, FORCE, POSITION, VELOCITY
+
+
+class TickColumn(NamedTuple):
+    """A quantity that is recorded at each tick."""
+
+    name: str
+    unit: str
+    source: str
+    """Attribute of `teleop.control.tick_record.Record` that has the value."""
+    meaning: str
+
+
+MODES = ", ".join(f"{mode.value} {mode.name.lower()}" for mode in Mode)
+LIMITED = (
+    f"sum of the soft limits that reduced the command: {VELOCITY} velocity, "
+    f"{ACCELERATION} acceleration, {POSITION} position, {FORCE} force"
+)
+WANTED = "requested by the control condition"
+LIMITED_TO = "after the safety supervisor"
+APPLIED = "as the drive applied it"
+
+MEASURED = (
+    ("time", "s", "t", "since the trial began; negative before the drives are armed"),
+    ("dt", "s", "dt", "since the previous tick"),
+    ("master_force", "N", "measurement.master_force", "of the hand on the handle"),
+    ("master_position", "m", "measurement.master_position", "of the handle"),
+    ("slave_position", "m", "measurement.slave_position", "displacement from the contact datum"),
+    (
+        "contact_force",
+        "N",
+        "measurement.contact_force",
+        "between slave and environment, positive in compression",
+    ),
+    ("slave_velocity", "m/s", "measurement.slave_velocity", "as the drive reports it"),
+    *(
+        (f"{channel}_age", "s", f"measurement.age.{channel}", "since the sample was taken")
+        for channel in CHANNELS
+    ),
+)
+COMMANDED = (
+    ("drive_force", "N", "drive_force", "on the admittance: of the operator or the PE injector"),
+    ("desired_master_velocity", "m/s", "desired.master_velocity", WANTED),
+    ("desired_slave_velocity", "m/s", "desired.slave_velocity", WANTED),
+    ("commanded_master_velocity", "m/s", "commanded.master_velocity", LIMITED_TO),
+    ("commanded_slave_velocity", "m/s", "commanded.slave_velocity", LIMITED_TO),
+    ("applied_master_velocity", "m/s", "applied.master_velocity", APPLIED),
+    ("applied_slave_velocity", "m/s", "applied.slave_velocity", APPLIED),
+)
+ESTIMATED_FROM = (
+    ("paired_position", "m", "pair.position", "of the slave, at the time of the force sample"),
+    ("paired_force", "N", "pair.force", "contact force; NaN where there is no new sample"),
+    ("paired_dt", "s", "pair.dt", "since the previous pair of position and force"),
+    ("x", "m", "x", "displacement given to the estimators; NaN for none"),
+    ("v", "m/s", "v", "velocity given to the estimators"),
+    ("f", "N", "f", "force given to the estimators"),
+    ("excitation", "-", "excitation", "0 for no excitation, 1 for a sine about zero"),
+)
+STATE_OF_LOOP = (
+    ("mode", "-", "mode", MODES),
+    ("limited", "-", "limited", LIMITED),
+    ("lateness", "s", "tick.lateness", "of the start of the tick after its deadline"),
+    ("overrun", "-", "tick.overrun", "1 if the previous tick had not ended at the deadline"),
+    ("skipped", "-", "tick.skipped", "whole periods skipped before this tick"),
+    ("read_time", "s", "timing.read", "time to read the rig"),
+    ("compute_time", "s", "timing.compute", "time of condition, supervisor and estimators"),
+    ("write_time", "s", "timing.write", "time to command the drives"),
+    ("busy_time", "s", "tick.busy", "time of the whole previous tick"),
+)
+COLUMNS = tuple(
+    TickColumn(*column) for column in (*MEASURED, *COMMANDED, *ESTIMATED_FROM, *STATE_OF_LOOP)
+)
+"""All columns of a tick, in the order of its message."""

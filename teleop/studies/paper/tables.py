@@ -1,0 +1,43 @@
+"""Table I on the console, beside the numbers of the paper, and the claims of the paper."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from rich import box
+from rich.table import Table
+
+from teleop.output.console import number, plain_console
+
+
+def print_reproduction(summary: Mapping[str, Any]) -> None:
+    """Table I cube by cube, the paper's numbers beside ours, and what became of its claims."""
+    console = plain_console()
+    for cube in ("soft", "medium", "hard"):
+        table = Table(
+            title=f"Table I, {cube} cube (paper; * calibrated)",
+            title_justify="left",
+            box=box.SIMPLE_HEAD,
+            title_style="bold",
+        )
+        for heading in ("", "b [N s/m]", "(paper)", "k [N/m]", "(paper)", "e_f [N]", "(paper)"):
+            table.add_column(heading, justify="right" if heading else "left", no_wrap=True)
+        for row in summary["trials"]:
+            if row["cube"] != cube:
+                continue
+            paper, mark = row["paper"], "*" if row["calibrated"] else " "
+            table.add_row(
+                f"{row['condition']} {row['estimator']}",
+                number(row["b"], 1) + mark,
+                f"({paper['b']:.1f})",
+                number(row["k"], 0) + mark,
+                f"({number(paper['k'], 0)})",
+                number(row["e_f"], 2),
+                f"({paper['e_f']:.2f})",
+            )
+        console.print(table)
+    for claim in summary["claims"]:
+        style = "green" if claim["holds"] else "yellow"
+        console.print("holds:   " if claim["holds"] else "does not:", style=style, end=" ")
+        console.print(f"{claim['claim']}\n          {claim['evidence']}")

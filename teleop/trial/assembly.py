@@ -1,0 +1,95 @@
+"""Assembly: the parts of a trial, made from its settings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from drivers import Rig
+from drivers.wired_rig import WiredRig
+from estimation import Bank, Excitation
+from sim_backend import FreePalpation, MimickedSine, SimulatedRig
+from teleop.control.admittance import Admittance
+from teleop.control.clock import Clock, RealClock, VirtualClock
+from teleop.control.conditions import Autonomous, Condition, Teleoperation
+from teleop.control.controller import Controller
+from teleop.control.injector import Injector
+from teleop.trial.settings import TrialSettings
+
+RigMaker = Callable[[Callable[[], float]], Rig]
+"""Makes a rig from the function that returns the time of the clock [s]."""
+
+
+def make_clock(settings: TrialSettings) -> Clock:
+    """Return a new clock."""
+    return RealClock(settings.rate) if settings.clock == "real" else VirtualClock(settings.rate)
+
+
+def make_rig(settings: TrialSettings, now: Callable[[], float]) -> Rig:
+    """Return a new rig on this clock: of devices, or simulated."""
+    return WiredRig(settings.rig, now) if settings.rig else make_simulated_rig(settings, now)
+
+
+def make_simulated_rig(
+    settings: TrialSettings, now: Callable[[], float], watchdog: float = 0.1
+) -> SimulatedRig:
+    """Return a new simulated rig, with an operator where the condition has one."""
+    setup = settings.setup
+    depth = setup.depth / settings.coupling.scale
+    operator = {"free": FreePalpation, "mimic": MimickedSine}.get(settings.condition)
+    return SimulatedRig(
+        setup.cube,
+        now,
+        operator=operator(depth, settings.seed) if operator else None,
+        parameters=settings.plant_parameters,
+        sensors=settings.sensors,
+        watchdog=watchdog,
+        seed=settings.seed,
+    )
+
+
+def make_condition(settings: TrialSettings) -> Condition:
+    """Return a new control condition."""
+    if settings.condition != "autonomous":
+        return Teleoperation()
+    return Autonomous(
+        Injector(
+            settings.signal,
+            settings.setup.depth,
+            settings.admittance,
+            settings.coupling.scale,
+            settings.duration,
+        )
+    )
+
+
+def make_controller(
+    settings: TrialSettings, rig: Rig, bank: Bank, clock: Clock, condition: Condition | None = None
+) -> Controller:
+    """Return a new controller.
+
+    Parameters
+    ----------
+    settings
+        Settings of the trial.
+    rig
+        The rig that it reads and commands.
+    bank
+        The estimators.
+    clock
+        The clock that paces it.
+    condition
+        Control condition; None for that of the settings.
+    """
+    return Controller(
+        rig,
+        condition or make_condition(settings),
+        Admittance(settings.admittance),
+        settings.coupling,
+        settings.make_conditioner(),
+        bank,
+        Excitation(),
+        1.0 / settings.rate,
+        settings.limits,
+        settings.tare,
+        clock.stopwatch,
+    )

@@ -1,0 +1,38 @@
+"""Metadata of a trial in its recording: software, machine, date, rig and settings."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Iterator
+from datetime import datetime
+from importlib.metadata import version
+
+from drivers.registry import device_class
+from teleop.json_documents import dumps
+from teleop.trial.settings import TrialSettings
+from teleop.trial.settings_json import to_document
+
+
+def session_metadata(settings: TrialSettings) -> dict[str, dict[str, str]]:
+    """Return the records of text about a session that stand in its recording."""
+    return {
+        "session": {
+            "software": f"teleop {version('teleop')}",
+            "python": platform.python_version(),
+            "machine": f"{platform.node()}, {platform.platform()}",
+            "created": datetime.now().astimezone().isoformat(timespec="seconds"),
+            "seed": str(settings.seed),
+            "rig": settings.rig_name,
+            "estimated_channels": ", ".join(estimated_channels(settings)) or "none",
+        },
+        "settings": {"json": dumps(to_document(settings))},
+    }
+
+
+def estimated_channels(settings: TrialSettings) -> Iterator[str]:
+    """Yield the channels that an observer estimates, because no sensor measures them."""
+    if settings.rig:
+        devices = settings.rig.devices
+        for name, channel in settings.rig.sections.channels.items():
+            if device_class(devices[channel.device].kind).estimated:
+                yield name

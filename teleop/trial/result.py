@@ -1,0 +1,138 @@
+"""The result of a trial: its recording and its summary."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from estimation import Bank, Estimates
+from estimation.compiled import Floats
+from estimation.summary import summarise
+from teleop.recording.gaps import gap_rows, missing_text
+from teleop.recording.recording import Recording
+from teleop.recording.sinks import Outcome
+from teleop.recording.timing import loop_timing, tick_times
+from teleop.safety.events import ACTIVE, STOPPING
+from teleop.safety.soft_limits import ACCELERATION, FORCE, POSITION, VELOCITY
+from teleop.trial.metadata import estimated_channels
+from teleop.trial.settings import TrialSettings
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A trial that has been run."""
+
+    settings: TrialSettings
+    recording: Recording
+    """Every tick; of a recording that broke off, as much as is intact."""
+    bank: Bank
+    """The estimators in their final state."""
+    interrupted: bool
+    """Whether a person ended it before its time."""
+    outcome: Outcome
+    """State of the recording at the end."""
+    realtime: dict[str, str]
+    """Result of each step of the real-time set-up."""
+    fault: dict[str, Any] | None
+    """The event that stopped it for safety; None for none."""
+    rejected: dict[str, dict[str, int]]
+    """Number of frames that each device of the rig rejected, by reason."""
+    black_box: Path | None
+    """Folder of the black box; None without a fault."""
+    black_box_problem: str = ""
+    """Why the black box could not be written; empty if it could, or if there was no fault."""
+
+    @property
+    def columns(self) -> dict[str, Floats]:
+        """The ticks at which the estimators were given a sample, by column; shape (ticks,)."""
+        return self.recording.estimated().columns
+
+    @property
+    def estimates(self) -> dict[str, Estimates]:
+        """Estimates of each estimator at those ticks."""
+        return self.recording.estimated().estimates()
+
+    @property
+    def incomplete(self) -> str:
+        """What is missing in the files of the trial; empty for nothing."""
+        path, _, dropped, problem, _ = self.outcome
+        problems = []
+        if problem:
+            problems.append(f"{path}: the recording is not complete: {problem}")
+        elif dropped and path:
+            missing = missing_text(self.recording.gaps) or f"{dropped} ticks are missing"
+            problems.append(f"{path}: {missing}")
+        if self.black_box_problem:
+            problems.append(self.black_box_problem)
+        return "; ".join(problems)
+
+    def summary(self) -> dict[str, Any]:
+        """Return the results of the trial, as `teleop run --json` prints them."""
+        settings, active = self.settings, self.recording.estimated()
+        t, regression = active["time"], active.regression()
+        if len(t):
+            depth = float(np.max(np.abs(active["slave_position"])))
+            excitation = float(np.mean(active["excitation"])), float(active["excitation"][-1])
+        else:
+            depth, excitation = 0.0, (math.nan, math.nan)
+        whole = self.recording
+        return {
+            "condition": settings.condition,
+            "cube": settings.cube,
+            "rig": settings.rig_name,
+            "estimated_channels": list(estimated_channels(settings)),
+            "duration_s": settings.duration,
+            "clock": settings.clock,
+            "seed": settings.seed,
+            "ticks": int(np.isin(self.recording["mode"], (ACTIVE, STOPPING)).sum()),
+            "pairs": len(t),
+            "rejected": self.rejected,
+            "interrupted": self.interrupted,
+            "estimates": {
+                name: summarise(t, regression, estimates, self.bank[name])._asdict()
+                for name, estimates in active.estimates().items()
+                if len(t)
+            },
+            "truth": None if settings.rig else truth(settings, depth),
+            "excitation": {"mean": excitation[0], "last": excitation[1]},
+            "loop": loop_timing(settings.rate, whole["dt"], whole["lateness"], whole["overrun"])
+            | tick_times(whole),
+            "safety": safety_summary(active, self.fault),
+            "realtime": self.realtime,
+            "recording": {
+                "path": str(self.outcome.path) if self.outcome.path else None,
+                "complete": not (self.outcome.problem or self.outcome.dropped),
+                "problem": self.outcome.problem or None,
+                "recoverable": bool(self.outcome.problem) and self.outcome.at_path,
+                "dropped": self.outcome.dropped,
+                "missing_ticks": gap_rows(whole.gaps),
+                "black_box": str(self.black_box) if self.black_box else None,
+                "black_box_problem": self.black_box_problem or None,
+            },
+        }
+
+
+def truth(settings: TrialSettings, depth: float) -> dict[str, float]:
+    """Return the parameters of the simulated cube, up to the greatest displacement [m]."""
+    cube = settings.setup.cube
+    return {
+        "b": cube.b,
+        "k_surface": cube.k1,
+        "k_deepest": cube.k1 + cube.k3 * depth**2,
+        "force_lag_s": settings.setup.force_lag,
+    }
+
+
+def safety_summary(active: Recording, fault: dict[str, Any] | None) -> dict[str, Any]:
+    """Return the fault, those after it, and the ticks at which soft limits reduced the command."""
+    flags = active["limited"].astype(int)
+    names = {"velocity": VELOCITY, "acceleration": ACCELERATION, "position": POSITION}
+    held = {
+        name: int(((flags & flag) > 0).sum()) for name, flag in (names | {"force": FORCE}).items()
+    }
+    further = [event["text"] for event in active.events if event["fault"]][1:]
+    return {"fault": fault, "further_faults": further, "limited_ticks": held}

@@ -1,0 +1,102 @@
+"""Settings of a trial as JSON."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drivers.rig_file import read_rig_file
+from estimation import MODELS, paper_preset
+from sim_backend import Cube, Sensors, Setup
+from teleop.control.admittance import AdmittanceParameters
+from teleop.control.coupling import Coupling
+from teleop.control.excitation_signals import Chirp, Multisine, Sine
+from teleop.control.tare import Tare
+from teleop.errors import InputError
+from teleop.json_documents import dumps, loads
+from teleop.safety import Limits
+from teleop.trial.settings import TrialSettings
+from teleop.trial.settings_json import from_document, to_document
+
+RIGS = sorted((Path(__file__).parents[3] / "rigs").glob("*.toml"))
+
+
+def through_json(settings: TrialSettings) -> TrialSettings:
+    return from_document(loads(dumps(to_document(settings))))
+
+
+positive = st.floats(1e-3, 10.0)
+signals = st.one_of(
+    st.builds(Sine, st.floats(0.01, 40.0)),
+    st.builds(Multisine, st.lists(st.floats(0.01, 40.0), min_size=1, max_size=6).map(tuple)),
+    st.builds(Chirp, st.floats(0.01, 1.0), st.floats(1.5, 40.0), positive),
+)
+
+
+@given(
+    st.builds(
+        TrialSettings,
+        condition=st.sampled_from(["free", "mimic", "autonomous"]),
+        cube=st.sampled_from(["soft", "medium", "hard"]),
+        duration=st.floats(0.01, 3600.0),
+        clock=st.sampled_from(["real", "virtual"]),
+        rate=st.floats(900.0, 2000.0),
+        seed=st.integers(0, 2**31),
+        signal=signals,
+        admittance=st.builds(AdmittanceParameters, positive, positive, st.floats(0.0, 10.0)),
+        coupling=st.builds(Coupling, positive, st.floats(0.0, 10.0)),
+        bandwidth=st.floats(1.0, 100.0),
+        force_lag=st.floats(0.0, 0.4),
+        estimators=st.sampled_from([("rls",), ("rls", "kalman", "me")]),
+        model=st.sampled_from([MODELS["kelvin-voigt"], MODELS["stiffening"]]),
+        preset=st.sampled_from([None, replace(paper_preset("hard"), forgetting=0.95)]),
+        sensors=st.builds(Sensors, st.floats(1e-7, 1e-4), st.floats(0.0, 0.1)),
+        tare=st.builds(Tare, st.floats(-1.0, 1.0), date=st.text(), rig=st.just("simulated")),
+        custom_limits=st.sampled_from([None, Limits(soft_force=30.0, hard_force=40.0)]),
+        custom_setup=st.sampled_from([None, Setup(Cube(2000.0, 1e6, 3.0, False), 1e-3, 5e-3)]),
+        depth=st.sampled_from([None, 2.5e-3]),
+    )
+)
+def test_a_document_gives_the_same_settings_again(settings):
+    assert through_json(settings) == settings
+
+
+@pytest.mark.parametrize("path", RIGS, ids=lambda path: path.stem)
+def test_a_rig_file_is_restored_from_its_text(path):
+    settings = TrialSettings(rig=read_rig_file(path))
+    restored = through_json(settings)
+    assert restored == settings
+    assert restored.limits == settings.limits
+
+
+def test_an_infinite_limit_stays_infinite():
+    settings = TrialSettings(custom_limits=TrialSettings().limits)
+    channels = through_json(settings).limits.channels
+    assert any(math.isinf(limits.frozen_travel) for limits in channels.values())
+
+
+def test_all_invalid_settings_are_reported_at_once():
+    document = to_document(TrialSettings()) | {"rate_hz": "fast", "seed": [], "signal": {}}
+    with pytest.raises(InputError) as refused:
+        from_document(document)
+    for name in ("rate", "seed", "signal"):
+        assert name in str(refused.value)
+
+
+def test_a_setting_out_of_its_range_is_refused_as_on_the_command_line():
+    with pytest.raises(InputError, match="rate 10 Hz: expected 50 to 100000 Hz"):
+        from_document(to_document(TrialSettings()) | {"rate_hz": 10.0})
+
+
+def test_a_document_of_an_older_version_is_refused_with_what_it_lacks():
+    document = to_document(TrialSettings())
+    for name in ("estimators", "custom_preset"):
+        del document[name]
+    with pytest.raises(InputError, match="no custom_preset, estimators"):
+        from_document(json.loads(json.dumps(document)))
