@@ -70,10 +70,10 @@ def run_case(case: Case, name: str, folder: Path, slack: float = 0.0) -> dict[st
     for other in case.sinks:
         other.close()
     events = [e for e in case.box._events if e["fault"]]
-    fault = next((e.fault for e in events if e.fault in kind.faults), None)
+    fault = next((e["fault"] for e in events if e["fault"] in kind.faults), None)
     if events and not fault:
-        fault = events[0].fault
-    sources = {e.source for e in events if e.fault is fault}
+        fault = events[0]["fault"]
+    sources = {e["source"] for e in events if e["fault"] == fault}
     took = max(stopped - known, 0.0) if done and known < math.inf else 0.0
     problems = []
     due = known < math.inf

@@ -28,6 +28,7 @@ ALLOWED = {
         "lz4",
         "mcap",
         "jinja2",
+        "markupsafe",
         "pydantic",
         "pydantic_core",
         "h5py",

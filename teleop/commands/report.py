@@ -47,19 +47,20 @@ def report(
     from teleop.evaluation.evaluation import FEWEST, evaluate
     from teleop.files import check_outputs, write_text
     from teleop.output import console
-    from teleop.output.report_page import report_page, stop_page
+    from teleop.output.report_page import report_page
 
     page = out or file.with_suffix(".html")
     check_outputs(page, sources=(file,), overwrite=overwrite)
     signals, recording = columns.read(file)
     fault = recording.fault if recording else None
     if recording and fault and len(signals.t) < FEWEST:
-        text = stop_page(file.name, recording)
+        evaluation = None
     else:
         settings = chosen(
             recording, columns.datum, cube, {"preset": preset, "force_lag": force_lag}
         )
-        text = report_page(file.name, evaluate(signals, settings), recording)
+        evaluation = evaluate(signals, settings)
+    text = report_page(file.name, evaluation, recording)
     write_text(page, text, overwrite)
     console.plain_console().print(str(page))
     return 0

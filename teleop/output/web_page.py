@@ -1,42 +1,43 @@
-"""Self-contained HTML pages: text, tables and figures in one file that opens offline."""
+"""Self-contained HTML pages: templates and figures in one file that opens offline."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from html import escape
-from importlib.resources import files
 from io import StringIO
-from string import Template
+from typing import Any
 
+from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from teleop.output.figures import render
 
 
-def web_page(title: str, body: str) -> str:
-    """A page of this title around a body that is HTML already."""
-    template = Template(files(__package__).joinpath("web_page.html").read_text(encoding="utf-8"))
-    return template.substitute(title=escape(title), body=body)
+def web_page(template: str, package: str = __package__, **values: Any) -> str:
+    """Return a page from a template; text in its values is escaped.
+
+    Parameters
+    ----------
+    template
+        Name of the template. It may extend `page.html` and use the macros of `macros.html`.
+    package
+        Package whose folder `templates` has it.
+    values
+        Values of its variables. Markup is inserted as it is.
+    """
+    loaders = [PackageLoader(package), PackageLoader(__package__)]
+    environment = Environment(
+        loader=ChoiceLoader(loaders),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return environment.get_template(template).render(values)
 
 
-def svg(figure: Figure) -> str:
-    """A figure as an SVG element."""
+def svg(figure: Figure) -> Markup:
+    """Return a figure as an SVG element."""
     text = StringIO()
     render(figure, text, format="svg")
     drawing = text.getvalue()
-    return drawing[drawing.index("<svg") :]
-
-
-def captioned(drawing: str, caption: str) -> str:
-    """An SVG element with a caption below."""
-    return f"<figure>{drawing}<figcaption>{escape(caption)}</figcaption></figure>"
-
-
-def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A table of cells that are HTML already; a cell may bring its own <td>."""
-    head = "".join(f"<th>{cell}</th>" for cell in header)
-    body = ""
-    for row in rows:
-        cells = (cell if cell.startswith("<td") else f"<td>{cell}</td>" for cell in row)
-        body += "<tr>" + "".join(cells) + "</tr>"
-    return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+    return Markup(drawing[drawing.index("<svg") :])

@@ -10,6 +10,8 @@ from io import StringIO
 from pathlib import Path
 from typing import Any
 
+from markupsafe import Markup
+
 from sim_backend import CUBES
 from teleop.control.conditions import CONDITIONS
 from teleop.errors import InputError
@@ -191,7 +193,7 @@ def csv_table(rows: Sequence[dict[str, Any]]) -> str:
     return text.getvalue()
 
 
-def draw(name: str, outcomes: Sequence[Outcome], folder: Path, overwrite: bool) -> str:
+def draw(name: str, outcomes: Sequence[Outcome], folder: Path, overwrite: bool) -> Markup:
     """Draw one of the paper's Figures 3, 4 and 5 as PNG and SVG; returns the SVG element."""
     trial = {(outcome.condition, outcome.cube): outcome for outcome in outcomes}
     if name == "figure3":

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from teleop.output.report_page import not_measured
+from teleop.output.report_page import report_page
 from teleop.recording.message import Layout
 from teleop.recording.recording import from_messages
 from teleop.trial.metadata import session_metadata
@@ -50,5 +50,5 @@ def test_a_recording_names_the_channels_that_an_observer_estimated(stepped, name
     metadata = session_metadata(TrialSettings(rig=stepped(name).file))
     recording = from_messages(Layout({}).definition, b"", [], metadata)
     assert recording.estimated_channels == channels
-    page = not_measured(recording)
+    page = report_page("run.mcap", None, recording)
     assert page.count("not measured") == len(channels)
