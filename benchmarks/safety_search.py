@@ -6,8 +6,7 @@ Hypothesis drives a controller on the simulated rig through one to many faults a
 what the rig reads, calls of the rig that fail before or after they take effect, exceptions in the
 condition and in an estimator, a rig whose time stands still or jumps, periods that the loop
 skips, and requests in every mode. After every tick the laws of `SafetySearch.check` must hold, as
-seen by the simulated plant. A trial that breaks one is shrunk to the shortest such trial and
-printed. tests/teleop/test_safety_search.py runs a sample.
+seen by the simulated plant. A trial that breaks one is shrunk and printed.
 """
 
 from __future__ import annotations

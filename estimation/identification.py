@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike
 
 from estimation.bank import Bank
 from estimation.checks import checked_samples
-from estimation.columns import estimate_arrays, estimate_columns
 from estimation.compiled import Floats
 from estimation.conditioning import MatchedFilter, Regression
+from estimation.estimate_columns import estimate_arrays, estimate_columns
 from estimation.estimator import LEVEL_95, Estimates
 from estimation.excitation import dominant_frequency
 from estimation.model import model_named

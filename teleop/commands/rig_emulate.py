@@ -70,8 +70,8 @@ def emulate(
     from teleop.interruption import stop_signals
     from teleop.output import console, rig_tables
     from teleop.rig.emulation import make_emulator, opened, read_fault
+    from teleop.rig.generated_file import is_unchanged, stamped
     from teleop.rig.loading import load_rig_file
-    from teleop.rig.stamp import is_unchanged, stamped
     from teleop.trial.realtime import realtime
     from teleop.trial.settings import TrialSettings
 

@@ -20,9 +20,9 @@ from estimation import (
     paper_preset,
     scaled_preset,
 )
-from estimation.columns import estimate_arrays, estimate_columns
 from estimation.compiled import Floats
 from estimation.conditioner_choice import make_conditioner
+from estimation.estimate_columns import estimate_arrays, estimate_columns
 from estimation.excitation import dominant_frequency
 from estimation.model import KELVIN_VOIGT
 from estimation.registry import PAPER

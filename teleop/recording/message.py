@@ -11,9 +11,9 @@ from collections.abc import Mapping
 from operator import attrgetter
 from typing import TYPE_CHECKING
 
-from estimation.columns import Column, estimate_columns, estimate_row
+from estimation.estimate_columns import Column, estimate_columns, estimate_row
 from teleop.recording.cdr import CDR
-from teleop.recording.columns import COLUMNS
+from teleop.recording.tick_columns import COLUMNS
 
 if TYPE_CHECKING:
     from estimation import Estimator

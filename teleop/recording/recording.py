@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from estimation import Estimates, Regression
-from estimation.columns import estimates_in, estimators_in
 from estimation.compiled import Floats
+from estimation.estimate_columns import estimates_in, estimators_in
 from teleop.errors import InputError, MissingColumn
 from teleop.recording.cdr import CDR
 from teleop.recording.gaps import Gap, missing_ticks
