@@ -12,6 +12,7 @@ from pathlib import Path
 from cyclopts import App, CycloptsError, UnusedCliTokensError
 
 from drivers import RigError
+from teleop.commands.config import config
 from teleop.commands.estimate import estimate
 from teleop.commands.export import export
 from teleop.commands.lag import lag
@@ -44,6 +45,7 @@ app = App(
 )
 for command in (run, estimate, report, export, recover, lag, reproduce):
     app.command(command, help_format="markdown")
+app.command(config)
 app.command(rig)
 
 

@@ -31,6 +31,7 @@ ALLOWED = {
         "markupsafe",
         "pydantic",
         "pydantic_core",
+        "tomlkit",
         "h5py",
         "pyarrow",
         "zstandard",

@@ -45,10 +45,10 @@ def check(
     from teleop.output.rig_tables import live_channels, print_check
     from teleop.rig.channel_check import listen, problems, round_trips
     from teleop.rig.drive_check import check_drives
-    from teleop.rig.loading import load_rig_file
     from teleop.safety.events import time_text
     from teleop.trial.realtime import realtime
     from teleop.trial.rehearsal import tick_cost
+    from teleop.trial.rig_loading import load_rig_file
     from teleop.trial.settings import TrialSettings
 
     if not 0.1 <= seconds <= 3600.0:

@@ -71,8 +71,8 @@ def emulate(
     from teleop.output import console, rig_tables
     from teleop.rig.emulation import make_emulator, opened, read_fault
     from teleop.rig.generated_file import is_unchanged, stamped
-    from teleop.rig.loading import load_rig_file
     from teleop.trial.realtime import realtime
+    from teleop.trial.rig_loading import load_rig_file
     from teleop.trial.settings import TrialSettings
 
     rig = load_rig_file(file)

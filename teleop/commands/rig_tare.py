@@ -55,9 +55,9 @@ def tare(
     from teleop.files import check_outputs
     from teleop.output import console
     from teleop.output.rig_tables import print_tare
-    from teleop.rig.loading import load_rig_file
     from teleop.rig.touching import dated_tare, off_the_cube, touch
     from teleop.rig.zeroing import force_zero
+    from teleop.trial.rig_loading import load_rig_file
 
     given = 0.0 if contact in ("keep", "touch") else quantity(contact, "position")
     if given is None or not abs(given) <= FARTHEST:

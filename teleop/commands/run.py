@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from datetime import datetime
 from itertools import count
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
@@ -27,22 +28,23 @@ if TYPE_CHECKING:
 
 def run(
     *,
-    condition: ConditionName = "free",
+    config: Path | None = None,
+    condition: ConditionName | None = None,
     rig: Path | None = None,
-    cube: CubeName = "soft",
-    duration: float = 10.0,
-    clock: ClockName = "real",
+    cube: CubeName | None = None,
+    duration: float | None = None,
+    clock: ClockName | None = None,
     rate: float | None = None,
     depth: str | None = None,
-    seed: int = 0,
-    signal: SignalName = "sine",
-    frequency: float = 2.0,
-    coupling: CouplingName = "velocity",
-    conditioning: ConditioningName = "matched",
-    bandwidth: float = 20.0,
-    force_lag: float = 0.0,
-    estimators: str = "rls,ai,me",
-    model: ModelName = "kelvin-voigt",
+    seed: int | None = None,
+    signal: SignalName | None = None,
+    frequency: float | None = None,
+    coupling: CouplingName | None = None,
+    conditioning: ConditioningName | None = None,
+    bandwidth: float | None = None,
+    force_lag: float | None = None,
+    estimators: str | None = None,
+    model: ModelName | None = None,
     realtime: RealtimeName = "try",
     tare: Path | None = None,
     record: Path | None = None,
@@ -60,6 +62,9 @@ def run(
 
     Parameters
     ----------
+    config
+        Configuration file, TOML, as `teleop config init` writes it, or a recording, whose trial
+        is run again. Options override it. Without it, the settings are those of the paper.
     condition
         An operator palpates as they like (free), tries to track a sine (mimic), or the PE
         injector moves the slave and nobody holds the handle (autonomous).
@@ -118,48 +123,59 @@ def run(
     import sys
 
     from teleop.commands.choices import choose_estimators, choose_model, make_coupling, make_signal
-    from teleop.control.tare import NO_TARE, read_tare
+    from teleop.control.tare import read_tare
     from teleop.errors import InputError, SafetyStop
     from teleop.files import check_outputs, make_folder
     from teleop.output import console
     from teleop.output.trial_tables import print_trial
     from teleop.printable import complain, give_up_output
-    from teleop.rig.loading import load_rig_file
     from teleop.safety.events import time_text
+    from teleop.trial.configuration import read_configuration
+    from teleop.trial.rig_loading import load_rig_file
     from teleop.trial.run import run_trial
     from teleop.trial.settings import TrialSettings
     from teleop.trial.stop_switch import StopSwitch
 
+    settings = read_configuration(config) if config else TrialSettings()
     rig_file = load_rig_file(rig) if rig else None
-    usual_rate = rig_file.sections.rate_hz if rig_file else 1000.0
-    settings = TrialSettings(
-        condition=condition,
-        rig=rig_file,
-        depth=read_depth(depth),
-        cube=cube,
-        duration=duration,
-        clock=clock,
-        rate=usual_rate if rate is None else rate,
-        seed=seed,
-        signal=make_signal(signal, frequency),
-        coupling=make_coupling(coupling),
-        conditioning=conditioning,
-        bandwidth=bandwidth,
-        force_lag=force_lag,
-        estimators=choose_estimators(estimators),
-        model=choose_model(model),
-        tare=read_tare(tare) if tare else NO_TARE,
-    )
+    if rate is None and rig_file:
+        rate = rig_file.sections.rate_hz
+    if signal or frequency is not None:
+        usual = 2.0 if frequency is None else frequency
+        excitation = make_signal(signal or settings.signal.kind, usual)
+    else:
+        excitation = None
+    options: dict[str, Any] = {
+        "condition": condition,
+        "rig": rig_file,
+        "depth": read_depth(depth),
+        "cube": cube,
+        "duration": duration,
+        "clock": clock,
+        "rate": rate,
+        "seed": seed,
+        "signal": excitation,
+        "coupling": coupling and make_coupling(coupling),
+        "conditioning": conditioning,
+        "bandwidth": bandwidth,
+        "force_lag": force_lag,
+        "estimators": None if estimators is None else choose_estimators(estimators),
+        "model": model and choose_model(model),
+        "tare": tare and read_tare(tare),
+    }
+    settings = replace(settings, **{name: v for name, v in options.items() if v is not None})
     if record and no_record:
         raise InputError("--record and --no-record: expected one of them")
     if record and record.suffix.lower() != ".mcap":
         raise InputError(f"{record}: expected a file ending in .mcap")
     if record:
         make_folder(record)
-    check_outputs(record, picture=plot, sources=(rig, tare), overwrite=overwrite)
+    check_outputs(record, picture=plot, sources=(config, rig, tare), overwrite=overwrite)
     reserved = None
     if not (record or no_record):
-        record = reserved = new_recording(f"{condition}-{rig.stem if rig else cube}")
+        record = reserved = new_recording(
+            f"{settings.condition}-{rig.stem if rig else settings.cube}"
+        )
     with StopSwitch(key=True) as switch:
         try:
             trial = run_trial(
@@ -167,7 +183,7 @@ def run(
                 record,
                 sys.stderr.isatty(),
                 switch,
-                realtime if clock == "real" else "off",
+                realtime if settings.clock == "real" else "off",
                 overwrite=bool(reserved),
             )
         finally:
@@ -204,9 +220,8 @@ def draw(trial: Trial, plot: Path, overwrite: bool) -> None:
     from teleop.output.figures import estimates_figure, save
 
     settings, columns = trial.settings, trial.columns
-    palpated = settings.rig.sections.name if settings.rig else f"{settings.cube} cube"
     figure = estimates_figure(
-        f"{settings.condition}, {palpated}",
+        f"{settings.condition}, {settings.palpated}",
         columns["time"],
         columns["x"],
         columns["v"],

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from typing import get_args
+from typing import Annotated, get_args
+
+from pydantic import Discriminator
 
 from drivers.rig_file import RigFile
 from estimation import Preset, paper_preset
@@ -17,7 +20,7 @@ from teleop.control.conditions import CONDITIONS
 from teleop.control.coupling import Coupling
 from teleop.control.excitation_signals import AnySignal, Sine
 from teleop.control.tare import NO_TARE, Tare
-from teleop.errors import InputError, as_input_error
+from teleop.errors import InputError
 from teleop.names import ClockName, ConditioningName
 from teleop.safety import Limits
 from teleop.safety.palpation_limits import palpation_limits
@@ -53,7 +56,7 @@ class TrialSettings:
     """Ticks per second [Hz]."""
     seed: int = 0
     """Seed of operator and sensor noise."""
-    signal: AnySignal = field(default_factory=lambda: Sine(2.0))
+    signal: Annotated[AnySignal, Discriminator("kind")] = field(default_factory=lambda: Sine(2.0))
     """Excitation of the autonomous condition."""
     admittance: AdmittanceParameters = field(default_factory=AdmittanceParameters)
     """Virtual dynamics of the master."""
@@ -85,39 +88,52 @@ class TrialSettings:
     """Target depth of palpation [m]; None for that of the paper on this cube."""
 
     def __post_init__(self) -> None:
+        problems = [*self._values_out_of_range()] or [*self._inconsistent_values()]
+        if problems:
+            raise InputError("\n".join(problems))
+
+    def _values_out_of_range(self) -> Iterator[str]:
         for name, value, allowed in (
             ("condition", self.condition, CONDITIONS),
             ("cube", self.cube, tuple(CUBES)),
             ("clock", self.clock, get_args(ClockName)),
         ):
             if value not in allowed:
-                raise InputError(f"{name} {value!r}: expected one of {', '.join(allowed)}")
+                yield f"{name} {value!r}: expected one of {', '.join(allowed)}"
         if not RATES[0] <= self.rate <= RATES[1]:
-            raise InputError(f"rate {self.rate:g} Hz: expected {RATES[0]:g} to {RATES[1]:g} Hz")
-        if self.rig and self.clock != "real":
-            raise InputError("clock virtual: a rig of devices runs in real time: expected real")
+            yield f"rate {self.rate:g} Hz: expected {RATES[0]:g} to {RATES[1]:g} Hz"
         if self.depth is not None and not 0.0 < self.depth <= DEEPEST:
-            raise InputError(
+            yield (
                 f"depth {self.depth * 1e3:g} mm: expected more than 0 and at most "
                 f"{DEEPEST * 1e3:g} mm"
             )
-        self.tare.check(self.rig_name)
-        with as_input_error():
+        if not 0.0 < self.duration <= LONGEST:
+            yield f"duration {self.duration:g} s: expected more than 0 and at most {LONGEST:g} s"
+
+    def _inconsistent_values(self) -> Iterator[str]:
+        if self.rig and self.clock != "real":
+            yield "clock virtual: a rig of devices runs in real time: expected real"
+        try:
+            self.tare.check(self.rig_name)
+        except InputError as error:
+            yield str(error)
+        try:
             self.estimation_preset.bank()
-        if not 1.0 / self.rate <= self.duration <= LONGEST:
-            raise InputError(
-                f"duration {self.duration:g} s: expected at least one tick, {1.0 / self.rate:g} s, "
-                f"and at most {LONGEST:g} s"
+        except ValueError as error:
+            yield str(error)
+        if self.duration < 1.0 / self.rate:
+            yield (
+                f"duration {self.duration:g} s: expected at least one tick, {1.0 / self.rate:g} s"
             )
         if self.signal.highest > 0.05 * self.rate:
-            raise InputError(
+            yield (
                 f"frequency {self.signal.highest:g} Hz in the excitation: expected at most a "
                 f"twentieth of the rate, {0.05 * self.rate:g} Hz"
             )
         try:
             self.raw_limits.shifted(self.tare.zeros)
         except ValueError as error:
-            raise InputError(f"tare: {error}") from error
+            yield f"tare: {error}"
 
     @property
     def setup(self) -> Setup:
@@ -129,6 +145,11 @@ class TrialSettings:
     def rig_name(self) -> str:
         """Name of the rig."""
         return self.rig.sections.name if self.rig else "simulated"
+
+    @property
+    def palpated(self) -> str:
+        """What is palpated: the rig of devices, or the cube of the simulated one."""
+        return self.rig.sections.name if self.rig else f"{self.cube} cube"
 
     @property
     def limits(self) -> Limits:

@@ -9,11 +9,18 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from pydantic import TypeAdapter, ValidationError
+from pydantic import ConfigDict, TypeAdapter, ValidationError
 from pydantic_core import to_jsonable_python
 
 from drivers.rig_file import RigFile, RigFileError, parse_rig_file
-from teleop.errors import InputError, invalid_parts
+from estimation import Axis, Grid, Model, Preset
+from sim_backend import Cube, Sensors, Setup
+from teleop.control.admittance import AdmittanceParameters
+from teleop.control.coupling import Coupling
+from teleop.control.excitation_signals import Chirp, Multisine, Sine
+from teleop.control.tare import Tare
+from teleop.errors import InputError
+from teleop.safety import ChannelLimits, Limits
 from teleop.trial.settings import TrialSettings
 
 NAMES = {
@@ -25,6 +32,27 @@ NAMES = {
     "preset": "custom_preset",
 }
 """Names in the document that differ from those of the settings."""
+DERIVED = ("preset", "encoder_resolution_m", "limits", "setup")
+"""Values in the document that follow from the settings."""
+PARTS = (
+    AdmittanceParameters,
+    Axis,
+    ChannelLimits,
+    Chirp,
+    Coupling,
+    Cube,
+    Grid,
+    Limits,
+    Model,
+    Multisine,
+    Preset,
+    Sensors,
+    Setup,
+    Sine,
+    Tare,
+    TrialSettings,
+)
+"""Dataclasses of the document."""
 
 
 def to_document(settings: TrialSettings) -> dict[str, Any]:
@@ -50,42 +78,49 @@ def to_document(settings: TrialSettings) -> dict[str, Any]:
 def from_document(document: Mapping[str, Any]) -> TrialSettings:
     """Return the settings in a document of `to_document`.
 
+    A setting that the document does not have keeps its default.
+
     Raises
     ------
     InputError
-        A setting is missing or not as expected, as in the documents of teleop 0.1.
+        Names everything that is not as expected, a line for each problem.
     """
-    given = {name: document.get(NAMES.get(name, name), MISSING) for name in known()}
-    missing = [NAMES.get(name, name) for name, value in given.items() if value is MISSING]
-    if missing:
-        raise InputError(f"settings of a trial: no {', '.join(missing)}")
-    if given["rig"] is not None:
+    keys = {NAMES.get(field.name, field.name): field.name for field in fields(TrialSettings)}
+    given = {keys.get(key, key): value for key, value in document.items() if key not in DERIVED}
+    if isinstance(given.get("rig"), Mapping):
         given["rig"] = rig_file(given["rig"])
     try:
         return adapter().validate_python(given)
     except ValidationError as error:
-        raise InputError(f"settings of a trial: {invalid_parts(error)}") from error
+        raise InputError("\n".join(problems(error))) from error
 
 
-MISSING = object()
-
-
-def known() -> list[str]:
-    """Return the names of all settings."""
-    return [field.name for field in fields(TrialSettings)]
+def problems(error: ValidationError) -> list[str]:
+    """Return the problems that pydantic found, each with the path in the document."""
+    lines = []
+    for part in error.errors():
+        first, *rest = part["loc"] or ("document",)
+        path = ".".join(map(str, (NAMES.get(str(first), first), *rest)))
+        message = part["msg"].removeprefix("Value error, ")
+        if part["type"] == "unexpected_keyword_argument":
+            message = "unknown setting"
+        lines.append(f"{path}: {message[:1].lower()}{message[1:]}")
+    return lines
 
 
 @cache
 def adapter() -> TypeAdapter[TrialSettings]:
-    """Return what makes settings from values of JSON."""
+    """Return the validator of documents; it refuses unknown keys."""
+    for part in PARTS:
+        setattr(part, "__pydantic_config__", ConfigDict(extra="forbid"))  # noqa: B010
     return TypeAdapter(TrialSettings)
 
 
-def rig_file(document: Any) -> RigFile:
+def rig_file(document: Mapping[str, Any]) -> RigFile:
     """Return the rig file whose text stands in a document; InputError if it is not as expected."""
     try:
         return parse_rig_file(Path(document["path"]), document["toml"])
     except (TypeError, KeyError) as error:
-        raise InputError("settings of a trial: rig: expected a path and the TOML text") from error
+        raise InputError("rig: expected a path and the text of a rig file") from error
     except RigFileError as error:
         raise InputError(str(error)) from error

@@ -1,0 +1,79 @@
+"""`teleop config`: configuration files of trials."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import App, Parameter
+
+from teleop.commands.overwriting import Overwrite
+
+config = App(name="config", help="Write and check configuration files of trials.")
+
+
+@config.command(help_format="markdown")
+def init(
+    out: Path = Path("trial.toml"), /, *, source: Path | None = None, overwrite: Overwrite = False
+) -> int:
+    """Write a configuration file with comments and all defaults.
+
+    Example: `teleop config init trial.toml`
+
+    Parameters
+    ----------
+    out
+        The file.
+    source
+        Recording or configuration file whose settings are written instead of the defaults.
+    """
+    from teleop.files import write_text
+    from teleop.output.console import plain_console
+    from teleop.trial.configuration import read_configuration, write_configuration
+    from teleop.trial.settings import TrialSettings
+
+    settings = read_configuration(source) if source else TrialSettings()
+    write_text(out, write_configuration(settings), overwrite)
+    plain_console().print(f"{out}: run it with: teleop run --config {out}")
+    return 0
+
+
+@config.command(help_format="markdown")
+def check(file: Path, /, *, json: Annotated[bool, Parameter(negative="")] = False) -> int:
+    """Check a configuration file, and report all problems.
+
+    Example: `teleop config check trial.toml`
+
+    Parameters
+    ----------
+    file
+        Configuration file, or a recording.
+    json
+        Print the settings as one JSON document.
+    """
+    from teleop.output.console import plain_console, print_json
+    from teleop.trial.configuration import read_configuration
+    from teleop.trial.settings_json import to_document
+
+    settings = read_configuration(file)
+    if json:
+        print_json(to_document(settings))
+    else:
+        plain_console().print(
+            f"{file}: {settings.condition}, {settings.palpated}, {settings.duration:g} s at "
+            f"{settings.rate:g} Hz: no problem found"
+        )
+    return 0
+
+
+@config.command(help_format="markdown")
+def schema() -> int:
+    """Print the JSON schema of configuration files, with which editors complete them.
+
+    Example: `teleop config schema > trial.schema.json`
+    """
+    from teleop.output.console import print_json
+    from teleop.trial.configuration import configuration_schema
+
+    print_json(configuration_schema())
+    return 0

@@ -1,0 +1,136 @@
+"""Configuration files: the settings of a trial in TOML, with the names of their JSON document."""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import textwrap
+import tomllib
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from typing import Any
+
+import tomlkit
+from tomlkit.items import Table
+
+from drivers.input_file import read_input
+from estimation import MODELS
+from estimation.model import model_named
+from teleop.control.tare import read_tare
+from teleop.errors import InputError, as_input_error
+from teleop.files import unreadable
+from teleop.recording.recording import load
+from teleop.trial.rig_loading import load_rig_file
+from teleop.trial.settings import TrialSettings
+from teleop.trial.settings_json import NAMES, adapter, from_document, to_document
+
+
+def read_configuration(path: Path) -> TrialSettings:
+    """Return the settings in a configuration file, or those of a recorded trial.
+
+    Parameters
+    ----------
+    path
+        A TOML file, or a recording (.mcap), whose trial is then run again. In a TOML file `rig`
+        is the path of a rig file and `tare` the path of a file of `teleop rig tare`, both
+        relative to the folder of the file. Settings that it does not have keep their defaults.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read; or a setting is unknown or not as expected. All problems are
+        named, a line for each.
+    """
+    if path.suffix.lower() == ".mcap":
+        document: Mapping[str, Any] = load(path).settings
+    else:
+        document = read_toml(path)
+    try:
+        return from_document(document)
+    except InputError as error:
+        lines = str(error).splitlines()
+        raise InputError("\n".join(f"{path}: {line}" for line in lines)) from error
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """Return the document in a TOML file, with the files that it names."""
+    try:
+        document = tomllib.loads(read_input(path).decode())
+    except OSError as error:
+        raise unreadable(path, error) from error
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{path}: not a TOML file: {error}") from error
+    if isinstance(document.get("rig"), str):
+        document["rig"] = load_rig_file(path.parent / document["rig"])
+    if isinstance(document.get("model"), str):
+        with as_input_error():
+            document["model"] = model_named(document["model"])
+    if isinstance(document.get("tare"), str):
+        document["tare"] = read_tare(path.parent / document["tare"])
+    return document
+
+
+def write_configuration(settings: TrialSettings) -> str:
+    """Return the text of a configuration file that gives these settings again, with comments."""
+    document = to_document(settings)
+    if MODELS.get(settings.model.name) == settings.model:
+        document["model"] = settings.model.name
+    descriptions = attribute_docstrings(TrialSettings)
+    file = tomlkit.document()
+    file.add(tomlkit.comment("Configuration of a trial: teleop run --config FILE"))
+    file.add(tomlkit.comment("Quantities are in SI units. A key that is left out has its default."))
+    names = [field.name for field in fields(TrialSettings)]
+    is_table = {name: isinstance(document[NAMES.get(name, name)], Mapping) for name in names}
+    for name in sorted(names, key=is_table.__getitem__):  # TOML has its tables last
+        key = NAMES.get(name, name)
+        file.add(tomlkit.nl())
+        for line in textwrap.wrap(descriptions.get(name, ""), 88):
+            file.add(tomlkit.comment(line))
+        if document[key] is None:
+            file.add(tomlkit.comment(f"{key} ="))
+        elif is_table[name]:
+            file.add(key, table(document[key], getattr(settings, name)))
+        else:
+            file.add(key, document[key])
+    return tomlkit.dumps(file)
+
+
+def table(values: Mapping[str, Any], part: object) -> Table:
+    """Return a table of TOML with a comment for each value that has a description."""
+    found = tomlkit.table()
+    descriptions = attribute_docstrings(type(part)) if is_dataclass(part) else {}
+    for key, value in values.items():
+        if value is None:
+            continue
+        found.add(key, value)
+        if key in descriptions:
+            found[key].comment(descriptions[key].rstrip("."))
+    return found
+
+
+def attribute_docstrings(kind: type) -> dict[str, str]:
+    """Return the docstring of each attribute of a class, on one line."""
+    (definition,) = ast.parse(textwrap.dedent(inspect.getsource(kind))).body
+    assert isinstance(definition, ast.ClassDef)
+    found = {}
+    for name, text in zip(definition.body, definition.body[1:], strict=False):
+        if isinstance(name, ast.AnnAssign) and isinstance(text, ast.Expr):
+            assert isinstance(name.target, ast.Name)
+            found[name.target.id] = " ".join(ast.literal_eval(text.value).split())
+    return found
+
+
+def configuration_schema() -> dict[str, Any]:
+    """Return the JSON schema of configuration files, with which editors complete them."""
+    schema = adapter().json_schema()
+    named: dict[str, list[dict[str, Any]]] = {
+        "rig": [{"type": "string"}, {"type": "object"}],
+        "tare": [{"type": "string"}, schema["properties"]["tare"]],
+        "model": [{"enum": list(MODELS)}, schema["properties"]["model"]],
+    }
+    properties = {}
+    for name, description in attribute_docstrings(TrialSettings).items():
+        values = {"anyOf": named[name]} if name in named else schema["properties"][name]
+        properties[NAMES.get(name, name)] = {**values, "description": description}
+    return {**schema, "title": "Configuration of a trial", "properties": properties}

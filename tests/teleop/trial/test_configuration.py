@@ -1,0 +1,132 @@
+"""Configuration files."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import fields, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from drivers.rig_file import read_rig_file
+from estimation import MODELS
+from teleop.cli import main
+from teleop.control.tare import Tare, write_tare
+from teleop.errors import InputError
+from teleop.recording.recording import load
+from teleop.trial.configuration import configuration_schema, read_configuration
+from teleop.trial.run import run_trial
+from teleop.trial.settings import TrialSettings
+from teleop.trial.settings_json import NAMES
+
+RIG = Path(__file__).parents[3] / "rigs" / "serial-board.toml"
+
+
+@pytest.fixture
+def written(tmp_path):
+    def write(text):
+        path = tmp_path / "trial.toml"
+        path.write_text(text, encoding="utf-8")
+        return path
+
+    return write
+
+
+def test_a_key_that_is_left_out_keeps_its_default(written):
+    assert read_configuration(written("seed = 3")) == TrialSettings(seed=3)
+
+
+def test_a_rig_and_a_tare_are_files_beside_the_configuration(written, tmp_path):
+    (tmp_path / "rig.toml").write_text(RIG.read_text())
+    tare = Tare(contact_force=0.5, rig=read_rig_file(RIG).sections.name)
+    write_tare(tare, tmp_path / "tare.json")
+    settings = read_configuration(written('rig = "rig.toml"\ntare = "tare.json"'))
+    assert settings.rig_name == tare.rig
+    assert settings.tare == tare
+
+
+def test_a_model_is_chosen_by_its_name(written):
+    settings = read_configuration(written('model = "stiffening"'))
+    assert settings.model == MODELS["stiffening"]
+
+
+def test_all_problems_are_reported_at_once_each_with_the_file_and_the_key(written):
+    path = written(
+        'rate_hz = "fast"\nbandwith_hz = 3\n[signal]\nkind = "sine"\nfreq = 3\n'
+        "[admittance]\nmass = -1\n"
+    )
+    with pytest.raises(InputError) as refused:
+        read_configuration(path)
+    keys = {
+        line.removeprefix(f"{path}: ").partition(":")[0] for line in str(refused.value).splitlines()
+    }
+    assert keys == {
+        "rate_hz",
+        "bandwith_hz",
+        "signal.sine.frequency",
+        "signal.sine.freq",
+        "admittance",
+    }
+
+
+def test_values_out_of_range_are_reported_at_once(written):
+    with pytest.raises(InputError) as refused:
+        read_configuration(written('rate_hz = 1\nduration_s = -1\ncondition = "odd"'))
+    assert [
+        word
+        for word in ("rate 1 Hz", "duration -1 s", "condition 'odd'")
+        if word in str(refused.value)
+    ]
+    assert len(str(refused.value).splitlines()) == 3
+
+
+@pytest.mark.parametrize("text", ["rate_hz = ", "[" * 2000])
+def test_a_file_that_is_no_toml_is_refused(written, text):
+    with pytest.raises(InputError, match="not a TOML file"):
+        read_configuration(written(text))
+
+
+def test_a_recorded_trial_runs_again_to_the_bit(tmp_path):
+    settings = TrialSettings("autonomous", duration=0.5, clock="virtual", seed=4, depth=3e-3)
+    first = run_trial(settings, tmp_path / "first.mcap")
+    again = run_trial(read_configuration(tmp_path / "first.mcap"), tmp_path / "again.mcap")
+    assert again.settings == settings
+    for name, column in first.recording.columns.items():
+        if not name.endswith(("_time", "lateness")):
+            np.testing.assert_array_equal(column, again.recording[name])
+
+
+def test_the_schema_names_every_key_with_its_description():
+    schema = configuration_schema()
+    assert [*schema["properties"]] == [NAMES.get(f.name, f.name) for f in fields(TrialSettings)]
+    assert all(part["description"] for part in schema["properties"].values())
+    json.dumps(schema)
+
+
+def test_the_command_writes_a_file_that_it_accepts(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert main(["config", "init"]) == 0
+    assert main(["config", "check", "trial.toml"]) == 0
+    assert read_configuration(tmp_path / "trial.toml") == TrialSettings()
+    assert main(["config", "init"]) == 2
+    assert "--overwrite" in capsys.readouterr().err
+
+
+def test_check_reports_each_problem_on_a_line_of_its_own(written, capsys):
+    assert main(["config", "check", str(written("rate_hz = 1\nduration_s = -1"))]) == 2
+    assert len(capsys.readouterr().err.splitlines()) == 2
+
+
+def test_the_schema_is_printed(capsys):
+    assert main(["config", "schema"]) == 0
+    assert json.loads(capsys.readouterr().out)["title"] == "Configuration of a trial"
+
+
+def test_options_override_the_file(written, tmp_path, capsys):
+    path = written('clock = "virtual"\nduration_s = 0.3\ncondition = "autonomous"\nseed = 5')
+    record = tmp_path / "run.mcap"
+    assert main(["run", "--config", str(path), "--seed", "6", "--record", str(record)]) == 0
+    settings = read_configuration(record)
+    assert settings == replace(read_configuration(path), seed=6)
+    assert load(record).settings["seed"] == 6
