@@ -79,35 +79,35 @@ def correct(
 ) -> None:
     """Theta <- theta + L (f - phi' theta), C by (C), and the standard deviations sqrt(s C_ii)."""
     theta, std, L, C, C_phi = state.theta, state.std, state.L, state.C, state.C_phi
-    m = len(phi)
+    indices = below[len(phi)]
     error = f
     spread = 1.0
     learned = 0.0
-    for i in below[m]:
+    for i in indices:
         row = C[i]
         total = 0.0
-        for j in below[m]:
+        for j in indices:
             total += row[j] * phi[j]
         C_phi[i] = total
-        error -= phi[i] * theta[i]
-        spread += phi[i] * total
-        learned += phi[i] * L[i]
+        regressor = phi[i]
+        error -= regressor * theta[i]
+        spread += regressor * total
+        learned += regressor * L[i]
     if spread < 1.0:  # by rounding
         spread = 1.0
     if learned > LEAST * spread:
         update_noise(state, error, spread, learned, dt)
     noise = parameters.correlation * state.noise
-    for i in below[m]:
+    for i in indices:
         move = L[i]
         row = C[i]
         theta[i] += move * error
-        change = spread * move - C_phi[i]
+        covariance = C_phi[i]
+        change = spread * move - covariance
         for j in below[i]:
-            value = row[j] - move * C_phi[j] + change * L[j]
-            row[j] = value
-            C[j][i] = value
+            row[j] = C[j][i] = row[j] - move * C_phi[j] + change * L[j]
         # (I - L phi') C (I - L phi')' is not negative, but rounding may make it so
-        variance = row[i] + move * (change - C_phi[i])
+        variance = row[i] + move * (change - covariance)
         least = move * move
         if variance < least:
             variance = least
@@ -124,8 +124,9 @@ def update_noise(
     share = dt / NOISE_MEMORY
     if share > 1.0:
         share = 1.0
-    state.evidence = (1.0 - share) * state.evidence + share * weight
-    share *= weight / state.evidence
+    evidence = (1.0 - share) * state.evidence + share * weight
+    state.evidence = evidence
+    share *= weight / evidence
     if share > 1.0:
         share = 1.0
     state.noise += share * (error * error * certainty - state.noise)
