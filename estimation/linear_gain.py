@@ -67,7 +67,7 @@ class LinearGainState(State):
     noise: float
     """Variance s of the noise [N^2]."""
     evidence: float
-    """Mean weight of the samples that gave `noise`."""
+    """Sum of the weights of the samples that gave `noise`."""
 
 
 def correct(
@@ -118,18 +118,17 @@ def correct(
 def update_noise(
     state: LinearGainState, error: float, spread: float, learned: float, dt: float
 ) -> None:
-    """Mean of error^2 / spread, each sample with the weight phi' L / spread."""
+    """Mean of error^2 / spread, each sample with the weight phi' L / spread.
+
+    Weights decay within `NOISE_MEMORY`. A sample has no more weight for a gap before it: it is
+    one error however long the gap was.
+    """
     certainty = 1.0 / spread
     weight = learned * certainty
-    share = dt / NOISE_MEMORY
-    if share > 1.0:
-        share = 1.0
-    evidence = (1.0 - share) * state.evidence + share * weight
+    kept = 1.0 - dt / NOISE_MEMORY
+    evidence = weight + (kept * state.evidence if kept > 0.0 else 0.0)
     state.evidence = evidence
-    share *= weight / evidence
-    if share > 1.0:
-        share = 1.0
-    state.noise += share * (error * error * certainty - state.noise)
+    state.noise += weight / evidence * (error * error * certainty - state.noise)
 
 
 def linear_gain_state(guess_variance: Sequence[float]) -> dict[str, Any]:
