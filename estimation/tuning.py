@@ -61,9 +61,9 @@ counts of the simulated encoder. In motion a tenth and ten times it make no diff
 CONTACT_FORCE = 0.003
 """Force up to which `hc_double` and `hc_log` see no contact, in typical forces.
 
-At the typical 10 N it is 0.03 N, 1.5 deviations of the noise of `benchmarks/bank_case.py`: noise
-out of contact seldom passes, and the logarithm of a smaller force is mostly noise. In contact a
-tenth and ten times it make no difference.
+At the typical 10 N it is 0.03 N, 1.5 deviations of the noise of `benchmarks/bank_case.py`: 7 % of
+the noise exceeds it, and the logarithm of a smaller force is mostly noise. In contact a tenth and
+ten times it make no difference.
 """
 HYSTERESIS = 0.05
 """h of `me_switching`: 0.28 s and 29 switches in 1 s of noise.
