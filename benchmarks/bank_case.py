@@ -61,4 +61,4 @@ def show(title: str, rows: Sequence[Sequence[str]], headings: Sequence[str]) -> 
         table.add_column(heading, justify="right" if i else "left")
     for row in rows:
         table.add_row(*row)
-    Console(markup=False, width=130).print(table)
+    Console(markup=False, width=160).print(table)

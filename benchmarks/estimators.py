@@ -1,6 +1,6 @@
 """Cost of a sample, the whole bank's and peers', in one run: `python benchmarks/estimators.py`.
 
-Each figure is the fastest of several repeats, since the machine is shared. All methods together
+Each figure is the fastest of many short repeats, since the machine is shared. All methods together
 shall take less than 1 us a sample compiled, and less than 60 us interpreted. Needs the extras
 `fast`, `test` and `dev`.
 """
@@ -58,7 +58,7 @@ def swept(
     return per_sample(lambda: sweep(law, deepcopy(state), given), samples, repeats)
 
 
-def updated(update: Callable[..., object], samples: int = 3000) -> float:
+def updated(update: Callable[..., object], samples: int = 600) -> float:
     """Cost of `update`, sample by sample."""
     rows = np.column_stack((*palpation(samples), np.full(samples, 1.0 / RATE))).tolist()
 
@@ -66,13 +66,13 @@ def updated(update: Callable[..., object], samples: int = 3000) -> float:
         for row in rows:
             update(*row)
 
-    return per_sample(run, samples, repeats=5)
+    return per_sample(run, samples, repeats=25)
 
 
 def costs(estimator: Estimator) -> tuple[float, float, float]:
     return (
         swept(compiled_sweep, estimator, 50_000),
-        swept(interpreted_sweep, estimator, 3000),
+        swept(interpreted_sweep, estimator, 1000, repeats=27),
         updated(estimator.update),
     )
 

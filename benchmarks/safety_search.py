@@ -59,7 +59,7 @@ class SafetySearch(RuleBasedStateMachine):
             self.condition,
             Admittance(AdmittanceParameters()),
             Coupling(),
-            MatchedFilter(20.0),
+            MatchedFilter(),
             self.bank,
             Excitation(),
             PERIOD,

@@ -50,6 +50,10 @@ class Bank(Mapping[str, Estimator]):
             )
         self._estimators = dict(estimators)
         self._further = len(models.pop().further) if models else 0
+        self._online = [
+            (name, e.advance, e.hold, bool(e.model.further), e.gated)
+            for name, e in self._estimators.items()
+        ]
         self.gate = gate
 
     def __getitem__(self, name: str) -> Estimator:
@@ -79,10 +83,8 @@ class Bank(Mapping[str, Estimator]):
         plain, phi = [v, x], [v, x, *further]
         is_open = self.gate is None or self.gate.update(plain, f, dt)
         return {
-            name: e.advance(phi if e.model.further else plain, f, dt)
-            if is_open or not e.gated
-            else e.hold()
-            for name, e in self._estimators.items()
+            name: advance(phi if takes_all else plain, f, dt) if is_open or not gated else hold()
+            for name, advance, hold, takes_all, gated in self._online
         }
 
     def run(

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from estimation.own_copies import called_functions, own_copy
 from estimation.records import to_record, update_from
-from estimation.step import Below, State, Step
+from estimation.step import State, Step, below
 
 Floats = NDArray[np.float64]
 
@@ -63,16 +63,18 @@ def sweep(law: Law, state: State, samples: Samples) -> Floats:
 def interpreted_sweep(law: Law, state: State, samples: Samples) -> Floats:
     """`sweep` by the interpreter."""
     step, parameters = interpreted(law.step), law.parameters
+    theta, std = state.theta, state.std
     columns = (column.tolist() for column in samples)
     answers: list[float] = []
     for phi, f, dt, taken in zip(*columns, strict=True):
         state.held = not taken
         if taken:
             step(parameters, state, phi, f, dt)
-        answers += state.theta
-        answers += state.std
+        answers += theta
+        answers += std
         answers.append(state.held)
-    return np.array(answers, dtype=np.float64).reshape(-1, 2 * len(state.theta) + 1)
+    table = np.fromiter(answers, np.float64, len(answers))
+    return table.reshape(-1, 2 * len(theta) + 1)
 
 
 def compiled_sweep(law: Law, state: State, samples: Samples) -> Floats:
@@ -104,12 +106,11 @@ def compiled(step: Step, regressors: int) -> Callable[..., None]:
     # numba's disk cache looks neither into called functions nor past a closure. So the step
     # is a global of a copy of `_template`, and the copy's name carries the source of the
     # modules of all functions that it calls, and of this package, whose constants they import.
-    teach_below()
     modules = {function.__module__ for function in called_functions(step)}
     source = "".join(inspect.getsource(sys.modules[module]) for module in sorted(modules))
     digest = hashlib.sha256((source + package_source()).encode()).hexdigest()[:16]
     known = {
-        "_step": own_copy(step, numba.njit(error_model="numpy")),
+        "_step": own_copy(step, numba.njit(error_model="numpy"), [(below, compiled_below())]),
         "_regressors": regressors,
         "_to_fixed_tuple": to_fixed_tuple,
     }
@@ -120,16 +121,19 @@ def compiled(step: Step, regressors: int) -> Callable[..., None]:
 
 
 @cache
-def teach_below() -> None:
-    """Let numba take `below[n]` for `range(n)`."""
+def compiled_below() -> object:
+    """What stands for `below` in compiled code: its item n is `range(n)`."""
     import operator
 
     from numba.core import types
     from numba.core.imputils import lower_constant
     from numba.extending import models, overload, register_model, typeof_impl
 
+    class Below:
+        """What stands for `below`."""
+
     class BelowType(types.Type):
-        """The type of `below`."""
+        """Its type."""
 
     kind = BelowType("below")
     typeof_impl.register(Below)(lambda value, context: kind)
@@ -142,6 +146,8 @@ def teach_below() -> None:
     @overload(operator.getitem)
     def item(table, n):  # type: ignore[no-untyped-def]  # numba compares the signatures
         return (lambda table, n: range(n)) if table is kind else None
+
+    return Below()
 
 
 @cache

@@ -15,6 +15,13 @@ from estimation.compiled import Floats
 from estimation.filters import Lag, LowPass, angular
 from estimation.model import KELVIN_VOIGT, Model
 
+BANDWIDTH = 20.0
+"""Default bandwidth of a filter of position and force [Hz].
+
+A palpation by hand has its motion below 2 Hz, so that this passes ten times its frequency, as
+`identify` does for any motion. The noise that is left falls with the bandwidth;
+`python benchmarks/conditioning.py` compares 10, 20 and 50 Hz.
+"""
 SETTLED_FIRST, SETTLED_SECOND = 4.605, 6.638
 """Time constants until 1 % is left of a transient, of first order and critically damped."""
 
@@ -223,7 +230,7 @@ class MatchedFilter(Conditioner):
     """
 
     def __init__(
-        self, bandwidth: float, force_lag: float = 0.0, model: Model = KELVIN_VOIGT
+        self, bandwidth: float = BANDWIDTH, force_lag: float = 0.0, model: Model = KELVIN_VOIGT
     ) -> None:
         self.model = model
         self._bandwidth = bandwidth

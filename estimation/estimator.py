@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from estimation.checks import check_sample, checked_samples
 from estimation.compiled import Floats, Law, Samples, interpreted, sweep
 from estimation.model import KELVIN_VOIGT, POWERS_OF_X, UNITS, Model
+from estimation.own_copies import own_copy
 from estimation.step import B, K, Regressors, State, Step
 
 UNKNOWN = 1e12
@@ -37,6 +38,14 @@ class Estimate(NamedTuple):
     """Whether the estimate was held, since the sample had nothing to say."""
     further: tuple[float, ...] = ()
     """Further parameters, and then their standard deviations."""
+
+
+def estimate_of(state: State) -> Estimate:
+    """The estimate of a state."""
+    theta, std = state.theta, state.std
+    further = (*theta[2:], *std[2:]) if len(theta) > 2 else ()
+    values = (theta[B], theta[K], std[B], std[K], state.held, further)
+    return tuple.__new__(Estimate, values)  # half the time of Estimate(...)
 
 
 class Series(NamedTuple):
@@ -111,6 +120,8 @@ class Estimator(ABC):
         super().__init_subclass__()
         if "step" in vars(cls):
             cls._step = staticmethod(interpreted(cls.step))
+        for name in ("advance", "hold"):  # in a bank, they meet many classes of states
+            setattr(cls, name, own_copy(getattr(cls, name)))
 
     def __init__(
         self,
@@ -137,10 +148,7 @@ class Estimator(ABC):
     @property
     def estimate(self) -> Estimate:
         """The present estimate."""
-        state = self.state
-        theta, std = state.theta, state.std
-        further = (*theta[2:], *std[2:]) if len(theta) > 2 else ()
-        return Estimate(theta[B], theta[K], std[B], std[K], state.held, further)
+        return estimate_of(self.state)
 
     @property
     def values(self) -> dict[str, tuple[float, float]]:
@@ -190,12 +198,13 @@ class Estimator(ABC):
         state = self.state
         state.held = False
         type(self)._step(self.parameters, state, phi, f, dt)
-        return self.estimate
+        return estimate_of(state)
 
     def hold(self) -> Estimate:
         """Leave the estimate as it is, and mark it as held."""
-        self.state.held = True
-        return self.estimate
+        state = self.state
+        state.held = True
+        return estimate_of(state)
 
     def run(
         self,

@@ -67,7 +67,7 @@ class LinearGainState(State):
     noise: float
     """Variance s of the noise [N^2]."""
     evidence: float
-    """Mean weight of the samples that gave `noise`."""
+    """Sum of the weights of the samples that gave `noise`."""
 
 
 def correct(
@@ -79,35 +79,35 @@ def correct(
 ) -> None:
     """Theta <- theta + L (f - phi' theta), C by (C), and the standard deviations sqrt(s C_ii)."""
     theta, std, L, C, C_phi = state.theta, state.std, state.L, state.C, state.C_phi
-    m = len(phi)
+    indices = below[len(phi)]
     error = f
     spread = 1.0
     learned = 0.0
-    for i in below[m]:
+    for i in indices:
         row = C[i]
         total = 0.0
-        for j in below[m]:
+        for j in indices:
             total += row[j] * phi[j]
         C_phi[i] = total
-        error -= phi[i] * theta[i]
-        spread += phi[i] * total
-        learned += phi[i] * L[i]
+        regressor = phi[i]
+        error -= regressor * theta[i]
+        spread += regressor * total
+        learned += regressor * L[i]
     if spread < 1.0:  # by rounding
         spread = 1.0
     if learned > LEAST * spread:
         update_noise(state, error, spread, learned, dt)
     noise = parameters.correlation * state.noise
-    for i in below[m]:
+    for i in indices:
         move = L[i]
         row = C[i]
         theta[i] += move * error
-        change = spread * move - C_phi[i]
+        covariance = C_phi[i]
+        change = spread * move - covariance
         for j in below[i]:
-            value = row[j] - move * C_phi[j] + change * L[j]
-            row[j] = value
-            C[j][i] = value
+            row[j] = C[j][i] = row[j] - move * C_phi[j] + change * L[j]
         # (I - L phi') C (I - L phi')' is not negative, but rounding may make it so
-        variance = row[i] + move * (change - C_phi[i])
+        variance = row[i] + move * (change - covariance)
         least = move * move
         if variance < least:
             variance = least
@@ -118,17 +118,17 @@ def correct(
 def update_noise(
     state: LinearGainState, error: float, spread: float, learned: float, dt: float
 ) -> None:
-    """Mean of error^2 / spread, each sample with the weight phi' L / spread."""
+    """Mean of error^2 / spread, each sample with the weight phi' L / spread.
+
+    Weights decay within `NOISE_MEMORY`. A sample has no more weight for a gap before it: it is
+    one error however long the gap was.
+    """
     certainty = 1.0 / spread
     weight = learned * certainty
-    share = dt / NOISE_MEMORY
-    if share > 1.0:
-        share = 1.0
-    state.evidence = (1.0 - share) * state.evidence + share * weight
-    share *= weight / state.evidence
-    if share > 1.0:
-        share = 1.0
-    state.noise += share * (error * error * certainty - state.noise)
+    kept = 1.0 - dt / NOISE_MEMORY
+    evidence = weight + (kept * state.evidence if kept > 0.0 else 0.0)
+    state.evidence = evidence
+    state.noise += weight / evidence * (error * error * certainty - state.noise)
 
 
 def linear_gain_state(guess_variance: Sequence[float]) -> dict[str, Any]:

@@ -8,14 +8,18 @@ numba takes a record for another that it begins with. So every step has function
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from types import FunctionType
+from collections.abc import Callable, Sequence
+from types import CodeType, FunctionType
 from typing import Any, TypeVar
 
 F = TypeVar("F", bound=Callable[..., Any])
 
 
-def own_copy(function: F, finish: Callable[[FunctionType], Any] = lambda copy: copy) -> F:
+def own_copy(
+    function: F,
+    finish: Callable[[FunctionType], Any] = lambda copy: copy,
+    replaced: Sequence[tuple[Any, Any]] = (),
+) -> F:
     """A copy of a function that calls copies of the functions that it calls.
 
     Parameters
@@ -24,15 +28,19 @@ def own_copy(function: F, finish: Callable[[FunctionType], Any] = lambda copy: c
         A function that calls others by names of its module.
     finish
         What to make of each copy, such as a compiled function.
+    replaced
+        Pairs of a global constant and what the copies have in its place.
     """
     done: dict[Callable[..., Any], Any] = {}
 
     def copied(original: Any) -> Any:
         if original not in done:
+            names = used_globals(original)  # few: a small namespace stays in the processor's cache
             called = {name: copied(value) for name, value in calls(original).items()}
+            constants = {name: new for old, new in replaced for name in names if names[name] is old}
             copy = FunctionType(
                 original.__code__.replace(),  # what the interpreter learns is kept with the code
-                {**original.__globals__, **called},
+                {"__name__": original.__module__, **names, **called, **constants},
                 original.__name__,
                 original.__defaults__,
                 original.__closure__,
@@ -44,10 +52,22 @@ def own_copy(function: F, finish: Callable[[FunctionType], Any] = lambda copy: c
     return made
 
 
+def used_globals(function: Callable[..., Any]) -> dict[str, Any]:
+    """The globals that a function uses, by name."""
+    known = function.__globals__
+    return {name: known[name] for name in names_in(function.__code__) if name in known}
+
+
+def names_in(code: CodeType) -> set[str]:
+    """The names of globals and attributes in a function, and in functions inside of it."""
+    inner = (value for value in code.co_consts if isinstance(value, CodeType))
+    return set(code.co_names).union(*map(names_in, inner))
+
+
 def calls(function: Callable[..., Any]) -> dict[str, FunctionType]:
     """The functions that a function calls, by the names that it has for them."""
-    found = {name: function.__globals__.get(name) for name in function.__code__.co_names}
-    return {name: value for name, value in found.items() if isinstance(value, FunctionType)}
+    used = used_globals(function)
+    return {name: value for name, value in used.items() if isinstance(value, FunctionType)}
 
 
 def called_functions(function: Callable[..., Any]) -> set[Callable[..., Any]]:

@@ -133,22 +133,31 @@ BUILT_IN: dict[str, Factory] = {
         tuning.COMPOSITE_BANDWIDTH / p.memory,
         model=p.model,
     ),
-    "spectral": lambda p: SpectralRatio(motion=max(0.02 * p.x_size, 1e-9)),
-    "hc_double": lambda p: DoubleStage(p.memory, p.x_size, p.v_size, 0.003 * p.f_size),
+    "spectral": lambda p: SpectralRatio(motion=max(tuning.SPECTRAL_MOTION * p.x_size, 1e-9)),
+    "hc_double": lambda p: DoubleStage(
+        p.memory, p.x_size, p.v_size, tuning.CONTACT_FORCE * p.f_size
+    ),
     "hc_log": lambda p: Logarithmic(
-        tuning.LOGARITHMIC_MEMORY * p.memory, p.x_size, p.v_size, 0.003 * p.f_size, p.correlation
+        tuning.LOGARITHMIC_MEMORY * p.memory,
+        p.x_size,
+        p.v_size,
+        tuning.CONTACT_FORCE * p.f_size,
+        p.correlation,
     ),
     "me_switching": lambda p: SwitchingMultiEstimator(
         p.grid,
         tuning.SWITCHING_FORGETTING * p.forgetting_rate,
-        hysteresis=0.05,
-        dwell=0.25 * p.memory,
+        hysteresis=tuning.HYSTERESIS,
+        dwell=tuning.DWELL * p.memory,
         correlation=p.correlation,
     ),
     "me_moving": lambda p: CoarseToFine(
         tuning.MOVING_FORGETTING * p.forgetting_rate,
-        patience=0.5 * p.memory,
-        spacing=(p.f_size / p.v_size / 40.0, p.f_size / p.x_size / 4.0),
+        patience=tuning.PATIENCE * p.memory,
+        spacing=(
+            tuning.FIRST_SPACING_B * p.f_size / p.v_size,
+            tuning.FIRST_SPACING_K * p.f_size / p.x_size,
+        ),
         correlation=p.correlation,
     ),
     "segments": lambda p: PooledSegments(p.segment, p.correlation),

@@ -78,17 +78,11 @@ class State:
     """Whether the estimate is held. It is False before a step, which may set it."""
 
 
-class Below(tuple[tuple[int, ...], ...]):
-    """`below[n]` is (0, 1, ..., n - 1): a `range(n)` that need not be made anew.
+below = tuple(tuple(range(n)) for n in range(65))
+"""`below[n]` is (0, 1, ..., n - 1), for n to 64: a `range(n)` that need not be made anew.
 
-    Compiled, it is `range(n)`.
-    """
-
-    __slots__ = ()
-
-
-below = Below(tuple(range(n)) for n in range(65))
-"""Indices below n, for n to 64."""
+Compiled, it is `range(n)`.
+"""
 
 
 def zeros(m: int) -> Vector:

@@ -2,8 +2,9 @@
 
     f = L(b v + k x + k3 x^3),    L the lag of the force channel
 
-All signals pass through one state-variable filter, and position and its cube through the lag as
-well, so that the regression is exact but for noise.
+All signals pass through a `MatchedFilter`, and position and its cube through the lag as well, so
+that the regression is exact but for noise. Both are linear, so the lag may come last: the signals
+are filtered once, and then fitted for any lag.
 """
 
 from __future__ import annotations
@@ -14,9 +15,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from estimation.checks import checked_samples
 from estimation.compiled import Floats
-from estimation.filters import Lag, LowPass
+from estimation.conditioning import BANDWIDTH, MatchedFilter
+from estimation.filters import Lag
+from estimation.model import STIFFENING
 
 CHI2_95 = 3.841458820694124
 """95 % quantile of chi-squared with one degree of freedom."""
@@ -97,18 +99,15 @@ class MatchedSignals:
         position: ArrayLike,
         force: ArrayLike,
         dt: ArrayLike,
-        bandwidth: float,
+        bandwidth: float = BANDWIDTH,
         part: slice = slice(None),
     ) -> None:
-        samples = checked_samples(position, position, force, dt)
-        x, f, self.dt = samples.phi[:, 0], samples.f, samples.dt
-        self.x, self.v = low_passed(x, self.dt, bandwidth)
-        self.x3, _ = low_passed(x**3, self.dt, bandwidth)
-        self.f = low_passed(f, self.dt, bandwidth)[0][part]
+        matched = MatchedFilter(bandwidth, model=STIFFENING)
+        self.x, self.v, force_behind, self.dt, further = matched.run(position, force, dt)
+        self.x3 = further[:, 0]
+        self.f = force_behind[part]
         self.part = part
-        # the equivalent noise bandwidth of this filter is pi/4 of its natural frequency
-        seconds = float(self.dt[part].sum())
-        self.independent = min(float(len(self.f)), 2.0 * seconds * 0.25 * math.pi * bandwidth)
+        self.independent = len(self.f) / matched.correlation(float(np.mean(self.dt[part])))
 
     def fit(self, lag: float, damping: bool = True, stiffening: bool = True) -> StiffeningFit:
         """Least squares with the force channel's lag [s] given.
@@ -139,17 +138,6 @@ class MatchedSignals:
         fits = [self.fit(float(value), damping, stiffening) for value in lag]
         b, k, _, rms = np.array(fits).T
         return LagProfile(lag, b, k, rms, self.independent)
-
-
-def low_passed(signal: Floats, dt: Floats, bandwidth: float) -> tuple[Floats, Floats]:
-    """A signal behind the state-variable filter, and its derivative, each of shape (n,)."""
-    low_pass = LowPass(bandwidth)
-    out = np.empty((2, len(signal)))
-    for n, (u, step) in enumerate(zip(signal.tolist(), dt.tolist(), strict=True)):
-        low_pass.update(u, step)
-        out[0, n] = low_pass.y
-        out[1, n] = low_pass.rate
-    return out[0], out[1]
 
 
 def lagged(signal: Floats, dt: Floats, lag: float) -> Floats:

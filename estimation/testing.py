@@ -142,8 +142,8 @@ def check_degenerate_signals(estimator: Estimator) -> None:
 def check_a_gap_in_the_data(estimator: Estimator) -> None:
     """A gap leaves the estimate finite."""
     for seed in range(10):
-        s = palpation(estimator, seed=seed)
-        s.dt[1000] = 10.0 ** np.random.default_rng(seed).uniform(-1.0, 5.0)
+        s = palpation(estimator, n=1000, seed=seed)
+        s.dt[500] = 10.0 ** np.random.default_rng(seed).uniform(-1.0, 5.0)
         fresh = deepcopy(estimator)
         assert_finite(fresh, fresh.run(*s))
 

@@ -42,7 +42,7 @@ def further_regressors(estimator: Estimator, x: Floats, v: Floats, f: Floats) ->
 def degenerate(estimator: Estimator) -> Iterator[Signals]:
     """Signals in which a sum, a product or a difference is zero, tiny or large."""
     rng = np.random.default_rng(0)
-    n = 60
+    n = 40
     zero, one, wave = np.zeros(n), np.ones(n), np.sin(np.arange(n))
     random = rng.normal(size=n)
     for x, v, f in (

@@ -52,3 +52,46 @@ SWITCHING_FORGETTING = 1.5
 """Forgetting rate of `me_switching` by that of `me`: 0.28 s, and 0.33 s with 0.8 times it."""
 MOVING_FORGETTING = 1.25
 """Forgetting rate of `me_moving` by that of `me`: 0.29 s, and 0.31 s with 0.8 times it."""
+SPECTRAL_MOTION = 0.02
+"""Deviation of x up to which `spectral` is held, in typical displacements.
+
+The share at which the gate of `scaled_preset` shuts. At the typical 5 mm it is 0.1 mm, a hundred
+counts of the simulated encoder. In motion a tenth and ten times it make no difference.
+"""
+CONTACT_FORCE = 0.003
+"""Force up to which `hc_double` and `hc_log` see no contact, in typical forces.
+
+At the typical 10 N it is 0.03 N, 1.5 deviations of the noise of `benchmarks/bank_case.py`: 7 % of
+the noise exceeds it, and the logarithm of a smaller force is mostly noise. In contact a tenth and
+ten times it make no difference.
+"""
+HYSTERESIS = 0.05
+"""h of `me_switching`: 0.28 s and 29 switches in 1 s of noise.
+
+Its memory with the paper's settings is N = 33 samples, so that the estimate stays while it is
+within sqrt(h N) = 1.3 deviations of the least point. A tenth of it switches 69 times a second; ten
+times it, twice, but takes 0.33 s.
+"""
+DWELL = 0.25
+"""Least time between switches of `me_switching`, in memories: 0.28 s.
+
+In a quarter of its memory the signal of a candidate changes by a fifth, 1 - exp(-1/4). Half and
+twice it differ by 0.02 s; ten times it takes 0.37 s.
+"""
+PATIENCE = 0.5
+"""Time away from its grid's edge after which `me_moving` narrows the grid, in memories: 0.29 s.
+
+Twice it and a tenth of it take as long; ten times it takes 0.94 s.
+"""
+FIRST_SPACING_B = 1.0 / 40.0
+"""First spacing of b of `me_moving`, in typical forces by typical velocities.
+
+With 16 candidates to either side the first grid reaches to 0.4 of the damping that would explain
+the whole force. The spacing then adapts: a tenth and ten times it make no difference.
+"""
+FIRST_SPACING_K = 0.25
+"""First spacing of k of `me_moving`, in typical forces by typical displacements.
+
+The first grid reaches to four times the stiffness that would explain the whole force. The spacing
+then adapts: a tenth and ten times it make no difference.
+"""

@@ -72,7 +72,8 @@ def slide(
     z[m] = f
     kept = 1.0 if state.count >= parameters.samples else 0.0
     oldest = state.ring[state.place]
-    for i in below[m + 1]:
+    entries = below[m + 1]
+    for i in entries:
         new = z[i]
         old = kept * oldest[i]
         row, fresh_row = sums[i], fresh[i]
@@ -80,12 +81,14 @@ def slide(
             product = new * z[j]
             row[j] += product - old * oldest[j]
             fresh_row[j] += product
-    for i in below[m + 1]:
+    for i in entries:
         oldest[i] = z[i]
     for i in below[m]:
-        if sums[i][i] > peak[i]:
-            peak[i] = sums[i][i]
-    state.count = min(state.count + 1, parameters.samples)
+        square = sums[i][i]
+        if square > peak[i]:
+            peak[i] = square
+    if state.count < parameters.samples:
+        state.count += 1
     state.place += 1
     if state.place >= parameters.samples:
         state.place = 0
@@ -124,15 +127,16 @@ def factorise(state: WindowState) -> bool:
     m = len(peak)
     for i in below[m + 1]:
         row, sums_row = L[i], sums[i]
-        for j in below[i]:
-            total = sums_row[j]
-            for n in below[j]:
-                total -= row[n] * L[n][j]
-            L[j][i] = total
-            row[j] = total / L[j][j]
         total = sums_row[i]
-        for n in below[i]:
-            total -= row[n] * L[n][i]
+        for j in below[i]:
+            upper = L[j]
+            value = sums_row[j]
+            for n in below[j]:
+                value -= row[n] * L[n][j]
+            part = value / upper[j]
+            upper[i] = value
+            row[j] = part
+            total -= part * value
         row[i] = total
         if i < m and not total > SINGULAR * peak[i] + NOTHING:
             return False

@@ -66,9 +66,9 @@ def step(
     decay_and_add(parameters.twice_lambda, state, v, x, f, dt)
     b, k = least_candidate(state, state.b, state.k, TIE)
     state.theta[B], state.theta[K] = b, k
-    least = least_point(parameters.correlation, state, dt)
-    state.std[B] = deviation(least.b_variance, least.b - b, UNKNOWN)
-    state.std[K] = deviation(least.k_variance, least.k - k, UNKNOWN)
+    b_free, k_free, b_variance, k_variance = least_point(parameters.correlation, state)
+    state.std[B] = deviation(b_variance, b_free - b, UNKNOWN)
+    state.std[K] = deviation(k_variance, k_free - k, UNKNOWN)
     noise = parameters.correlation * monitoring_signal(state, b, k) / state.weights
     tie = 100.0 * TIE * state.ff
     follow(parameters, state.b, b, parameters.finest_b, state.vv, noise * state.q_vv, tie, dt)

@@ -37,11 +37,12 @@ def step(
 ) -> None:
     """P <- P - P z z' P / (1 + z' P z), then P <- c1 P / tr P + c2 I; gain P z / (1 + z' P z)."""
     spread = take_in(parameters, state, phi, 1.0)
+    D, c2 = state.D, parameters.c2
     share = parameters.c1 / trace(state)
     for j in below[len(phi)]:
-        state.D[j] *= share
+        D[j] *= share
     for j in below[len(phi)]:
-        add_variance(state, j, parameters.c2)
+        add_variance(state, j, c2)
     learn(parameters, state, phi, f, dt, spread)
 
 

@@ -32,8 +32,9 @@ def step(
     r = predicted_variance(parameters, state, phi)
     spread = take_in(parameters, state, phi, 1.0)
     if r > NO_NEWS:
+        y, L = state.y, state.L
         for i in below[m]:
-            state.y[i] = state.L[i]
+            y[i] = L[i]
         add(state, (1.0 - beta) / (beta * r * spread), m)
     learn(parameters, state, phi, f, dt, spread)
 

@@ -64,8 +64,10 @@ def walk(parameters: KalmanParameters, state: FactoredState, dt: float) -> None:
     """P <- P + Q dt, by one parameter after the other, none beyond its ceiling."""
     Q, ceiling = parameters.Q, parameters.ceiling
     for i in below[len(state.D)]:
-        room = max(ceiling[i] - variance(state, i), 0.0)
-        add_variance(state, i, min(Q[i] * dt, room))
+        growth = Q[i] * dt
+        room = ceiling[i] - variance(state, i)
+        if room > 0.0:
+            add_variance(state, i, growth if growth < room else room)
 
 
 def step(

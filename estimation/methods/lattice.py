@@ -31,9 +31,10 @@ def least_in_box(
         ui, uj, wi, wj = 0, 1, 1, 0
         uu, ww = c, a
     while True:
-        m = floor(uw / uu + 0.5)
-        if m == 0:
+        multiple = uw / uu + 0.5
+        if 0.0 <= multiple < 1.0:
             break
+        m = floor(multiple)
         wi -= m * ui
         wj -= m * uj
         uw = a * ui * wi + b * (ui * wj + uj * wi) + c * uj * wj

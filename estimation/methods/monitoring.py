@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
 
 from estimation.linear_gain import NOISE_MEMORY
 from estimation.step import State
@@ -38,14 +37,16 @@ class MonitoringState(State):
     decay: float
     """the factor by which the sums decay,"""
     weight: float
-    """and the weight of the last sample [s]."""
+    """the weight of the last sample [s],"""
+    noise_share: float
+    """and its share in the mean that is the noise."""
     evidence: float
     """Share of the noise memory that has been filled."""
     noise: float
     """Variance of the noise [N^2]."""
 
 
-NO_SUMS = (0.0,) * 15
+NO_SUMS = (0.0,) * 16
 """The fields of a `MonitoringState`, but for those of `State`, before the first sample."""
 
 
@@ -63,11 +64,13 @@ def decay_and_add(
         loss = -math.expm1(-twice_lambda * dt)
         state.decay = 1.0 - loss
         state.weight = loss / twice_lambda if twice_lambda > 0.0 else dt
+        state.noise_share = dt / (NOISE_MEMORY + dt)
     decay, weight = state.decay, state.weight
-    vv, vx, xx = weight * v * v, weight * v * x, weight * x * x
-    state.ff = state.ff * decay + weight * f * f
-    state.fv = state.fv * decay + weight * f * v
-    state.fx = state.fx * decay + weight * f * x
+    weighted_f, weighted_v = weight * f, weight * v
+    vv, vx, xx = weighted_v * v, weighted_v * x, weight * x * x
+    state.ff = state.ff * decay + weighted_f * f
+    state.fv = state.fv * decay + weighted_f * v
+    state.fx = state.fx * decay + weighted_f * x
     state.vv = state.vv * decay + vv
     state.vx = state.vx * decay + vx
     state.xx = state.xx * decay + xx
@@ -89,21 +92,12 @@ def monitoring_signal(state: MonitoringState, b: float, k: float) -> float:
     return mu if mu > 0.0 else 0.0
 
 
-class LeastPoint(NamedTuple):
-    """Where the monitoring signal is least, and the variances of b and k there."""
-
-    b: float
-    k: float
-    b_variance: float
-    """inf where the data do not determine b and k."""
-    k_variance: float
+UNDETERMINED = (0.0, 0.0, math.inf, math.inf)
+"""What `least_point` returns where the data do not determine b and k."""
 
 
-UNDETERMINED = LeastPoint(0.0, 0.0, math.inf, math.inf)
-
-
-def least_point(correlation: float, state: MonitoringState, dt: float) -> LeastPoint:
-    """The least point of the quadratic form, and its variances.
+def least_point(correlation: float, state: MonitoringState) -> tuple[float, float, float, float]:
+    """The least point (b, k) of the quadratic form, and the variances of b and k there.
 
     It is weighted least squares, R theta = r. White noise of variance s gives it the covariance
     s R^-1 Q R^-1, with Q the sum of squared weights, and mu the expectation
@@ -124,12 +118,14 @@ def least_point(correlation: float, state: MonitoringState, dt: float) -> LeastP
     fv, fx = state.fv, state.fx
     b, k = bb * fv + bk * fx, bk * fv + kk * fx
     residual = state.ff - b * fv - k * fx
-    share = dt / (NOISE_MEMORY + dt)
-    state.evidence += share * (1.0 - state.evidence)
-    share /= state.evidence * freedom
+    share = state.noise_share
+    evidence = state.evidence
+    evidence += share * (1.0 - evidence)
+    state.evidence = evidence
+    share /= evidence * freedom
     state.noise += share * ((residual if residual > 0.0 else 0.0) - freedom * state.noise)
     noise = correlation * state.noise
-    return LeastPoint(b, k, noise * (b_v * bb + b_x * bk), noise * (k_v * bk + k_x * kk))
+    return b, k, noise * (b_v * bb + b_x * bk), noise * (k_v * bk + k_x * kk)
 
 
 def deviation(variance: float, distance: float, most: float) -> float:

@@ -53,11 +53,11 @@ def step(
     v, x = phi
     b_axis, k_axis = parameters.b, parameters.k
     decay_and_add(parameters.twice_lambda, state, v, x, f, dt)
-    least = least_point(parameters.correlation, state, dt)
+    b_free, k_free, b_variance, k_variance = least_point(parameters.correlation, state)
     b, k = least_candidate(state, b_axis, k_axis, TIE)
     state.theta[B], state.theta[K] = b, k
-    state.std[B] = deviation(least.b_variance, least.b - b, b_axis.span)
-    state.std[K] = deviation(least.k_variance, least.k - k, k_axis.span)
+    state.std[B] = deviation(b_variance, b_free - b, b_axis.span)
+    state.std[K] = deviation(k_variance, k_free - k, k_axis.span)
 
 
 class MultiEstimator(Estimator):

@@ -56,11 +56,14 @@ def step(
     share = parameters.per_memory * dt
     share = min(share / (1.0 + share), LARGEST_SHARE)
     speed = 0.0
+    rate = parameters.rate
     for i in below[len(phi)]:
         scaled = phi[i] * per_size[i]
         square = scaled * scaled
-        mean_square[i] += share * (min(square, MOST) - mean_square[i])
-        adaptation = parameters.rate / max(mean_square[i], LEAST)
+        mean = mean_square[i]
+        mean += share * ((square if square < MOST else MOST) - mean)
+        mean_square[i] = mean
+        adaptation = rate / (mean if mean > LEAST else LEAST)
         L[i] = adaptation * scaled * per_size[i]
         speed += adaptation * square
     held = -math.expm1(-speed * dt) / speed if speed > 0.0 else dt

@@ -93,13 +93,15 @@ def step(
 ) -> None:
     """Recursive least squares without constraint, then the passive theta nearest to its own."""
     theta, free, bounded = state.theta, state.free, parameters.bounded
-    for i in below[len(phi)]:
+    indices = below[len(phi)]
+    for i in indices:
         theta[i] = free[i]
     least_squares_step(parameters, state, phi, f, dt)
     outside = False
-    for i in below[len(phi)]:
-        free[i] = theta[i]
-        if bounded[i] == 1 and theta[i] < 0.0:
+    for i in indices:
+        value = theta[i]
+        free[i] = value
+        if value < 0.0 and bounded[i] == 1:
             outside = True
     if outside:
         multiply_out(parameters, state)

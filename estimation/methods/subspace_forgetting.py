@@ -31,10 +31,11 @@ class SubspaceParameters(FactoredParameters):
 
 def scale(parameters: SubspaceParameters, state: FactoredState, phi: Regressors) -> float:
     """Make y the scaled regressors z; return z' z."""
+    s, y = parameters.s, state.y
     square = 0.0
     for i in below[len(phi)]:
-        z = parameters.s[i] * phi[i]
-        state.y[i] = z
+        z = s[i] * phi[i]
+        y[i] = z
         square += z * z
     return square
 

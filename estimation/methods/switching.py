@@ -64,9 +64,9 @@ def step(
             theta[B], theta[K] = b, k
             state.since = 0.0
             state.switches += 1
-    least = least_point(parameters.correlation, state, dt)
-    state.std[B] = deviation(least.b_variance, least.b - theta[B], b_axis.span)
-    state.std[K] = deviation(least.k_variance, least.k - theta[K], k_axis.span)
+    b_free, k_free, b_variance, k_variance = least_point(parameters.correlation, state)
+    state.std[B] = deviation(b_variance, b_free - theta[B], b_axis.span)
+    state.std[K] = deviation(k_variance, k_free - theta[K], k_axis.span)
 
 
 class SwitchingMultiEstimator(MultiEstimator):

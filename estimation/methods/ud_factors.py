@@ -57,6 +57,10 @@ class FactoredState(LinearGainState):
     """A vector for `add`, (m,)."""
     bound: float
     """No less than the trace of P."""
+    dt: float
+    """Time between the last two samples [s], 0 before."""
+    beta: float
+    """Forgetting factor for this time."""
 
 
 def kept(parameters: FactoredParameters, state: FactoredState, dt: float) -> float:
@@ -66,9 +70,11 @@ def kept(parameters: FactoredParameters, state: FactoredState, dt: float) -> flo
     exceeds `WINDUP` times its initial value. Nor does the trace, which is no less than any
     variance, so that it need not be computed for each sample.
     """
-    beta = parameters.beta
-    if parameters.rate > 0.0:
-        beta = math.exp(-parameters.rate * dt)
+    if dt != state.dt:  # samples are even for most of the time
+        state.dt = dt
+        rate = parameters.rate
+        state.beta = math.exp(-rate * dt) if rate > 0.0 else parameters.beta
+    beta = state.beta
     if state.bound > beta * WINDUP:
         state.bound = trace(state)
         if state.bound > beta * WINDUP:
@@ -131,13 +137,14 @@ def take_in(
     for j in below[len(phi)]:
         column = U[j]
         y = s[j] * phi[j]
-        for i in below[j]:
+        earlier = below[j]
+        for i in earlier:
             y += column[i] * (s[i] * phi[i])
         before = now
         gain = D[j] * y
         now += y * gain
         D[j] *= before / now
-        for i in below[j]:
+        for i in earlier:
             former = column[i]
             column[i] -= L[i] * y / before
             L[i] += gain * former
@@ -159,9 +166,10 @@ def add(state: FactoredState, weight: float, columns: int) -> None:
         value = y[j]
         former = D[j]
         part = left * value
-        D[j] = former + part * value
-        part /= D[j]
-        left *= former / D[j]
+        now = former + part * value
+        D[j] = now
+        part /= now
+        left *= former / now
         for i in below[j]:
             y[i] -= value * column[i]
             column[i] += part * y[i]
@@ -263,6 +271,8 @@ class FactoredEstimator(LinearGainEstimator):
             D=[1.0] * m,
             y=zeros(m),
             bound=float(m),
+            dt=0.0,
+            beta=1.0,
         )
 
     @staticmethod

@@ -2,6 +2,8 @@
 
 They were computed before the estimators' states got names, by the code of commit dcad2fa. Write
 them anew only for a change of an estimator's numbers that is intended, and say so in its commit.
+The standard deviations of the methods of `linear_gain` on signals with uneven periods were written
+anew when the noise variance came to count each sample once, however long the time before it.
 """
 
 from __future__ import annotations

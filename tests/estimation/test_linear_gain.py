@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import statsmodels.api as sm
 
-from estimation import RecursiveLeastSquares, linear_gain
+from estimation import METHODS, RecursiveLeastSquares, linear_gain, paper_preset
 from estimation.linear_gain import (
     DIFFUSE,
     LinearGainEstimator,
@@ -200,3 +200,28 @@ def test_a_sample_that_moves_nothing_tells_nothing_of_the_noise():
 def test_a_correlation_below_one_is_refused(correlation):
     with pytest.raises(ValueError, match="correlation must be at least 1"):
         gradient(correlation=correlation)
+
+
+@pytest.mark.parametrize("gap", [0.3, 20.0])
+@pytest.mark.parametrize("name", ["rls", "kalman"])
+def test_after_a_gap_the_interval_holds_the_truth_as_often_as_it_states(name, gap):
+    before, after = 400, 251
+    inside = []
+    for seed in range(200):
+        rng = np.random.default_rng(seed)
+        dt = np.full(before + after, DT)
+        dt[before] = gap
+        t = rng.uniform(0.0, 1.0) + np.cumsum(dt)
+        x = 5e-3 + 3e-3 * np.sin(8.0 * t) + 0.5e-3 * np.sin(31.0 * t)
+        v = 24e-3 * np.cos(8.0 * t) + 15.5e-3 * np.cos(31.0 * t)
+        f = 20.0 * v + 2100.0 * x + rng.normal(0.0, 0.02, len(t))
+        estimates = METHODS[name](paper_preset("soft")).run(x, v, f, dt)
+        at = before + np.round(np.array([0.3, 0.5, 1.0]) / DT).astype(int)
+        for truth, value, std in (
+            (20.0, estimates.b, estimates.b_std),
+            (2100.0, estimates.k, estimates.k_std),
+        ):
+            inside.append(np.abs(value[at] - truth) <= 1.96 * std[at])
+    share = np.mean(np.reshape(inside, (-1, 2, 3)), axis=0)
+    assert (share >= 0.90).all()
+    assert (share <= 0.99).all()

@@ -88,7 +88,7 @@ def test_never_diverges_whatever_the_gain_and_the_period(gain, dt, method):
 
 
 def test_with_persistent_excitation_converges_to_the_plant(palpation):
-    estimates = AdaptiveIdentification(SOFT, "exact").run(*palpation(seconds=20.0))
+    estimates = AdaptiveIdentification(SOFT, "exact").run(*palpation(seconds=15.0))
     assert estimates.b[-1] == pytest.approx(20.0, rel=0.01)
     assert estimates.k[-1] == pytest.approx(2100.0, rel=0.001)
 

@@ -32,7 +32,9 @@ def factored(m, seed):
 
 def state_of(u, d, y):
     fields = linear_gain_state([1.0] * len(d))
-    return FactoredState(**fields, U=u.T.tolist(), D=d.tolist(), y=y.tolist(), bound=0.0)
+    return FactoredState(
+        **fields, U=u.T.tolist(), D=d.tolist(), y=y.tolist(), bound=0.0, dt=0.0, beta=1.0
+    )
 
 
 def unscaled(m):
