@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from types import TracebackType
@@ -10,6 +11,13 @@ from typing import NamedTuple, Self
 
 class RigError(Exception):
     """A device failed or fell silent; the message names which, and what was expected."""
+
+
+def reason(error: Exception) -> str:
+    """The cause of an error of the system or of a library, as part of a line of text."""
+    number = getattr(error, "errno", None)
+    text = os.strerror(number).lower() if number else str(error)
+    return " ".join(text.split()).rstrip(".") or type(error).__name__
 
 
 class Ages(NamedTuple):

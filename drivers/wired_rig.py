@@ -106,9 +106,9 @@ class WiredRig(Rig):
             bus.pump = self._poll
         for device in self.devices.values():
             if isinstance(device, SerialDevice):
-                self._port_of(device).device = device
+                self._port_of(device).attach(device.receive)
             elif isinstance(device, CanDevice):
-                self._can_bus_of(device).attach(device)
+                self._can_bus_of(device).attach(device.identifiers(), device.receive)
         for device in self.devices.values():
             if isinstance(device, SerialDevice):
                 device.start(self._port_of(device))

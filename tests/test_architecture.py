@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import ast
+import graphlib
 import re
 import sys
+from collections.abc import Container
 from pathlib import Path
 
 import pytest
@@ -54,6 +56,38 @@ def test_a_package_imports_only_what_the_plan_allows(package):
     for path in files:
         foreign = imported(path) - set(sys.stdlib_module_names) - {package}
         assert foreign <= ALLOWED[package], path
+
+
+def modules(package: str) -> dict[str, Path]:
+    """The files of a package by the names of their modules."""
+    found = {}
+    for path in sorted((ROOT / package).rglob("*.py")):
+        parts = path.relative_to(ROOT).with_suffix("").parts
+        found[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
+    return found
+
+
+def imported_modules(path: Path, known: Container[str]) -> set[str]:
+    """The known modules that a file imports, also in its functions and for type checking."""
+    names: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+            inner = {f"{node.module}.{alias.name}" for alias in node.names}
+            names |= {name if name in known else node.module for name in inner}
+    return {name for name in names if name in known}
+
+
+@pytest.mark.parametrize("package", ["estimation", "drivers", "sim_backend"])
+def test_no_file_imports_itself_through_others(package):
+    files = modules(package)
+    imports = {name: imported_modules(path, files) for name, path in files.items()}
+    assert any(imports.values())
+    try:
+        graphlib.TopologicalSorter(imports).prepare()
+    except graphlib.CycleError as error:
+        pytest.fail(f"import cycle: {' <- '.join(error.args[1])}")
 
 
 @pytest.mark.parametrize("package", ALLOWED)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from enum import Enum
 
-from drivers.devices.cia402 import Cia402Settings
+from drivers.devices.cia402_settings import Cia402Settings
 from sim_backend.wire.devices.canopen_node import CanopenNode
 from sim_backend.wire.devices.canopen_sdo import (
     UNSUPPORTED_ACCESS,

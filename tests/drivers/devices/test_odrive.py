@@ -477,7 +477,7 @@ def mocked(request: pytest.FixtureRequest) -> Iterator[tuple[CanBus, ODrive]]:
     bus = CanBus("can", time.perf_counter, "virtual", channel, None, {})
     # The mock sends a heartbeat every 200 ms.
     odrive = ODrive("slave", settings("0.6", node=0, heartbeat_timeout_ms=1000.0))
-    bus.attach(odrive)
+    bus.attach(odrive.identifiers(), odrive.receive)
     bus.open()
     try:
         yield bus, odrive
