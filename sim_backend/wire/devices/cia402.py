@@ -14,7 +14,7 @@ from sim_backend.wire.devices.canopen_sdo import (
     Entry,
     ObjectDictionary,
 )
-from sim_backend.wire.emulated import Mount
+from sim_backend.wire.emulated_device import Mount
 
 AXIS = "axis"
 RATED_TORQUE = 0.2

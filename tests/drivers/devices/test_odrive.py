@@ -19,7 +19,7 @@ from drivers.devices.odrive import ODrive, ODriveSettings
 from drivers.rig import RigError
 from drivers.transports.can_bus import CanBus
 from sim_backend.wire.devices.odrive import EmulatedODrive
-from sim_backend.wire.emulated import Mount
+from sim_backend.wire.emulated_device import Mount
 
 NODE = 3
 TRAVEL = 5e-3

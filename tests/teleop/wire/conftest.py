@@ -19,8 +19,8 @@ import pytest
 from drivers import Measurement
 from drivers.rig_file import RigFile, read_rig_file
 from drivers.wired_rig import WiredRig
-from sim_backend.wire.bench import NEVER
 from sim_backend.wire.emulator import Emulator, PlannedFault, host_file
+from sim_backend.wire.mechanism import NEVER
 from teleop.safety.rig_limits import rig_limits
 from teleop.settings import TrialSettings
 

@@ -52,12 +52,12 @@ def drive_goes(factor: float, axis: str = "slave") -> dict[str, Any]:
     """A drive that goes at so many times the commanded velocity."""
 
     def prepare(emulator: Emulator) -> None:
-        drive = emulator.bench.drive
+        drive = emulator.mechanism.drive
 
         def wrong(name: str, velocity: float) -> None:
             drive(name, factor * velocity if name == axis else velocity)
 
-        emulator.bench.drive = wrong
+        emulator.mechanism.drive = wrong
 
     return {"prepare": prepare}
 
@@ -74,7 +74,7 @@ class Checked:
 
             def watched(wires: Any = None) -> None:
                 step(wires)
-                slave = rig.emulator.bench.rig.plant.slave
+                slave = rig.emulator.mechanism.rig.plant.slave
                 self.travel = max(self.travel, abs(slave.x))
                 self.force = max(self.force, abs(slave.force))
 
@@ -83,7 +83,7 @@ class Checked:
             for _ in range(30):
                 clock.wait()
                 rig.read()
-            self.driven = set(rig.emulator.bench.driven)
+            self.driven = set(rig.emulator.mechanism.driven)
         self.problems = {drive.name: drive.problem for drive in self.report.drives}
 
     def stayed_small(self) -> bool:
@@ -198,7 +198,7 @@ def test_the_boards_emergency_stop_stops_the_check(stepped):
         step = emulator.step
 
         def press(wires: Any = None) -> None:
-            emulator.devices["board"].emergency_stop = bool(emulator.bench.driven)
+            emulator.devices["board"].emergency_stop = bool(emulator.mechanism.driven)
             step(wires)
 
         emulator.step = press
@@ -266,7 +266,7 @@ def test_ctrl_c_during_the_check_ends_it_with_130(command, stepped, capsys):
         step, driven = emulator.step, itertools.count()
 
         def interrupt(wires: Any = None) -> None:
-            if emulator.bench.driven and next(driven) == 400:
+            if emulator.mechanism.driven and next(driven) == 400:
                 signal.raise_signal(signal.SIGINT)
             step(wires)
 

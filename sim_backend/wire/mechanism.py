@@ -1,4 +1,4 @@
-"""The bench: the simulated telemanipulator, with emulated devices mounted on it."""
+"""The simulated telemanipulator that emulated devices are mounted on."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from typing import NamedTuple
 from drivers import Command, Measurement
 from drivers.device import sole_drive
 from drivers.rig_file import RigFile
-from sim_backend.rig import SimulatedRig
-from sim_backend.wire.emulated import Mount
+from sim_backend.simulated_rig import SimulatedRig
+from sim_backend.wire.emulated_device import Mount
 
 PUT_BACK = 1.2
 """Time after which a telemanipulator whose drives are idle is put back to its start [s]."""
@@ -26,8 +26,8 @@ class Source(NamedTuple):
     offset: float
 
 
-class Bench:
-    """The telemanipulator behind emulated devices.
+class Mechanism:
+    """The simulated telemanipulator, and where each emulated device is mounted on it.
 
     Once its drives have been idle for a while it is put back to its start, as a person would
     between trials.
@@ -106,11 +106,11 @@ class Bench:
 
 
 class DeviceMount(Mount):
-    """Where one device is mounted on the bench."""
+    """Where one device is mounted on the mechanism."""
 
-    def __init__(self, bench: Bench, rate: float) -> None:
+    def __init__(self, mechanism: Mechanism, rate: float) -> None:
         self.rate = rate
-        self._bench = bench
+        self._mechanism = mechanism
         self.sources: dict[str, Source] = {}
         """The channels that it measures, by signal."""
         self.axes: dict[str, tuple[str, int]] = {}
@@ -119,19 +119,19 @@ class DeviceMount(Mount):
     def sense(self, signal: str) -> float:
         """What the signal reads: of the channel that it is for, or of the axis that it drives."""
         if source := self.sources.get(signal):
-            value: float = getattr(self._bench.measurement, source.channel)
+            value: float = getattr(self._mechanism.measurement, source.channel)
             return (value - source.offset) / source.gain
         for axis, sign in self.axes.values():
-            return sign * self._bench.state(axis, signal)
+            return sign * self._mechanism.state(axis, signal)
         return 0.0
 
     def drive(self, name: str, velocity: float) -> None:
         """Let the axis behind a drive go."""
         if name in self.axes:
             axis, sign = self.axes[name]
-            self._bench.drive(axis, sign * velocity)
+            self._mechanism.drive(axis, sign * velocity)
 
     def brake(self, name: str) -> None:
         """Hold that axis."""
         if name in self.axes:
-            self._bench.brake(self.axes[name][0])
+            self._mechanism.brake(self.axes[name][0])
