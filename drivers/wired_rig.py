@@ -8,7 +8,7 @@ from contextlib import ExitStack
 from typing import NamedTuple
 
 from drivers.device import CanDevice, DerivedDevice, Device, SerialDevice, VelocityDrive, sole_drive
-from drivers.rig import CHANNELS, STANDSTILL, Ages, Command, Measurement, Rig, RigError
+from drivers.rig import AXES, CHANNELS, STANDSTILL, Ages, Command, Measurement, Rig, RigError
 from drivers.rig_file import RigFile
 from drivers.rig_sections import CanSettings
 from drivers.transports.bus import Bus
@@ -19,9 +19,6 @@ FIRST_SAMPLES = 2.0
 """Longest wait for the first sample of every channel [s]."""
 ENABLING = 2.0
 """Longest time in which drives get ready to take commands [s]."""
-
-AXES = ("master", "slave")
-"""In the order of a `Command`."""
 
 
 class Channel(NamedTuple):
@@ -74,7 +71,6 @@ class WiredRig(Rig):
             )
             for name, c in file.sections.channels.items()
         }
-        self._sources = [self._channels.get(name) for name in CHANNELS]
         self._drives = [
             WiredDrive(
                 name,
@@ -160,24 +156,17 @@ class WiredRig(Rig):
         """Drain every bus; the latest sample of every channel."""
         self._poll()
         now = self._now()
-        values, ages = [], []
-        for channel in self._sources:
-            if channel is None:
-                values.append(math.nan)
-                ages.append(0.0)
-            else:
-                value, time = channel.device.samples[channel.signal]
-                values.append(channel.gain * value + channel.offset)
-                ages.append(now - time + channel.lag)
+        values, ages = dict.fromkeys(CHANNELS, math.nan), dict.fromkeys(CHANNELS, 0.0)
+        for name, channel in self._channels.items():
+            value, time = channel.device.samples[channel.signal]
+            values[name] = channel.gain * value + channel.offset
+            ages[name] = now - time + channel.lag
         error, stop = "", False
         for device in self.devices.values():
             if device.error:
                 error = error or f"{device.name}: {device.error}"
             stop = stop or device.emergency_stop
-        force, handle, position, contact, velocity = values
-        return Measurement(
-            now, force, handle, position, contact, velocity, Ages(*ages), error, stop
-        )
+        return Measurement(now, **values, age=Ages(**ages), drive_error=error, emergency_stop=stop)
 
     def rearm(self) -> None:
         """Let every device forget its error."""
@@ -209,7 +198,7 @@ class WiredRig(Rig):
             raise ValueError(f"a velocity command must be finite, got {command}")
         if not self._enabled:
             command = STANDSTILL
-        applied = [0.0, 0.0]
+        applied = [*STANDSTILL]
         for _, axis, drive, sign, most in self._drives:
             v = min(max(command[axis], -most), most)
             applied[axis] = sign * drive.command(sign * v)

@@ -10,8 +10,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
-from drivers import Measurement, RigError
-from drivers.wired_rig import AXES, WiredRig
+from drivers import AXES, Measurement, RigError
+from drivers.wired_rig import WiredRig
 from teleop.admittance import AdmittanceParameters
 from teleop.black_box import BlackBox
 from teleop.clock import Clock

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from typing import NamedTuple
 
-from drivers import Command, Measurement
+from drivers import AXES, Command, Measurement
 from drivers.device import sole_drive
 from drivers.rig_file import RigFile
 from sim_backend.simulated_rig import SimulatedRig
@@ -50,7 +50,7 @@ class Mechanism:
     ) -> None:
         self._make_rig = make_rig
         self._now = now
-        self._velocities = {"master": 0.0, "slave": 0.0}
+        self._velocities = dict.fromkeys(AXES, 0.0)
         self.driven: set[str] = set()
         """The axes that are not held."""
         self._idle_since = math.inf
@@ -76,7 +76,7 @@ class Mechanism:
         if now - self._idle_since > PUT_BACK:
             self.rig, self._idle_since = self._fresh(), math.inf
         if self.driven:
-            self.rig.write(Command(self._velocities["master"], self._velocities["slave"]))
+            self.rig.write(Command(*self._velocities.values()))
         self.measurement = self.rig.read()
         return self.measurement
 
