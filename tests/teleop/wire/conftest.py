@@ -1,18 +1,22 @@
-"""Trials on emulated devices over real pseudo-terminals, in virtual time and one process.
+"""Trials on emulated devices in virtual time and one process.
 
 The emulator takes a step at each tick, so a trial of a second takes a fraction of it, and a
 fault sets in at a chosen tick. The wire is real: pyserial and python-can talk to pseudo-terminals.
+Tests of many trials replace the pseudo-terminals by lines in memory, since most of the time of a
+tick is spent in the system's calls.
 """
 
 from __future__ import annotations
 
+import errno
 import tempfile
 import threading
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import pytest
 
@@ -41,17 +45,18 @@ class SteppedRig(WiredRig):
     ) -> None:
         self._ahead = 0.0
         self._clock = now
-        self._folder = Path(tempfile.mkdtemp(prefix="stepped-"))
+        self._temporary = tempfile.TemporaryDirectory(prefix="stepped-")
+        folder = Path(self._temporary.name)
         self.emulator = Emulator(
             file,
             lambda now: settings.make_simulated_rig(now, NEVER),
-            self._folder,
+            folder,
             faults,
             self.present,
         )
         prepare(self.emulator)
-        host = self._folder / "host.toml"
-        host.write_text(rewrite(host_file(file, self._folder)))
+        host = folder / "host.toml"
+        host.write_text(rewrite(host_file(file, folder)))
         super().__init__(read_rig_file(host), self.present)
         for bus in self.buses.values():
             bus.nap = self.nap
@@ -89,6 +94,79 @@ class SteppedRig(WiredRig):
     def close(self) -> None:
         super().close()
         self.emulator.__exit__(None, None, None)
+        self._temporary.cleanup()
+
+
+class Line:
+    """A serial line in memory, with the methods of a pseudo-terminal for the device."""
+
+    lines: ClassVar[dict[Path, Line]] = {}
+    """Those that are plugged in, by their path."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.to_device = self.to_host = b""
+        self.answer: Callable[[], object]
+        """Lets the device answer while the host waits."""
+
+    def open(self) -> None:
+        self.plugged = True
+        self.lines[self.path] = self
+
+    def read(self) -> bytes:
+        data, self.to_device = self.to_device, b""
+        return data
+
+    def write(self, data: bytes) -> None:
+        self.to_host += data
+
+    def close(self) -> None:
+        self.plugged = False
+        self.lines.pop(self.path, None)
+
+
+class HostEnd:
+    """The host's end of a line in memory, with the methods of an opened port."""
+
+    def __init__(self, channel: str, baud: int) -> None:
+        if Path(channel) not in Line.lines:
+            raise OSError(errno.ENOENT, "no such line")
+        self.line = Line.lines[Path(channel)]
+
+    def read(self, timeout: float | None) -> bytes:
+        line = self.plugged()
+        if timeout and not line.to_host:
+            line.answer()
+        data, line.to_host = line.to_host, b""
+        return data
+
+    def write(self, data: bytes, timeout: float) -> int:
+        self.plugged().to_device += data
+        return len(data)
+
+    def discard_input(self) -> None:
+        self.plugged().to_host = b""
+
+    def close(self) -> None: ...
+
+    def plugged(self) -> Line:
+        if not self.line.plugged:
+            raise OSError(errno.EIO, "the line is unplugged")
+        return self.line
+
+
+class RigInMemory(SteppedRig):
+    """The same on lines in memory: nothing waits in real time."""
+
+    def nap(self, seconds: float) -> None:
+        self._ahead += seconds
+        self.emulator.step()
+
+    def open(self) -> None:
+        self.emulator.__enter__()
+        for wire in self.emulator.wires.values():
+            wire.port.answer = self.emulator.step
+        WiredRig.open(self)
 
 
 @dataclass(frozen=True)
@@ -100,9 +178,10 @@ class SteppedSettings(TrialSettings):
     prepare: Callable[[Emulator], None] = lambda emulator: None
     rewrite: Callable[[str], str] = str
     """What is wrong in the rig file that the host reads."""
+    kind: type[SteppedRig] = SteppedRig
 
     def make_rig(self, now: Callable[[], float]) -> SteppedRig:
-        return SteppedRig(self.file, self, now, self.faults, self.prepare, self.rewrite)
+        return self.kind(self.file, self, now, self.faults, self.prepare, self.rewrite)
 
 
 def stepped_settings(name: str, condition: str = "autonomous", **settings: Any) -> SteppedSettings:
@@ -129,3 +208,13 @@ def stepped() -> Callable[..., SteppedSettings]:
     """Makes the settings of a trial on one of the example rigs, emulated."""
     pytest.importorskip("pty", reason="there are no pseudo-terminals on this system")
     return stepped_settings
+
+
+@pytest.fixture
+def in_memory(monkeypatch) -> Callable[..., SteppedSettings]:
+    """Makes the same settings, with lines in memory in place of pseudo-terminals."""
+    for module in ("serial_wire", "can_wires"):
+        monkeypatch.setattr(f"sim_backend.wire.{module}.PseudoTerminal", Line)
+    for module in ("serial_port", "slcan"):
+        monkeypatch.setattr(f"drivers.transports.{module}.open_port", HostEnd)
+    return partial(stepped_settings, kind=RigInMemory)
