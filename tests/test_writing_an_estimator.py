@@ -7,36 +7,12 @@ import os
 import re
 import subprocess
 import sys
-import tomllib
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).parents[1]
-PAGE = (ROOT / "docs" / "writing-an-estimator.md").read_text()
-CODE, TESTS = re.findall(r"```python\n(.*?)```", PAGE, re.S)
-(TOML,) = re.findall(r"```toml\n(.*?)```", PAGE, re.S)
 RUN = ["run", "--clock", "virtual", "--duration", "0.6", "--condition", "autonomous"]
-
-
-@pytest.fixture(scope="module")
-def package(tmp_path_factory):
-    """A folder with the page's package, as pip installs it."""
-    folder = tmp_path_factory.mktemp("site")
-    (folder / "acme_estimator.py").write_text(CODE)
-    (folder / "acme_tests.py").write_text(TESTS)
-    project = tomllib.loads(TOML)["project"]
-    info = folder / f"acme_estimator-{project['version']}.dist-info"
-    info.mkdir()
-    (info / "METADATA").write_text(
-        f"Metadata-Version: 2.1\nName: {project['name']}\nVersion: {project['version']}\n"
-    )
-    lines = [
-        f"[{group}]\n" + "".join(f"{name} = {value}\n" for name, value in points.items())
-        for group, points in project["entry-points"].items()
-    ]
-    (info / "entry_points.txt").write_text("\n".join(lines))
-    return folder
 
 
 def python(*arguments, path=None, cwd=None):
@@ -52,20 +28,21 @@ def python(*arguments, path=None, cwd=None):
     )
 
 
-def test_its_tests_pass(package):
-    names = re.findall(r"def (test_\w+)", TESTS)
+def test_its_tests_pass(third_party, estimator_page):
+    tests = estimator_page.block("def test_it_keeps")
+    names = re.findall(r"def (test_\w+)", tests)
     assert len(names) == 2
-    calls = "".join(f"acme_tests.{name}();" for name in names)
-    done = python("-c", f"import acme_tests; {calls}", path=package)
+    calls = "".join(f"{name}()\n" for name in names)
+    done = python("-c", f"{tests}\n{calls}", path=third_party)
     assert done.returncode == 0, done.stderr
 
 
 @pytest.fixture(scope="module")
-def recorded(package, tmp_path_factory):
+def recorded(third_party, tmp_path_factory):
     """What `teleop run` prints with the estimator, and the recording."""
     path = tmp_path_factory.mktemp("trial") / "nlms.mcap"
     options = ["--estimators", "rls,nlms", "--record", path, "--json"]
-    done = python("-m", "teleop", *RUN, *options, path=package, cwd=path.parent)
+    done = python("-m", "teleop", *RUN, *options, path=third_party, cwd=path.parent)
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout), path
 
@@ -76,23 +53,23 @@ def test_it_runs_by_its_name_and_is_recorded(recorded):
     assert summary["estimates"]["nlms"]["k"] > 0.0
 
 
-def test_its_recording_is_estimated_again_to_the_bit(package, recorded):
-    done = python("-m", "teleop", "estimate", recorded[1], "--json", path=package)
+def test_its_recording_is_estimated_again_to_the_bit(third_party, recorded):
+    done = python("-m", "teleop", "estimate", recorded[1], "--json", path=third_party)
     assert done.returncode == 0, done.stderr
     summary = json.loads(done.stdout)
     assert summary["as_online"]
     assert list(summary["estimates"]) == ["rls", "nlms"]
 
 
-def test_it_is_in_the_report(package, recorded):
-    done = python("-m", "teleop", "report", recorded[1], path=package)
+def test_it_is_in_the_report(third_party, recorded):
+    done = python("-m", "teleop", "report", recorded[1], path=third_party)
     assert done.returncode == 0, done.stderr
     assert "nlms" in recorded[1].with_suffix(".html").read_text()
 
 
-def test_all_includes_it(package):
+def test_all_includes_it(third_party):
     code = "from estimation.registry import named_estimators; print(named_estimators('all')[-1])"
-    assert python("-c", code, path=package).stdout.strip() == "nlms"
+    assert python("-c", code, path=third_party).stdout.strip() == "nlms"
 
 
 def test_without_the_package_its_recording_loads_and_the_missing_estimator_is_named(recorded):
@@ -104,7 +81,7 @@ def test_without_the_package_its_recording_loads_and_the_missing_estimator_is_na
     assert other.returncode == 0, other.stderr
 
 
-def test_a_package_that_cannot_be_imported_is_named_in_one_line(package, tmp_path):
+def test_a_package_that_cannot_be_imported_is_named_in_one_line(tmp_path):
     broken = tmp_path / "site"
     (broken / "broken-1.dist-info").mkdir(parents=True)
     (broken / "broken-1.dist-info" / "METADATA").write_text("Name: broken\nVersion: 1\n")
