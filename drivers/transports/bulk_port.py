@@ -62,7 +62,10 @@ class PortablePort:
         self._port.close()
 
     def _write_some(self, data: bytes) -> int:
-        return self._port.write(data) or 0
+        try:
+            return self._port.write(data) or 0
+        except serial.SerialTimeoutException:
+            return 0
 
     def _wait_for_room(self, seconds: float) -> None:
         time.sleep(min(NAP, seconds))

@@ -104,3 +104,11 @@ def test_a_port_that_is_not_there_is_named(terminal):
     with pytest.raises(RigError, match="port /dev/none cannot be opened: no such file"):
         port.open()
     port.close()
+
+
+def test_a_port_without_a_descriptor_that_takes_nothing_is_full_and_not_gone():
+    port = SerialPort("usb", time.monotonic, "loop://", 9600)
+    port.open()
+    with pytest.raises(RigError, match="takes no more, its buffer is full"):
+        port.write(b"command")
+    port.close()
