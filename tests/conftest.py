@@ -15,9 +15,11 @@ from hypothesis import settings
 settings.register_profile("shared machine", deadline=None, max_examples=50)
 settings.load_profile("shared machine")
 
-for ending in (signal.SIGINT, getattr(signal, "SIGHUP", None)):
+for name in ("SIGINT", "SIGHUP", "SIGQUIT"):
+    ending = getattr(signal, name, None)
     if ending and signal.getsignal(ending) is signal.SIG_IGN:  # as nohup and scripts leave them
-        signal.signal(ending, signal.default_int_handler)
+        quits = name == "SIGQUIT"
+        signal.signal(ending, signal.SIG_DFL if quits else signal.default_int_handler)
 
 COMPILER = pytest.StashKey[subprocess.Popen]()
 

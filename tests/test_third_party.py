@@ -137,6 +137,16 @@ def test_the_recording_is_estimated_again(command, recorded):
     assert list(other["estimates"]) == ["nlms", "kalman"]
 
 
+def test_without_the_packages_the_recording_loads_and_the_missing_estimator_is_named(
+    recorded, capsys
+):
+    assert main(["estimate", str(recorded[1])]) == 2
+    out, error = capsys.readouterr()
+    assert (out, error.count("\n")) == ("", 1)
+    assert "nlms" in error
+    assert main(["estimate", str(recorded[1]), "--estimators", "rls"]) == 0
+
+
 def test_the_report_shows_the_estimator(command, recorded, tmp_path):
     command("report", recorded[1], "--out", tmp_path / "report.html")
     assert "nlms" in (tmp_path / "report.html").read_text()
