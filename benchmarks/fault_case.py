@@ -7,14 +7,14 @@ from pathlib import Path
 from typing import Any
 
 from sim_backend.faults import FaultyRig
-from teleop.black_box import BlackBox
-from teleop.clock import Tick, VirtualClock
-from teleop.recorder.mcap_file import McapFile
-from teleop.recorder.schema import Layout
-from teleop.recorder.sinks import Outcome, Sink, event_record
-from teleop.session import Session
-from teleop.settings import TrialSettings
-from teleop.stop_switch import StopSwitch
+from teleop.control.clock import Tick, VirtualClock
+from teleop.recording.black_box import BlackBox
+from teleop.recording.mcap_writer import McapFile
+from teleop.recording.message import Layout
+from teleop.recording.sinks import Outcome, Sink, event_record
+from teleop.trial.loop import Session
+from teleop.trial.settings import TrialSettings
+from teleop.trial.stop_switch import StopSwitch
 
 FLUSHED = 80
 """Ticks after which the file is flushed."""

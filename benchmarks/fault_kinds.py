@@ -22,7 +22,7 @@ from sim_backend.faults import (
 )
 from sim_backend.plant import Intention
 from teleop.safety import Fault
-from teleop.safety.palpation import FROZEN, FROZEN_SPEED, STOPPING
+from teleop.safety.palpation_limits import FROZEN, FROZEN_SPEED, STOPPING
 
 PERIOD = 1e-3
 RAMP = STOPPING + PERIOD

@@ -10,8 +10,8 @@ from typing import Any
 from fault_case import FLUSHED, Case, FileSink
 from fault_kinds import GOES_ON, KINDS, at_once
 
-from teleop.recorder.mcap_reader import read_intact
-from teleop.recording import load
+from teleop.recording.mcap_reader import read_intact
+from teleop.recording.recording import load
 from teleop.safety import Mode
 
 SETTLE = 60

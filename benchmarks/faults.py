@@ -29,8 +29,8 @@ from fault_kinds import KINDS, PERIOD, late_jumps
 from fault_run import run_case
 
 from sim_backend.faults import FaultyRig
-from teleop.clock import Tick
-from teleop.settings import TrialSettings
+from teleop.control.clock import Tick
+from teleop.trial.settings import TrialSettings
 
 LATE = 0.02
 """How late a tick may be in real time without a real-time set-up [s]."""

@@ -31,10 +31,10 @@ import numpy as np
 from drivers import Command, Measurement, Rig
 from sim_backend import CUBES, FreePalpation, SimulatedRig
 from teleop.errors import InputError
-from teleop.recorder.sinks import RecorderProcess
-from teleop.recording import load
-from teleop.settings import TrialSettings
-from teleop.trial import run_trial
+from teleop.recording.recording import load
+from teleop.recording.sinks import RecorderProcess
+from teleop.trial.run import run_trial
+from teleop.trial.settings import TrialSettings
 
 WATCHDOG = 0.1
 """Of the emulated drive [s]."""

@@ -33,9 +33,9 @@ from search_rig import BOUND, LIMITS, PERIOD, Pushing, SearchRig
 from drivers import CHANNELS, STANDSTILL, RigError
 from estimation import Excitation, MatchedFilter, paper_preset
 from sim_backend.faults import Frozen, Replaced, Reported, RigFault, Runaway, Shifted
-from teleop.admittance import Admittance, AdmittanceParameters, Coupling
-from teleop.clock import Tick
-from teleop.controller import Controller
+from teleop.control.admittance import Admittance, AdmittanceParameters, Coupling
+from teleop.control.clock import Tick
+from teleop.control.controller import Controller
 from teleop.safety import Fault, Mode, Request, stops_at_once
 from teleop.safety.channels import Trip
 

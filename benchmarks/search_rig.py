@@ -9,9 +9,9 @@ from typing import Any
 from drivers import Command, Measurement, Rig, RigError
 from sim_backend import CUBES, SimulatedRig
 from sim_backend.faults import FaultyRig
-from teleop.conditions import Condition
+from teleop.control.conditions import Condition
 from teleop.safety import Limits
-from teleop.safety.palpation import palpation_limits
+from teleop.safety.palpation_limits import palpation_limits
 
 WATCHDOG = 0.05
 """Of the simulated drives [s]."""

@@ -24,8 +24,8 @@ from emulated import emulated
 from drivers import STANDSTILL
 from drivers.rig_file import read_rig_file
 from drivers.wired_rig import WiredRig
-from teleop.clock import RealClock
-from teleop.realtime import realtime
+from teleop.control.clock import RealClock
+from teleop.trial.realtime import realtime
 
 RATE = 1000.0
 WARM = 1000

@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from drivers import Command
 from estimation import MatchedFilter, paper_preset
 from sim_backend import Cube, SimulatedRig
-from teleop.clock import VirtualClock
+from teleop.control.clock import VirtualClock
 
 ARGUMENTS = [] if "ipykernel" in sys.modules else sys.argv[1:]  # [folder for the figure]
 FOLDER = Path(*ARGUMENTS[:1])

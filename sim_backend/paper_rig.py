@@ -1,10 +1,10 @@
 """The paper's set-up as far as its Table I tells: cubes, force-channel lags, depths.
 
 Under a stiffening cube and a lagging force channel the RLS rows of Table I are about
-k_hat = k1 + k3 x^2 and b_hat = b - k_hat tau. The values here are those of
-`python -m teleop.paper.calibrate`. A sensor's lag does not depend on what it touches: one lag a
-cube stands in for whatever else differed between the paper's trials, and does not bring all of
-its damping values at once.
+k_hat = k1 + k3 x^2 and b_hat = b - k_hat tau. The values here are the output of
+`python -m teleop.studies.paper.calibrate`. The lag of a sensor does not depend on what it
+touches. One lag for each cube stands for all other differences between the trials of the paper,
+and does not reproduce all of its damping values at the same time.
 """
 
 from __future__ import annotations

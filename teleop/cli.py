@@ -23,7 +23,7 @@ from teleop.commands.run import run
 from teleop.errors import InputError, SafetyStop
 from teleop.interruption import Interruption
 from teleop.printable import complain, give_up_output
-from teleop.realtime import clear_of_claimed_processors
+from teleop.trial.realtime import clear_of_claimed_processors
 
 
 def installed_version() -> str:

@@ -14,8 +14,8 @@ from teleop.commands.recording import BY_NAME, ColumnOptions
 from teleop.names import ConditioningName, CubeName, ModelName, PresetName
 
 if TYPE_CHECKING:
-    from teleop.estimate import EstimateSettings
-    from teleop.recording import Recording
+    from teleop.evaluation.evaluation import EstimateSettings
+    from teleop.recording.recording import Recording
 
 
 def estimate(
@@ -85,16 +85,16 @@ def estimate(
     json
         Print one JSON document instead of tables.
     """
-    from teleop import console
-    from teleop.choices import choose_estimators, choose_model
     from teleop.errors import InputError
-    from teleop.estimate import Evaluation, evaluate
-    from teleop.estimate_console import print_evaluation, print_together
+    from teleop.evaluation.evaluation import Evaluation, evaluate
+    from teleop.evaluation.formats.delimited import write_table
+    from teleop.evaluation.pooled import taken_together
+    from teleop.evaluation.replay import agrees
     from teleop.files import check_outputs, new_file
-    from teleop.gaps import gap_rows
-    from teleop.recorded_estimates import agrees
-    from teleop.recording_set import taken_together
-    from teleop.table import write_table
+    from teleop.output import tables as console
+    from teleop.output.estimate_tables import print_evaluation, print_together
+    from teleop.recording.gaps import gap_rows
+    from teleop.trial.choices import choose_estimators, choose_model
 
     if more and (out or plot):
         raise InputError("--out and --plot take one recording: expected one file")
@@ -138,7 +138,7 @@ def estimate(
         with new_file(out, overwrite) as table:
             write_table(table, *evaluation.columns())
     if plot:
-        from teleop.figure import estimates_figure, save
+        from teleop.output.figures import estimates_figure, save
 
         x, v, *_ = evaluation.regression
         save(estimates_figure(file.name, evaluation.t, x, v, evaluation.estimates), plot, overwrite)
@@ -149,8 +149,8 @@ def chosen(
     recording: Recording | None, datum: str, cube: str, given: Mapping[str, Any]
 ) -> EstimateSettings:
     """The settings of a recorded trial, or those for a table, with what the options change."""
-    from teleop.estimate import EstimateSettings
-    from teleop.recorded_estimates import recorded_settings
+    from teleop.evaluation.evaluation import EstimateSettings
+    from teleop.evaluation.replay import recorded_settings
 
     settings = recorded_settings(recording) if recording else EstimateSettings()
     if datum != "auto":

@@ -33,12 +33,12 @@ def export(
     json
         Print one JSON document instead of the file's name.
     """
-    from teleop import console
-    from teleop.export import export_recording, format_of
     from teleop.files import check_outputs
-    from teleop.gaps import gap_rows, missing_text
+    from teleop.output import tables as console
     from teleop.printable import complain
-    from teleop.recording import load
+    from teleop.recording.export_formats import export_recording, format_of
+    from teleop.recording.gaps import gap_rows, missing_text
+    from teleop.recording.recording import load
 
     out = out or file.with_suffix(".csv")
     name = format_of(out)

@@ -41,10 +41,10 @@ def lag(
     json
         Print one JSON document instead of a text.
     """
-    from teleop import console
     from teleop.errors import InputError
-    from teleop.force_lag import measure_lag, measure_simulated_lag
-    from teleop.motion import find_datum
+    from teleop.evaluation.datum import find_datum
+    from teleop.output import tables as console
+    from teleop.rig.force_lag import measure_lag, measure_simulated_lag
 
     summary: dict[str, Any]
     if file is None:

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 if TYPE_CHECKING:
-    from teleop.recording import Recording
-    from teleop.table import Signals
+    from teleop.evaluation.formats.delimited import Signals
+    from teleop.recording.recording import Recording
 
 
 @dataclass(frozen=True)
@@ -39,11 +39,11 @@ class Columns:
         from teleop.errors import InputError
 
         if file.suffix.lower() != ".mcap":
-            from teleop.table import read_signals
+            from teleop.evaluation.formats.delimited import read_signals
 
             return read_signals(file, self.position, self.force, self.time), None
-        from teleop.recorded_estimates import recorded_signals
-        from teleop.recording import load
+        from teleop.evaluation.replay import recorded_signals
+        from teleop.recording.recording import load
 
         for option in ("position", "force", "time"):
             if getattr(self, option) is not None:

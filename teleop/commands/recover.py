@@ -31,9 +31,9 @@ def recover(
     json
         Print one JSON document instead of a line.
     """
-    from teleop import console
-    from teleop.gaps import gap_rows, missing_text
-    from teleop.recover import recover_recording
+    from teleop.output import tables as console
+    from teleop.recording.gaps import gap_rows, missing_text
+    from teleop.recording.recovery import recover_recording
 
     out = out or file.with_name(f"{file.stem}-recovered.mcap")
     recovery = recover_recording(file, out)

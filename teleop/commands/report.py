@@ -43,12 +43,12 @@ def report(
     force_lag
         Lag of the force channel [s] to make up for.
     """
-    from teleop import console
-    from teleop.black_box import fault_of
     from teleop.commands.estimate import chosen
-    from teleop.estimate import FEWEST, evaluate
+    from teleop.evaluation.evaluation import FEWEST, evaluate
     from teleop.files import check_outputs, write_text
-    from teleop.report import report_page, stop_page
+    from teleop.output import tables as console
+    from teleop.output.report_page import report_page, stop_page
+    from teleop.recording.black_box import fault_of
 
     page = out or file.with_suffix(".html")
     check_outputs(page, sources=(file,), overwrite=overwrite)

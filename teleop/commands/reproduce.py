@@ -45,14 +45,14 @@ def reproduce(
     from rich.console import Console
     from rich.progress import Progress
 
-    from teleop import console
-    from teleop.choices import choose_estimators, choose_model
     from teleop.errors import InputError
-    from teleop.estimate_console import print_table
-    from teleop.paper.methods import Methods
-    from teleop.paper.page import METHOD_HEADINGS, method_cells
-    from teleop.paper.reproduce import check_folder, write
-    from teleop.paper.reproduce import reproduce as run
+    from teleop.output import tables as console
+    from teleop.output.estimate_tables import print_table
+    from teleop.studies.paper.methods import Methods
+    from teleop.studies.paper.page import METHOD_HEADINGS, method_cells
+    from teleop.studies.paper.reproduction import check_folder, write
+    from teleop.studies.paper.reproduction import reproduce as run
+    from teleop.trial.choices import choose_estimators, choose_model
 
     names = () if estimators is None else choose_estimators(estimators)
     if model != "kelvin-voigt" and not names:

@@ -40,16 +40,17 @@ def check(
     import sys
 
     from drivers.wired_rig import WiredRig
-    from teleop import console, rig_console
-    from teleop.black_box import moment
-    from teleop.clock import RealClock
-    from teleop.drive_check import check_drives
+    from teleop.control.clock import RealClock
     from teleop.errors import InputError, SafetyStop
-    from teleop.realtime import realtime
-    from teleop.rehearsal import tick_cost
-    from teleop.rig_check import listen, problems, round_trips
-    from teleop.rig_file import load_rig_file
-    from teleop.settings import TrialSettings
+    from teleop.output import rig_tables as rig_console
+    from teleop.output import tables as console
+    from teleop.recording.black_box import moment
+    from teleop.rig.channel_check import listen, problems, round_trips
+    from teleop.rig.drive_check import check_drives
+    from teleop.rig.loading import load_rig_file
+    from teleop.trial.realtime import realtime
+    from teleop.trial.rehearsal import tick_cost
+    from teleop.trial.settings import TrialSettings
 
     if not 0.1 <= seconds <= 3600.0:
         raise InputError(f"seconds {seconds:g}: expected 0.1 to 3600")

@@ -65,15 +65,16 @@ def emulate(
     import tempfile
 
     from sim_backend.wire.emulator import host_file, host_ports
-    from teleop import console, rig_console
     from teleop.commands.run import read_depth
-    from teleop.emulation import make_emulator, opened, read_fault
     from teleop.files import check_outputs, write_text
     from teleop.interruption import stop_signals
-    from teleop.realtime import realtime
-    from teleop.rig_file import load_rig_file
-    from teleop.settings import TrialSettings
-    from teleop.stamp import is_unchanged, stamped
+    from teleop.output import rig_tables as rig_console
+    from teleop.output import tables as console
+    from teleop.rig.emulation import make_emulator, opened, read_fault
+    from teleop.rig.loading import load_rig_file
+    from teleop.rig.stamp import is_unchanged, stamped
+    from teleop.trial.realtime import realtime
+    from teleop.trial.settings import TrialSettings
 
     rig = load_rig_file(file)
     overwrite = overwrite or is_unchanged(out, WRITER)

@@ -18,7 +18,8 @@ def list_(*, json: Annotated[bool, Parameter(negative="")] = False) -> int:
         Print one JSON document instead of a table.
     """
     from drivers.ports import found
-    from teleop import console, rig_console
+    from teleop.output import rig_tables as rig_console
+    from teleop.output import tables as console
 
     ports = found()
     if json:

@@ -47,15 +47,15 @@ def tare(
     from drivers import Rig
     from drivers.wired_rig import WiredRig
     from sim_backend import Sensors
-    from teleop import console
-    from teleop.clock import Clock, RealClock, VirtualClock
+    from teleop.control.clock import Clock, RealClock, VirtualClock
+    from teleop.control.tare import FARTHEST, write_tare
     from teleop.errors import InputError
+    from teleop.evaluation.formats.delimited import quantity
     from teleop.files import check_outputs
-    from teleop.rig_file import load_rig_file
-    from teleop.table import quantity
-    from teleop.tare import FARTHEST, write_tare
-    from teleop.touching import off_the_cube, touch, touch_settings
-    from teleop.zeroing import dated, force_zero
+    from teleop.output import tables as console
+    from teleop.rig.loading import load_rig_file
+    from teleop.rig.touching import off_the_cube, touch, touch_settings
+    from teleop.rig.zeroing import dated, force_zero
 
     given = 0.0 if contact in ("keep", "touch") else quantity(contact, "position")
     if given is None or not abs(given) <= FARTHEST:

@@ -22,7 +22,7 @@ from teleop.names import (
 )
 
 if TYPE_CHECKING:
-    from teleop.trial import Trial
+    from teleop.trial.run import Trial
 
 
 def run(
@@ -117,17 +117,17 @@ def run(
     """
     import sys
 
-    from teleop import console
-    from teleop.black_box import moment
-    from teleop.choices import choose_estimators, choose_model, make_coupling, make_signal
+    from teleop.control.tare import NO_TARE, read_tare
     from teleop.errors import InputError, SafetyStop
     from teleop.files import check_outputs, make_folder
+    from teleop.output import tables as console
     from teleop.printable import complain, give_up_output
-    from teleop.rig_file import load_rig_file
-    from teleop.settings import TrialSettings
-    from teleop.stop_switch import StopSwitch
-    from teleop.tare import NO_TARE, read_tare
-    from teleop.trial import run_trial
+    from teleop.recording.black_box import moment
+    from teleop.rig.loading import load_rig_file
+    from teleop.trial.choices import choose_estimators, choose_model, make_coupling, make_signal
+    from teleop.trial.run import run_trial
+    from teleop.trial.settings import TrialSettings
+    from teleop.trial.stop_switch import StopSwitch
 
     rig_file = load_rig_file(rig) if rig else None
     usual_rate = rig_file.sections.rate_hz if rig_file else 1000.0
@@ -200,7 +200,7 @@ def run(
 
 def draw(trial: Trial, plot: Path, overwrite: bool) -> None:
     """Draw the estimates of a trial; InputError if the file cannot be written."""
-    from teleop.figure import estimates_figure, save
+    from teleop.output.figures import estimates_figure, save
 
     settings, columns = trial.settings, trial.columns
     palpated = settings.rig.sections.name if settings.rig else f"{settings.cube} cube"
@@ -217,7 +217,7 @@ def draw(trial: Trial, plot: Path, overwrite: bool) -> None:
 def read_depth(text: str | None) -> float | None:
     """A depth with its unit [m]; InputError if it has none."""
     from teleop.errors import InputError
-    from teleop.table import quantity
+    from teleop.evaluation.formats.delimited import quantity
 
     depth = None if text is None else quantity(text, "position")
     if text is not None and depth is None:

@@ -193,7 +193,7 @@ def test_a_defect_shows_its_traceback(monkeypatch):
     def broken(self, tick, request):
         raise ZeroDivisionError
 
-    monkeypatch.setattr("teleop.controller.Controller.tick", broken)
+    monkeypatch.setattr("teleop.control.controller.Controller.tick", broken)
     with pytest.raises(ZeroDivisionError):
         main(RUN)
 

@@ -14,7 +14,7 @@ import pytest
 from teleop.cli import main
 from teleop.errors import InputError
 from teleop.files import check_outputs, new_file, write_text
-from teleop.stamp import is_unchanged, stamped
+from teleop.rig.stamp import is_unchanged, stamped
 
 RIG = Path(__file__).parents[2] / "rigs" / "serial-board.toml"
 
@@ -246,7 +246,8 @@ def test_a_replaced_file_keeps_its_permissions_and_a_link_leads_to_the_new_one(f
 
 
 def test_reproduce_refuses_before_its_trials(refused, folder, monkeypatch):
-    monkeypatch.setattr("teleop.paper.reproduce.reproduce", lambda *_: pytest.fail("trials ran"))
+    trials = "teleop.studies.paper.reproduction.reproduce"
+    monkeypatch.setattr(trials, lambda *_: pytest.fail("trials ran"))
     (folder / "file").write_text("")
     assert "expected a folder" in refused("reproduce", "--out", "file")
     (folder / "study").mkdir()

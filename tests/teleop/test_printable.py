@@ -14,10 +14,10 @@ from hypothesis import strategies as st
 
 from estimation import Estimates
 from teleop.cli import main
-from teleop.console import plain_console
-from teleop.figure import estimates_figure
+from teleop.output.figures import estimates_figure
+from teleop.output.tables import plain_console
+from teleop.output.web_page import svg
 from teleop.printable import one_line, printable
-from teleop.web_page import svg
 
 EVIL = "\x1b]0;gone\x07\x1b[2J\x9b31m\u202e"
 
@@ -37,7 +37,7 @@ def test_a_complaint_is_one_line_of_bounded_length(text):
 
 
 def test_a_console_shows_control_characters_in_texts_tables_and_titles(capsys):
-    from teleop.estimate_console import print_table
+    from teleop.output.estimate_tables import print_table
 
     console = plain_console()
     console.print(EVIL, style="red")

@@ -26,7 +26,7 @@ from drivers.wired_rig import WiredRig
 from sim_backend.wire.emulator import Emulator, PlannedFault, host_file
 from sim_backend.wire.mechanism import NEVER
 from teleop.safety.rig_limits import rig_limits
-from teleop.settings import TrialSettings
+from teleop.trial.settings import TrialSettings
 
 RIGS = Path(__file__).parents[3] / "rigs"
 
@@ -200,7 +200,7 @@ def stepped_settings(name: str, condition: str = "autonomous", **settings: Any) 
 @pytest.fixture(autouse=True)
 def soon(monkeypatch):
     """After a fault a trial holds still for a moment only."""
-    monkeypatch.setattr("teleop.session.AFTER", 0.2)
+    monkeypatch.setattr("teleop.trial.loop.AFTER", 0.2)
 
 
 @pytest.fixture

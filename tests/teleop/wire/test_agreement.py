@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import pytest
 
-from teleop.recorder.schema import Layout
-from teleop.recording import from_messages
-from teleop.report import not_measured
-from teleop.settings import TrialSettings
-from teleop.trial import run_trial, session_metadata
+from teleop.output.report_page import not_measured
+from teleop.recording.message import Layout
+from teleop.recording.recording import from_messages
+from teleop.trial.run import run_trial, session_metadata
+from teleop.trial.settings import TrialSettings
 
 SECONDS = 2.5
 

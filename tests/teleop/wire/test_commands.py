@@ -16,8 +16,8 @@ import pytest
 from drivers.rig_file import read_rig_file
 from sim_backend.wire.emulator import Emulator, host_file
 from teleop.cli import main
-from teleop.emulation import make_emulator
-from teleop.settings import TrialSettings
+from teleop.rig.emulation import make_emulator
+from teleop.trial.settings import TrialSettings
 
 RIGS = Path(__file__).parents[3] / "rigs"
 BOARD = str(RIGS / "serial-board.toml")

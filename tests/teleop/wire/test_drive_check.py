@@ -17,12 +17,12 @@ import tomlkit
 
 from sim_backend.wire.emulator import Emulator, PlannedFault
 from teleop.cli import main
-from teleop.clock import VirtualClock
-from teleop.drive_check import STROKES, check_drives
+from teleop.control.clock import VirtualClock
 from teleop.errors import InputError
-from teleop.realtime import RealTime
+from teleop.rig.drive_check import STROKES, check_drives
 from teleop.safety import Fault
 from teleop.safety.rig_limits import rig_limits
+from teleop.trial.realtime import RealTime
 
 RIGS = ["serial-board", "odrive-bota", "cia402-ft300"]
 FACTORS = [20.0, 2.0, 0.5, -1.0]
@@ -223,10 +223,10 @@ def command(monkeypatch):
     """Runs `teleop rig check --move` on an emulated rig in virtual time."""
 
     def run(settings: Any, *options: str) -> int:
-        monkeypatch.setattr("teleop.clock.RealClock", VirtualClock)
+        monkeypatch.setattr("teleop.control.clock.RealClock", VirtualClock)
         monkeypatch.setattr("drivers.wired_rig.WiredRig", lambda file, now: settings.make_rig(now))
-        monkeypatch.setattr("teleop.realtime.realtime", lambda mode: RealTime("off", ()))
-        monkeypatch.setattr("teleop.rig_check.round_trips", lambda rig, clock: [])
+        monkeypatch.setattr("teleop.trial.realtime.realtime", lambda mode: RealTime("off", ()))
+        monkeypatch.setattr("teleop.rig.channel_check.round_trips", lambda rig, clock: [])
         path = str(settings.file.path)
         return main(["rig", "check", path, "--seconds", "0.2", "--move", *options])
 

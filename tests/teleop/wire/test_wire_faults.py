@@ -11,7 +11,7 @@ from drivers import RigError
 from sim_backend.wire.emulator import PlannedFault
 from sim_backend.wire.wire_faults import FAULTS, BaudMismatch, Burst
 from teleop.safety import Fault, Mode
-from teleop.trial import run_trial
+from teleop.trial.run import run_trial
 
 AT = 0.2
 """When a fault sets in, after the drives were enabled [s]."""

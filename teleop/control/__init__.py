@@ -1,0 +1,1 @@
+"""One tick: from a measurement to commands for the drives."""

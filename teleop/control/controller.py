@@ -1,0 +1,261 @@
+"""One tick of the control loop, in the order in which data flows."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+
+from drivers import STANDSTILL, Command, Measurement, Rig
+from estimation import Bank, Conditioner, Estimate, Excitation
+from teleop.control.admittance import Admittance, Coupling
+from teleop.control.alignment import Alignment, Pair
+from teleop.control.clock import Tick
+from teleop.control.conditions import Condition
+from teleop.control.failures import failure
+from teleop.control.rig_values import command_of, measurement_of
+from teleop.control.tare import NO_TARE, Tare
+from teleop.control.tick_record import Record, Timing
+from teleop.safety import (
+    Fault,
+    Limits,
+    Mode,
+    Request,
+    Supervision,
+    Verdict,
+    activated,
+    supervise,
+)
+from teleop.safety import rearm as rearmed
+from teleop.safety.channels import Trip
+from teleop.safety.events import ACTIVE, STOPPING
+from teleop.safety.state import NO_REQUEST
+
+NO_PAIR = Pair(math.nan, math.nan, math.nan)
+NO_ESTIMATE = Estimate(math.nan, math.nan, math.nan, math.nan, held=False)
+
+
+class Controller:
+    """Maps force to velocity within the limits and feeds the estimators, tick by tick.
+
+    No exception leaves a tick but KeyboardInterrupt and that of the very first reading. Each
+    becomes a fault for the supervisor, which stops the drives; the first is kept in `error`.
+
+    Parameters
+    ----------
+    rig
+        The telemanipulator, opened.
+    condition
+        Whose force drives the master.
+    admittance, coupling
+        From that force to the velocities of master and slave.
+    conditioner
+        From slave position and contact force to regressors.
+    bank
+        The estimators.
+    excitation
+        The excitation measure.
+    period
+        Nominal time between ticks [s]; the first tick's dt.
+    limits
+        What the supervisor holds channels and commands against.
+    tare
+        Where force and position are zero.
+    stopwatch
+        Tells the time by which the parts of a tick are timed [s].
+    """
+
+    def __init__(
+        self,
+        rig: Rig,
+        condition: Condition,
+        admittance: Admittance,
+        coupling: Coupling,
+        conditioner: Conditioner,
+        bank: Bank,
+        excitation: Excitation,
+        period: float,
+        limits: Limits,
+        tare: Tare = NO_TARE,
+        stopwatch: Callable[[], float] = time.perf_counter,
+    ) -> None:
+        self._rig = rig
+        self._condition = condition
+        self._admittance = admittance
+        self._coupling = coupling
+        self._conditioner = conditioner
+        self._bank = bank
+        self._excitation = excitation
+        self._period = period
+        self._limits = limits
+        self._tare = tare
+        self._stopwatch = stopwatch
+        self._alignment = Alignment()
+        self._supervision = Supervision()
+        self._measurement: Measurement | None = None
+        self._start = math.nan
+        self._lateness = 0.0
+        self._energised = False
+        self._silent = False
+        self._trips: list[Trip] = []
+        self._no_estimates = {
+            name: NO_ESTIMATE._replace(further=(math.nan,) * (2 * len(e.names) - 4))
+            for name, e in bank.items()
+        }
+        further = max(len(e.model.further) for e in bank.values())
+        self._no_regressors = (math.nan,) * further
+        self.over = False
+        """Whether the condition has nothing left to do."""
+        self.error: Exception | None = None
+        """The first exception that a tick raised."""
+
+    @property
+    def mode(self) -> Mode:
+        """The supervisor's mode."""
+        return self._supervision.mode
+
+    def rearm(self) -> None:
+        """Let a person leave the fault; ValueError if there is none."""
+        supervision = rearmed(self._supervision)
+        self._rig.rearm()
+        self._supervision = supervision
+        self._trips.clear()
+        self.error = None
+
+    def tick(self, tick: Tick, request: Request = NO_REQUEST) -> Record:
+        """Read, map, limit, write, estimate."""
+        started = self._stopwatch()
+        measurement, dt = self._read()
+        read = self._stopwatch()
+        t = measurement.time - self._start
+
+        drive_force, desired = 0.0, STANDSTILL
+        if self._supervision.mode is ACTIVE and 0.0 <= dt <= self._limits.max_gap:
+            try:
+                active = measurement.time - self._supervision.since
+                drive_force = float(self._condition.drive_force(active, measurement))
+                self._admittance.step(drive_force, dt)
+                desired = self._coupling.command(self._admittance, measurement.slave_position)
+                self.over = bool(self._condition.over)
+            except BaseException as error:
+                self._fail(Fault.CONTROL_FAILURE, error, measurement.time)
+        request = self._complete(request, tick)
+        verdict = supervise(self._supervision, measurement, desired, request, self._limits)
+        if verdict.arm and self._enable(measurement.time):
+            verdict = activated(verdict)
+            self._admittance.align(measurement.slave_position, self._coupling)
+        self._supervision = verdict.state
+        mode = verdict.state.mode
+
+        mapped = self._stopwatch()
+        applied = self._apply(verdict, measurement.time)
+        written = self._stopwatch()
+        if verdict.limited:
+            self._admittance.follow(applied.master_velocity, dt)
+
+        pair, x, v, f, excitation = NO_PAIR, math.nan, math.nan, math.nan, math.nan
+        estimates, further = self._no_estimates, self._no_regressors
+        if mode is ACTIVE or mode is STOPPING:
+            try:
+                if found := self._alignment.update(measurement, dt):
+                    pair = found
+                    x, v, f, further = self._conditioner.update(*pair)
+                    estimates = self._bank.update(x, v, f, pair.dt, further)
+                    excitation = self._excitation.update(x, v, pair.dt)
+            except BaseException as error:
+                self._fail(Fault.ESTIMATION_FAILURE, error, measurement.time)
+        events = verdict.events
+        if events:
+            start = self._start
+            events = tuple(e._replace(time=e.time - start, since=e.since - start) for e in events)
+        compute = mapped - read + self._stopwatch() - written
+        return Record(
+            t,
+            dt,
+            measurement,
+            drive_force,
+            desired,
+            verdict.command,
+            applied,
+            pair,
+            x,
+            v,
+            f,
+            further,
+            estimates,
+            excitation,
+            mode,
+            verdict.limited,
+            tick,
+            Timing(read - started, compute, written - mapped),
+            events,
+        )
+
+    def _read(self) -> tuple[Measurement, float]:
+        """The measurement, tared, and the time since the one before."""
+        last = self._measurement
+        try:
+            measurement = measurement_of(self._rig.read())
+            if self._tare is not NO_TARE:
+                measurement = self._tare.apply(measurement)
+        except BaseException as error:
+            if last is None:
+                raise
+            measurement = last._replace(time=last.time + self._period)
+            self._fail(Fault.RIG_FAILURE, error, measurement.time)
+        self._measurement = measurement
+        if last is None:
+            self._start = measurement.time + self._limits.preflight + self._period
+            return measurement, self._period
+        return measurement, measurement.time - last.time
+
+    def _complete(self, request: Request, tick: Tick) -> Request:
+        """Add the timing of the loop and the failures since the last verdict to a request."""
+        elapsed = (1 + tick.skipped) * self._period + tick.lateness - self._lateness
+        self._lateness = tick.lateness
+        trips = (*request.trips, *self._trips)
+        self._trips.clear()
+        return Request(request.arm, request.stop, request.halt, trips, tick.skipped, elapsed)
+
+    def _enable(self, now: float) -> bool:
+        """Ask the drives to get ready for commands; return whether they are."""
+        self._energised, self._silent = True, False
+        try:
+            return bool(self._rig.enable())
+        except BaseException as error:
+            self._fail(Fault.RIG_FAILURE, error, now)
+            return False
+
+    def _apply(self, verdict: Verdict, now: float) -> Command:
+        """Command the drives, or take them out of operation.
+
+        Zero is written once. While `Rig.idle` fails it is called again at each tick and nothing
+        is written, so that the drives' watchdogs stop them in any case.
+        """
+        applied = STANDSTILL
+        operating = (verdict.enabled or verdict.arm) and not self._trips
+        if not self._silent:
+            try:
+                applied = command_of(self._rig.write(verdict.command))
+            except BaseException as error:
+                self._fail(Fault.RIG_FAILURE, error, now)
+                operating = False
+        if self._energised and not operating:
+            self._silent = verdict.command == STANDSTILL
+            try:
+                self._rig.idle()
+                self._energised = self._silent = False
+                applied = STANDSTILL
+            except BaseException as error:
+                error.add_note("the drives could not be taken out of operation")
+                self._fail(Fault.RIG_FAILURE, error, now)
+        return applied
+
+    def _fail(self, fault: Fault, error: BaseException, now: float) -> None:
+        """Report a failure to the supervisor at its next turn; Ctrl-C goes on."""
+        if isinstance(error, KeyboardInterrupt):
+            raise error
+        text, exception = failure(error)
+        if self.error is None:
+            self.error = exception
+        self._trips.append(Trip(fault, text, math.nan, math.nan, now))

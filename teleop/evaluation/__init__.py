@@ -1,0 +1,1 @@
+"""Evaluation of recordings and of measurements from other machines."""

@@ -1,0 +1,76 @@
+"""What of a recording is motion, and where its zero lies."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from estimation.compiled import Floats
+from teleop.errors import InputError
+from teleop.evaluation.formats.delimited import Signals, quantity
+
+FROM_DATUM = ("displacement", "slave_position", "indentation", "depth")
+"""Names of a position that is already measured from the contact datum."""
+
+
+class Datum(NamedTuple):
+    """Where displacement and force are zero, in the file's own coordinates."""
+
+    x: float
+    """[m]"""
+    f: float
+    """[N]"""
+    source: str
+    """How it was chosen."""
+
+
+def find_datum(signals: Signals, wanted: str) -> Datum:
+    """Where displacement and force are zero.
+
+    `auto` is the file's own zero for a column named a displacement, an indentation or a
+    depth, and the mean of the moving part otherwise, about which a preloaded specimen is
+    linear.
+    """
+    if wanted == "auto":
+        named = signals.position_name.lower() in FROM_DATUM
+        wanted = "file" if named else "mean"
+    if wanted == "file":
+        return Datum(0.0, 0.0, "the file's own zero")
+    if wanted == "start":
+        return Datum(float(signals.x[0]), float(signals.f[0]), "the first sample")
+    if wanted == "mean":
+        motion = moving_part(signals.x)
+        return Datum(
+            float(signals.x[motion].mean()),
+            float(signals.f[motion].mean()),
+            "mean of the motion",
+        )
+    position, _, force = wanted.partition(",")
+    x, f = quantity(position, "position"), quantity(force, "force")
+    if x is None or f is None:
+        raise InputError(
+            f"datum {wanted!r}: expected auto, file, start, mean, or a position and a force "
+            "with units such as 1.5mm,20N"
+        )
+    return Datum(x, f, "given")
+
+
+def moving_part(x: Floats) -> slice:
+    """The samples from the first to the last that leave the rest at either end.
+
+    A position has left a rest when it is off by more than 2 % of the range that holds 98 %
+    of the samples, which one glitch of the sensor does not stretch.
+    """
+    if np.ptp(x) == 0.0:
+        raise InputError("nothing moves: the position is the same in every sample")
+    band = 0.02 * float(np.subtract(*np.percentile(x, [99.0, 1.0])) or np.ptp(x))
+    first = int(np.argmax(np.abs(x - x[0]) > band))
+    last = len(x) - int(np.argmax(np.abs(x[::-1] - x[-1]) > band))
+    return slice(max(first - 1, 0), min(last + 1, len(x))) if first < last else slice(None)
+
+
+def smallest_step(x: Floats) -> float:
+    """Smallest change between positions [m], an encoder's count."""
+    steps = np.abs(np.diff(x))
+    return float(steps[steps > 0.0].min(initial=np.inf))

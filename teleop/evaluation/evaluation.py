@@ -1,0 +1,252 @@
+"""The estimators over a recording, or over any file with a position and a force."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from estimation import (
+    Bank,
+    Estimates,
+    Excitation,
+    Fit,
+    Model,
+    Preset,
+    Regression,
+    force_error,
+    least_squares,
+    paper_preset,
+    scaled_preset,
+)
+from estimation.compiled import Floats
+from estimation.excitation import dominant_frequency
+from estimation.model import KELVIN_VOIGT
+from estimation.registry import PAPER
+from teleop.errors import InputError
+from teleop.evaluation.datum import Datum, find_datum, moving_part, smallest_step
+from teleop.evaluation.formats.delimited import Signals
+from teleop.evaluation.model_comparison import compare
+from teleop.evaluation.model_comparison import cost as sample_cost
+from teleop.names import ConditioningName, PresetName
+from teleop.recording.gaps import closed_up, condition
+from teleop.recording.message import answers, estimate_columns
+from teleop.recording.timing import summarise
+from teleop.trial.choices import make_conditioner
+
+FEWEST = 10
+"""Fewest moving samples that are evaluated."""
+PAPER_BANDWIDTH = 20.0
+"""Bandwidth of the conditioning for the paper's preset [Hz], that of `teleop run`."""
+
+
+@dataclass(frozen=True)
+class EstimateSettings:
+    """How a recording is to be evaluated."""
+
+    datum: str = "auto"
+    """`auto`, `file`, `start`, `mean`, or a position and a force such as `1.5mm,20N`."""
+    preset: PresetName | Preset = "scaled"
+    """Settings of the estimators: scaled from the data, the paper's, or given."""
+    estimators: tuple[str, ...] | None = None
+    """Names of the estimators; None for those of the preset."""
+    model: Model | None = None
+    """Model of the estimators that take any; None for that of the preset."""
+    cube: str = "soft"
+    """The cube whose adaptation gain the paper's preset takes."""
+    conditioning: ConditioningName = "matched"
+    bandwidth: float | None = None
+    """Bandwidth of the conditioning [Hz]; None for ten times the dominant frequency."""
+    force_lag: float = 0.0
+    """Lag of the force channel that matched conditioning makes up for [s]."""
+    whole: bool = False
+    """Whether to take in rest before and after the motion."""
+    resolution: float | None = None
+    """Position of one encoder count [m]; None for the smallest step in the data."""
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """The estimators' answer to a recording; arrays of shape (n,)."""
+
+    t: Floats
+    regression: Regression
+    """What the estimators were given."""
+    estimates: dict[str, Estimates]
+    bank: Bank
+    batch: Fit
+    datum: Datum
+    preset: Preset
+    bandwidth: float
+    rate: float
+    """Median sampling rate [Hz]."""
+    jitter: float
+    """Largest deviation of a sample period from the median, as a share of it."""
+    samples: int
+    """Samples in the recording, rest included."""
+    excitation: Floats
+    """Excitation measure at the motion's dominant frequency."""
+    gaps: tuple[tuple[float, float], ...] = ()
+    """Times of the last sample before each gap and of the first after it [s]."""
+
+    def summary(self, cost: bool = False) -> dict[str, Any]:
+        """What the recording comes to, as `teleop estimate --json` prints it.
+
+        Parameters
+        ----------
+        cost
+            Whether to measure the time that each estimator takes for a sample. It differs from
+            call to call; all else is the same.
+        """
+        estimates = {
+            name: summarise(self.t, self.regression, series, self.bank[name])._asdict()
+            for name, series in self.estimates.items()
+        }
+        if not set(estimates) <= set(PAPER):
+            x, v, f, *_ = self.regression
+            for batch, modelled in ((least_squares(x, v, f), False), (self.batch, True)):
+                group = {
+                    name: series
+                    for name, series in self.estimates.items()
+                    if bool(self.bank[name].model.further) is modelled
+                }
+                rows = compare(self.regression, self.bank, group, batch.b, batch.k)
+                for name, row in rows.items():
+                    estimates[name] |= row._asdict()
+        if cost:
+            for name in estimates:
+                estimates[name]["cost_us"] = sample_cost(self.bank[name], self.regression) * 1e6
+        return {
+            "samples": self.samples,
+            "samples_used": len(self.t),
+            "rate_hz": self.rate,
+            "jitter": self.jitter,
+            "longest_gap_s": float(np.max(self.regression.dt)),
+            "gaps": [{"from_s": start, "to_s": end} for start, end in self.gaps],
+            "from_s": round(float(self.t[0]), 9) + 0.0,
+            "to_s": float(self.t[-1]),
+            "datum": {
+                "position_m": self.datum.x,
+                "force_n": self.datum.f,
+                "source": self.datum.source,
+            },
+            "model": self.preset.model.name,
+            "own_model": [name for name, e in self.bank.items() if e.model != self.preset.model],
+            "from_contact": [name for name, e in self.bank.items() if e.from_contact],
+            "bandwidth_hz": self.bandwidth,
+            "memory_s": 0.5 / self.preset.forgetting_rate,
+            "excitation": {
+                "mean": float(np.mean(self.excitation)),
+                "last": float(self.excitation[-1]),
+            },
+            "estimates": estimates,
+            "batch": {
+                "b": self.batch.b,
+                "k": self.batch.k,
+                "e_f": force_error(self.batch.residual, np.zeros_like(self.batch.residual)),
+                "one_step_rms": self.batch.rms,
+                "further": dict(zip(self.preset.model.further, self.batch.further, strict=True)),
+            },
+        }
+
+    def columns(self) -> tuple[dict[str, Floats], dict[str, str]]:
+        """Signals and estimates as columns with their units, for a file."""
+        x, v, f, *_ = self.regression
+        columns = {"Time": self.t, "Displacement": x, "Velocity": v, "Force": f}
+        units = {"Time": "s", "Displacement": "m", "Velocity": "m/s", "Force": "N"}
+        columns["Excitation"], units["Excitation"] = self.excitation, "-"
+        for column, values in zip(
+            estimate_columns(self.bank), answers(self.estimates), strict=True
+        ):
+            columns[column.name] = np.asarray(values, dtype=np.float64)
+            units[column.name] = column.unit
+        return columns, units
+
+
+def evaluate(signals: Signals, settings: EstimateSettings) -> Evaluation:
+    """Take the datum off, condition the signals, and run the estimators over the motion.
+
+    At a gap the filters restart, and samples are left out until they have settled. The
+    estimators continue with the time that really passed, so that each forgets what it was
+    given before the gap by its age.
+
+    Raises
+    ------
+    InputError
+        A setting is out of its range, nothing moves, or gaps leave too few samples.
+    """
+    if len(signals.t) < FEWEST:
+        raise InputError(
+            f"only {len(signals.t)} samples were given to the estimators: "
+            f"expected at least {FEWEST}"
+        )
+    if np.ptp(signals.f) == 0.0:
+        raise InputError("nothing to estimate from: the force is the same in every sample")
+    datum = find_datum(signals, settings.datum)
+    motion = slice(None) if settings.whole else moving_part(signals.x)
+    if len(signals.dt[motion]) < FEWEST:
+        raise InputError(f"only {len(signals.dt[motion])} samples move: expected at least {FEWEST}")
+    frequency = dominant_frequency(signals.x[motion], closed_up(signals.dt, signals.gaps)[motion])
+    bandwidth = settings.bandwidth
+    if bandwidth is None:
+        bandwidth = 10.0 * frequency if settings.preset == "scaled" else PAPER_BANDWIDTH
+    count = settings.resolution or smallest_step(signals.x)
+    given = settings.preset if isinstance(settings.preset, Preset) else None
+    model = settings.model or (given.model if given else KELVIN_VOIGT)
+    conditioner = make_conditioner(
+        settings.conditioning, bandwidth, count, settings.force_lag, model
+    )
+    whole, settled = condition(
+        conditioner,
+        signals.t,
+        signals.x - datum.x,
+        signals.f - datum.f,
+        signals.dt,
+        signals.gaps,
+    )
+    moving = np.arange(len(signals.t))[motion]
+    used = moving[settled[moving]]
+    if len(used) < FEWEST:
+        raise InputError(
+            f"only {len(used)} samples are far enough from a gap for the filters to settle: "
+            f"expected at least {FEWEST}"
+        )
+    t, regression = signals.t[used], whole.part(used)
+    apart = 1 + np.flatnonzero(np.diff(used) > 1)
+    regression.dt[apart] = t[apart] - t[apart - 1]
+    x, v, f, dt, _ = regression
+    try:
+        if given:
+            preset = given
+        else:
+            preset = (
+                paper_preset(settings.cube)
+                if settings.preset == "paper"
+                else scaled_preset(x, v, f, dt)
+            )
+            preset = replace(preset, correlation=conditioner.correlation(float(np.median(dt))))
+        preset = replace(preset, model=model, estimators=settings.estimators or preset.estimators)
+        bank = preset.bank()
+    except ValueError as error:
+        raise InputError(str(error)) from error
+    estimates = bank.run(*regression)
+    measure = Excitation(frequency, resolution=10.0 * count)
+    excitation = [measure.update(*sample) for sample in zip(x, v, dt, strict=True)]
+    period = float(np.median(dt))
+    gaps = [i for i in signals.gaps if moving[0] < i <= moving[-1]]
+    return Evaluation(
+        t=t,
+        regression=regression,
+        estimates=estimates,
+        bank=bank,
+        batch=least_squares(x, v, f, regression.further),
+        datum=datum,
+        preset=preset,
+        bandwidth=bandwidth,
+        rate=1.0 / period,
+        jitter=float(np.max(np.abs(np.delete(dt, apart) - period))) / period,
+        samples=len(signals.t),
+        excitation=np.array(excitation),
+        gaps=tuple((float(signals.t[i - 1]), float(signals.t[i])) for i in gaps),
+    )

@@ -1,0 +1,230 @@
+"""What the commands print of estimates: the table, and how far each can be trusted."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+from teleop.output.tables import number, plain_console, small
+from teleop.recording.gaps import Gap, missing_text
+
+STALL = 20.0
+"""A sample period this many times longer than the median is reported."""
+GAPS_LISTED = 3
+"""Most gaps that are listed."""
+MEANINGLESS = 1e6
+"""An interval this many times its value is not shown: nothing has been learned."""
+WORSE = 1.2
+"""A residual of a fit to all recordings this many times that of the fits to each is told."""
+HEADINGS = ("", "k [N/m]", "b [N s/m]", "e_f [N]", "one-step rms [N]", "rise time [s]")
+"""Of the table of estimators."""
+
+
+def estimate_cells(rows: Mapping[str, Mapping[str, Any]]) -> list[list[str]]:
+    """The table of estimators as text, a row each, below `HEADINGS`."""
+    return [
+        [
+            name,
+            number(row["k"], 0),
+            number(row["b"], digits(row["b"])),
+            small(row["e_f"]),
+            small(row["one_step_rms"]),
+            number(row.get("rise_time_s", math.nan), 3),
+        ]
+        for name, row in rows.items()
+    ]
+
+
+def digits(value: float) -> int:
+    """Decimals of a damping."""
+    return 1 if abs(value) < 1000.0 else 0
+
+
+def with_interval(value: float, half: float, decimals: int) -> str:
+    """A value with half of its 95 % interval, where there is one."""
+    if not half < MEANINGLESS * max(abs(value), 1.0):
+        return number(value, decimals)
+    if 0.0 < half < 1.0:
+        decimals = max(decimals, min(1 - math.floor(math.log10(half)), 4))
+    return f"{number(value, decimals)} \u00b1 {number(half, decimals)}"
+
+
+def print_table(console: Console, title: str, headings: Sequence[str], rows: Any) -> None:
+    """A table whose first column is text and whose others are numbers."""
+    table = Table(
+        title=title or None, title_justify="left", box=box.SIMPLE_HEAD, title_style="bold"
+    )
+    for i, heading in enumerate(headings):
+        table.add_column(heading, justify="right" if i else "left", no_wrap=True)
+    for cells in rows:
+        table.add_row(*cells)
+    console.print(table)
+
+
+def print_estimates(rows: Mapping[str, Mapping[str, Any]], title: str) -> None:
+    """The table of estimators, and what to know of each."""
+    print_table(plain_console(), title, HEADINGS, estimate_cells(rows))
+    print_intervals(rows)
+
+
+def print_intervals(rows: Mapping[str, Mapping[str, Any]]) -> None:
+    """What each estimator says at the end, how far it can be trusted, and what to know of it."""
+    console = plain_console()
+    print_table(console, "", *interval_table(rows))
+    for name, row in rows.items():
+        further = [f"{parameter} {value:.4g}" for parameter, value in row["further"].items()]
+        if further:
+            console.print(f"  {name}: {', '.join(further)} at the end")
+        if row["held"] == 1.0:
+            console.print(f"  {name}: held throughout, for want of contact or motion", style="red")
+        if row["note"]:
+            console.print(f"  {name}: {row['note']}", style="yellow")
+
+
+def interval_table(rows: Mapping[str, Mapping[str, Any]]) -> tuple[list[str], list[list[str]]]:
+    """Headings and cells: the estimates at the end with their intervals, and how often held.
+
+    With a comparison, see `teleop.evaluation.model_comparison.Comparison`, and a cost, these too.
+    """
+    compared = any("one_step_ratio" in row for row in rows.values())
+    headings = ["at the end", "k [N/m]", "b [N s/m]", "held"]
+    if compared:
+        headings += ["rms/batch", "k within", "b within"]
+    timed = any("cost_us" in row for row in rows.values())
+    if timed:
+        headings.append("cost [us]")
+    cells = []
+    for name, row in rows.items():
+        cells.append(
+            [
+                name,
+                with_interval(row["k_end"], row["k_interval"], 0),
+                with_interval(row["b_end"], row["b_interval"], digits(row["b_end"])),
+                percent(row["held"]),
+            ]
+        )
+        if compared:
+            cells[-1] += [
+                small(row["one_step_ratio"]),
+                percent(row["k_coverage"]),
+                percent(row["b_coverage"]),
+            ]
+        if timed:
+            cells[-1].append(number(row["cost_us"], 1))
+    return headings, cells
+
+
+def percent(share: float) -> str:
+    """A share, or a dash where there is none."""
+    return f"{share:.0%}" if math.isfinite(share) else "-"
+
+
+def print_estimated(console: Console, summary: Mapping[str, Any]) -> None:
+    """Which channels no sensor measured."""
+    for name in summary.get("estimated_channels", ()):
+        console.print(f"  {name}: estimated by an observer, not measured", style="yellow")
+
+
+def print_evaluation(summary: Mapping[str, Any], name: str) -> None:
+    """A recording's tables."""
+    console = plain_console()
+    rows = {**summary["estimates"], "batch": summary["batch"]}
+    print_table(console, name, HEADINGS, estimate_cells(rows))
+    print_intervals(summary["estimates"])
+    datum = summary["datum"]
+    console.print(
+        f"  {summary['samples_used']} of {summary['samples']} samples, "
+        f"{summary['from_s']:.3f} to {summary['to_s']:.3f} s, at {summary['rate_hz']:g} Hz, "
+        f"jitter {summary['jitter']:.1%}\n"
+        f"  datum: {datum['position_m'] * 1e3:.6g} mm, {datum['force_n']:.6g} N "
+        f"({datum['source']})\n"
+        f"  conditioning bandwidth {summary['bandwidth_hz']:.3g} Hz, "
+        f"memory of the estimators {summary['memory_s']:.3g} s\n"
+        f"  excitation: {summary['excitation']['mean']:.2f} (0 none, 1 a sine about the datum)"
+    )
+    print_estimated(console, summary)
+    print_model(console, summary)
+    print_gaps(console, summary)
+    if summary["batch"]["k"] < 0.0:
+        console.print(
+            "  stiffness is negative: is force positive in compression, as position is?",
+            style="yellow",
+        )
+
+
+def print_gaps(console: Console, summary: Mapping[str, Any]) -> None:
+    """Where samples are missing, and whether the estimates are those of the run."""
+    gaps = summary["gaps"]
+    for gap in gaps[:GAPS_LISTED]:
+        console.print(
+            f"  no samples from {gap['from_s']:.3f} to {gap['to_s']:.3f} s: the filters restart "
+            "there, and older samples count by their age",
+            style="yellow",
+        )
+    if len(gaps) > GAPS_LISTED:
+        console.print(f"  and {len(gaps) - GAPS_LISTED} more gaps", style="yellow")
+    if summary["jitter"] > STALL:
+        console.print(
+            f"  the loop took no sample for up to {summary['longest_gap_s']:.3g} s: position and "
+            "force are taken for straight lines meanwhile, as in the run",
+            style="yellow",
+        )
+    if "as_online" not in summary:
+        return
+    if summary["missing_ticks"]:
+        missing = missing_text([Gap(*row.values()) for row in summary["missing_ticks"]])
+        console.print(f"  the estimates are not those of the run: {missing}", style="red")
+    else:
+        console.print(
+            "  the estimates are those that the run computed, to the bit"
+            if summary["as_online"]
+            else "  other settings than the run's: the estimates are not those that it computed"
+        )
+
+
+def print_model(console: Console, summary: Mapping[str, Any]) -> None:
+    """What the model needs, and who does not take it."""
+    from_contact = summary["from_contact"]
+    if summary["own_model"]:
+        console.print(f"  model {summary['model']}, but for {', '.join(summary['own_model'])}")
+    if from_contact and summary["datum"]["source"] == "mean of the motion":
+        console.print(
+            f"  {', '.join(from_contact)}: position must be measured from the contact, and zero "
+            "is the mean of the motion here: expected --datum",
+            style="yellow",
+        )
+
+
+def print_together(together: Mapping[str, Any]) -> None:
+    """One Kelvin-Voigt fit for each file, and one for all of them."""
+    console = plain_console()
+    names = [Path(row["file"]).name for row in together["alone"]]
+    if len(set(names)) < len(names):
+        names = [row["file"] for row in together["alone"]]
+    rows = [*zip(names, together["alone"], strict=True), ("all together", together)]
+    print_table(
+        console,
+        "batch least squares of Kelvin-Voigt, one by one and together",
+        ("", "k [N/m]", "b [N s/m]", "residual [N rms]"),
+        (
+            [name, number(row["k"], 0), number(row["b"], digits(row["b"])), small(row["rms"])]
+            for name, row in rows
+        ),
+    )
+    if together["note"]:
+        console.print(f"  {together['note']}", style="bold red")
+    elif together["segments"] < 2:
+        console.print("  the motion is too short to compare segments of it", style="yellow")
+    elif together["rms"] > WORSE * together["rms_alone"]:
+        console.print(
+            "  the fit to all is worse than those to each, though segments agree within noise",
+            style="yellow",
+        )
+    else:
+        console.print(f"  one Kelvin-Voigt body explains all {together['segments']} segments")

@@ -1,0 +1,1 @@
+"""Recordings: the message of a tick, the recorder, MCAP files."""

@@ -1,0 +1,122 @@
+"""Recordings as CSV, HDF5, MATLAB and Parquet files for other programs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, BinaryIO
+
+import numpy as np
+
+from teleop.errors import InputError
+from teleop.evaluation.formats.delimited import write_table
+from teleop.files import new_file
+from teleop.json_documents import dumps
+
+if TYPE_CHECKING:
+    from teleop.recording.recording import Recording
+
+
+def write_csv(file: BinaryIO, recording: Recording) -> None:
+    """Write a column each with `name [unit]` above it; the session and events stay behind."""
+    write_table(file, recording.columns, recording.units)
+
+
+def write_hdf5(disk: BinaryIO, recording: Recording) -> None:
+    """Write a dataset a column with its unit, attributes of the session, and `events`."""
+    try:
+        import h5py
+    except ImportError as error:
+        raise missing("h5py", "HDF5") from error
+    with h5py.File(disk, "w", track_order=True) as file:
+        file.attrs.update(recording.session)
+        file.attrs["settings"] = dumps(recording.settings)
+        for name, column in recording.columns.items():
+            file.create_dataset(name, data=column).attrs["unit"] = recording.units[name]
+        events = [dumps(event) for event in recording.events]
+        file.create_dataset("events", data=np.array(events, dtype=h5py.string_dtype()))
+
+
+def write_matlab(file: BinaryIO, recording: Recording) -> None:
+    """Write a variable a column, and `units`, `session`, `settings` and `events`."""
+    from scipy.io import savemat
+
+    about = {
+        "units": recording.units,
+        "session": recording.session,
+        "settings": dumps(recording.settings),
+        "events": dumps(recording.events),
+    }
+    savemat(file, {**recording.columns, **about}, long_field_names=True, oned_as="column")
+
+
+def write_parquet(file: BinaryIO, recording: Recording) -> None:
+    """Write a column each with its unit as metadata, and the session and events as the file's."""
+    try:
+        import pyarrow
+        from pyarrow import parquet
+    except ImportError as error:
+        raise missing("pyarrow", "Parquet") from error
+    fields = [
+        pyarrow.field(name, pyarrow.float64(), metadata={"unit": recording.units[name]})
+        for name in recording.columns
+    ]
+    about = {
+        "session": dumps(recording.session),
+        "settings": dumps(recording.settings),
+        "events": dumps(recording.events),
+    }
+    columns = [pyarrow.array(column) for column in recording.columns.values()]
+    table = pyarrow.Table.from_arrays(columns, schema=pyarrow.schema(fields, metadata=about))
+    parquet.write_table(table, file)
+
+
+FORMATS: dict[str, tuple[str, Callable[[BinaryIO, Recording], None]]] = {
+    ".csv": ("csv", write_csv),
+    ".h5": ("hdf5", write_hdf5),
+    ".hdf5": ("hdf5", write_hdf5),
+    ".mat": ("matlab", write_matlab),
+    ".parquet": ("parquet", write_parquet),
+}
+"""Name and writer of each format, by the file's ending."""
+
+
+def format_of(path: Path) -> str:
+    """The format that a file's ending asks for.
+
+    Raises
+    ------
+    InputError
+        The ending is unknown.
+    """
+    if path.suffix.lower() not in FORMATS:
+        raise InputError(f"{path}: expected a file ending in .csv, .h5 (.hdf5), .mat or .parquet")
+    return FORMATS[path.suffix.lower()][0]
+
+
+def export_recording(path: Path, recording: Recording, overwrite: bool = False) -> None:
+    """Write a recording in the format of the file's ending.
+
+    Parameters
+    ----------
+    path
+        The file.
+    recording
+        What to write.
+    overwrite
+        Whether to overwrite a file of that name.
+
+    Raises
+    ------
+    InputError
+        The file cannot be written or is there already, its ending is unknown, or a library is
+        not installed.
+    """
+    format_of(path)
+    with new_file(path, overwrite) as file:
+        FORMATS[path.suffix.lower()][1](file, recording)
+
+
+def missing(library: str, name: str) -> InputError:
+    """The one line that says what to install."""
+    return InputError(f"{name} needs {library}: pip install '.[export]'")

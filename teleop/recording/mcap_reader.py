@@ -1,0 +1,244 @@
+"""Reads our MCAP files, as far as they are intact."""
+
+from __future__ import annotations
+
+import os
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from io import BytesIO
+from pathlib import Path
+from typing import Any, BinaryIO, cast
+
+import numpy as np
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError, RecordLengthLimitExceeded
+from mcap.opcode import Opcode
+from mcap.records import Channel, Chunk, Message, Metadata, Schema
+from mcap.stream_reader import CRCValidationError, StreamReader
+from numpy.typing import NDArray
+
+from drivers.input_file import open_input
+from teleop.errors import InputError
+from teleop.files import unreadable
+from teleop.recording.chunks import chunk_data
+from teleop.recording.mcap_checks import check_ticks, checked_event, is_readable, message_size
+from teleop.recording.mcap_writer import EVENT_SCHEMA, EVENTS, TICKS
+from teleop.recording.message import TICK, TIME
+
+MAGIC = b"\x89MCAP"
+"""How an MCAP file begins."""
+HEAD = struct.Struct("<BQHIQQ")
+"""Of a message's record: opcode, length, channel, sequence, two times."""
+LARGEST_RECORD = 128 << 20
+"""Largest record that is read [bytes]."""
+MOST_EVENTS = 100_000
+LATEST_START = 1 << 62
+"""Latest wall-clock time at which a trial began [ns], about the year 2116."""
+CUT = "its end is missing"
+"""Damage of a file whose writer was killed, or whose disk was full."""
+
+
+def machine_memory() -> int:
+    """Memory of this machine, or 8 GiB where it does not say [bytes]."""
+    try:
+        return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    except (AttributeError, ValueError, OSError):
+        return 8 << 30
+
+
+LARGEST_TICKS = machine_memory() // 4
+"""Most ticks that are read [bytes]; what is made of them takes as much again, and more."""
+
+
+@dataclass
+class Source:
+    """A channel, and the number that its next message must have: a lost chunk leaves a hole."""
+
+    topic: str
+    following: int | None = None
+
+    def follow(self, sequence: int, count: int) -> None:
+        """Take in `count` messages of which the first has this number.
+
+        Raises
+        ------
+        ValueError
+            Messages before it are missing.
+        """
+        if self.following not in (None, sequence):
+            raise ValueError(f"messages of {self.topic} are missing before number {sequence}")
+        self.following = sequence + count
+
+
+@dataclass
+class Contents:
+    """What stands in an MCAP file of ours, as far as it is intact."""
+
+    definition: str = ""
+    messages: bytearray = field(default_factory=bytearray)
+    events: list[dict[str, Any]] = field(default_factory=list)
+    metadata: dict[str, dict[str, str]] = field(default_factory=dict)
+    start: int = 0
+    """Wall-clock time of the trial's beginning [ns]."""
+    damage: str = ""
+    """Why the file is not complete; empty if it is."""
+    size: int = 0
+    """Size of a tick's message [bytes]."""
+
+
+def read_intact(path: Path) -> Contents:
+    """Read a recording as far as it is intact.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, or is no recording of ours.
+    """
+    contents = Contents()
+    try:
+        with open_input(path) as file:
+            if file.read(len(MAGIC)) != MAGIC:
+                raise InputError(f"{path}: not an MCAP file")
+            file.seek(0)
+            read_records(file, contents)
+    except OSError as error:
+        raise unreadable(path, error) from error
+    if not contents.definition:
+        raise InputError(
+            f"{path}: no ticks in it: expected a recording of teleop run"
+            + (f" ({contents.damage})" if contents.damage else "")
+        )
+    return contents
+
+
+class Bounded:
+    """A file of which no more is asked than there is: a false length allocates nothing.
+
+    Parameters
+    ----------
+    file
+        A regular file, at its beginning.
+    """
+
+    def __init__(self, file: BinaryIO) -> None:
+        self._file = file
+        self.left = os.fstat(file.fileno()).st_size
+        """Bytes that have not been read yet."""
+
+    def read(self, count: int) -> bytes:
+        """So many bytes, or as many as there are."""
+        data = self._file.read(min(count, self.left, LARGEST_RECORD))
+        self.left -= len(data)
+        return data
+
+
+def read_records(file: BinaryIO, contents: Contents) -> None:
+    """Take in a file's records, as far as they are intact."""
+    channels: dict[int, Source] = {}
+    bounded = Bounded(file)
+    reader = StreamReader(
+        cast(BinaryIO, bounded),
+        emit_chunks=True,
+        validate_crcs=True,
+        record_size_limit=min(LARGEST_RECORD, bounded.left),
+    )
+    damage = ""
+    try:
+        for record in reader.records:
+            if isinstance(record, Chunk):
+                read_chunk(record, contents, channels)
+                check_memory(file, contents)
+            elif isinstance(record, Metadata) and is_readable(record.metadata):
+                contents.metadata[record.name] = dict(record.metadata)
+            elif isinstance(record, Metadata):
+                contents.damage = f"damaged: its {record.name} cannot be read"
+    except CRCValidationError as error:
+        damage = f"damaged: the checksum of a {type(error.record).__name__} does not match"
+    except RecordLengthLimitExceeded:
+        too_large = bounded.left > LARGEST_RECORD
+        damage = (
+            f"damaged: a record is larger than {LARGEST_RECORD >> 20} MiB" if too_large else CUT
+        )
+    except (McapError, struct.error, ValueError, OverflowError, MemoryError) as error:
+        why = " ".join(str(error).split()) or "a record cannot be read"
+        damage = f"damaged: {why}" if file.read(1) else CUT
+    contents.damage = contents.damage or damage
+
+
+def check_memory(file: BinaryIO, contents: Contents) -> None:
+    """Raise InputError where a recording, however small its file, would fill the memory."""
+    if len(contents.messages) > LARGEST_TICKS or len(contents.events) > MOST_EVENTS:
+        raise InputError(
+            f"{file.name}: too large for this machine's memory: more than "
+            f"{LARGEST_TICKS >> 20} MiB of ticks or {MOST_EVENTS} events"
+        )
+
+
+def read_chunk(chunk: Chunk, contents: Contents, channels: dict[int, Source]) -> None:
+    """Take in a chunk: its ticks in bulk, everything else record by record."""
+    for record in records(chunk_data(chunk), contents, channels):
+        if isinstance(record, Schema) and record.name == TICK:
+            definition = record.data.decode()
+            if contents.definition not in ("", definition):
+                raise ValueError("its ticks have two definitions")
+            contents.size = message_size(definition)
+            contents.definition = definition
+        elif isinstance(record, Channel):
+            channels.setdefault(record.id, Source(record.topic))
+        elif isinstance(record, Message) and channels[record.channel_id].topic == EVENTS:
+            event = checked_event(record.data)
+            shown = EVENT_SCHEMA["properties"]
+            contents.events.append({k: v for k, v in event.items() if k not in shown})
+            contents.start = start_of(record.log_time, event["time"])
+
+
+def records(
+    data: bytes, contents: Contents, channels: dict[int, Source]
+) -> Iterator[Schema | Channel | Message]:
+    """The records of a chunk but for its ticks, which go to `contents.messages` in runs."""
+    place = 0
+    while place < len(data):
+        whole = len(data) - place >= 9
+        opcode, length = struct.unpack_from("<BQ", data, place) if whole else (0, len(data))
+        if place + 9 + length > len(data):
+            raise ValueError("a record that is longer than its chunk")
+        if opcode == Opcode.MESSAGE:
+            _, _, channel, sequence, logged, published = HEAD.unpack_from(data, place)
+            source = channels.get(channel)
+            if source is None:
+                raise ValueError("a message without a channel")
+            if source.topic == TICKS:
+                if not contents.size or HEAD.size + contents.size != 9 + length:
+                    raise ValueError("a tick that is not as its definition says")
+                run = alike(data, place, 9 + length)
+                source.follow(sequence, len(run))
+                check_ticks(run[:, HEAD.size :], np.ascontiguousarray(run[:, 11:15]).view("<u4"))
+                contents.messages += run[:, HEAD.size :].tobytes()
+                if not contents.start:
+                    contents.start = start_of(logged, TIME.unpack_from(data, place + HEAD.size)[0])
+                place += run.size
+                continue
+            source.follow(sequence, 1)
+            body = data[place + HEAD.size : place + 9 + length]
+            yield Message(channel, logged, body, published, sequence)
+        elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+            stream = ReadDataStream(BytesIO(data[place + 9 : place + 9 + length]))
+            yield Schema.read(stream) if opcode == Opcode.SCHEMA else Channel.read(stream)
+        place += 9 + length
+
+
+def alike(data: bytes, place: int, stride: int) -> NDArray[np.uint8]:
+    """The records from `place` on with the same opcode, length and channel, a row each."""
+    count = (len(data) - place) // stride
+    rows = np.frombuffer(data, np.uint8, count * stride, place).reshape(count, stride)
+    same = (rows[:, :11] == rows[0, :11]).all(axis=1)
+    return rows if same.all() else rows[: int(np.argmin(same))]
+
+
+def start_of(logged: int, t: float) -> int:
+    """Wall-clock time of the trial's beginning [ns] from the time of a message, t [s] later."""
+    start = logged - round(t * 1e9)
+    if not 0 <= start < LATEST_START:
+        raise ValueError("a message without a wall-clock time")
+    return start

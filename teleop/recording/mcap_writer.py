@@ -1,0 +1,228 @@
+"""An MCAP file of ticks and events that describes itself and survives its writer."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+import logging
+import os
+import stat
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import foxglove
+from foxglove import Channel, Context, Schema
+from foxglove.mcap import MCAPWriteOptions
+
+from teleop.errors import reason
+from teleop.recording.message import TICK
+
+TICKS, EVENTS = "/tick", "/event"
+"""Topics of the file."""
+END = "end"
+"""Name of the metadata of a recording that the control process ended."""
+INFO, ERROR = 2, 4
+"""Levels of foxglove.Log."""
+EVENT_SCHEMA = {
+    "title": "foxglove.Log",
+    "type": "object",
+    "properties": {
+        "timestamp": {
+            "type": "object",
+            "properties": {"sec": {"type": "integer"}, "nsec": {"type": "integer"}},
+        },
+        "level": {"type": "integer"},
+        "message": {"type": "string"},
+        "name": {"type": "string"},
+        "file": {"type": "string"},
+        "line": {"type": "integer"},
+    },
+}
+"""Events show in the log panel of Foxglove and Lichtblick."""
+
+
+class Disk(io.RawIOBase):
+    """A file that keeps the first error of a write, which the MCAP writer would swallow.
+
+    A new file never replaces a symbolic link; one that may exist is written through it.
+    """
+
+    def __init__(self, path: Path, overwrite: bool) -> None:
+        self._path = Path(os.path.realpath(path)) if overwrite else path
+        self._file = self._path.open("wb" if overwrite else "xb", buffering=0)
+        self._identifiable = self._is_at_path()
+        self._regular = stat.S_ISREG(os.fstat(self._file.fileno()).st_mode)
+        self.error: OSError | None = None
+
+    @property
+    def missing(self) -> str:
+        """Why the file is no longer at its path; empty if it is, or once it is closed."""
+        if self._file.closed or not self._identifiable or self._is_at_path():
+            return ""
+        if os.fstat(self._file.fileno()).st_nlink == 0:
+            return "the file was removed during the run"
+        return "the file was moved, or its file system was unmounted, during the run"
+
+    def _is_at_path(self) -> bool:
+        try:
+            return os.path.samestat(os.fstat(self._file.fileno()), self._path.stat())
+        except OSError:
+            return False
+
+    def write(self, data: Any) -> int:
+        """Write all of it."""
+        try:
+            rest = memoryview(data)
+            while rest:
+                rest = rest[self._file.write(rest) :]
+        except OSError as error:
+            self.error = self.error or error
+            raise
+        return len(data)
+
+    def seek(self, offset: int, whence: int = 0) -> int:
+        """Move to a place in the file."""
+        return self._file.seek(offset, whence)
+
+    def close(self) -> None:
+        """Close the file; an error is kept, for a late write may fail here."""
+        try:
+            self._file.close()
+        except OSError as error:
+            self.error = self.error or error
+
+    def remove(self) -> None:
+        """Remove the file, unless it is a device."""
+        if self._regular:
+            with contextlib.suppress(OSError):
+                self._path.unlink()
+
+
+class McapFile:
+    """Writes ticks and events; every flush leaves a file whose chunks can all be read.
+
+    After the first error of the disk everything is let go, and `error` says why.
+
+    Parameters
+    ----------
+    path
+        The file.
+    columns
+        Name, unit and meaning of each of a tick's doubles.
+    definition
+        The tick's definition in the language of ROS 2.
+    metadata
+        Named records of text about the session.
+    overwrite
+        Whether the file may exist.
+
+    Raises
+    ------
+    OSError
+        The file cannot be created.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        columns: Sequence[Sequence[str]],
+        definition: str,
+        metadata: Mapping[str, Mapping[str, str]],
+        overwrite: bool = False,
+    ) -> None:
+        logging.getLogger("foxglove").setLevel(logging.CRITICAL)
+        foxglove.set_log_level("CRITICAL")
+        self._start = 0
+        self._disk = Disk(path, overwrite)
+        self._context = context = Context()  # its channels close with it
+        self._writer = foxglove.open_mcap(
+            self._disk,
+            context=context,
+            writer_options=MCAPWriteOptions(profile="ros2", chunk_size=None),
+        )
+        units = {name: unit for name, unit, _ in columns}
+        self._ticks = Channel(
+            TICKS,
+            schema=Schema(name=TICK, encoding="ros2msg", data=definition.encode()),
+            message_encoding="cdr",
+            metadata=units,
+            context=context,
+        )
+        self._events = Channel(EVENTS, schema=EVENT_SCHEMA, context=context)
+        with self._told():
+            for name, record in metadata.items():
+                self._writer.write_metadata(name, dict(record))
+            self._writer.flush()
+
+    @property
+    def error(self) -> OSError | None:
+        """The first error of the disk."""
+        return self._disk.error
+
+    @property
+    def failure(self) -> str:
+        """The first error of the disk as text; empty for none."""
+        return reason(self.error) if self.error else ""
+
+    @property
+    def missing(self) -> str:
+        """Why the file is no longer at its path; empty if it is, or once it is closed."""
+        return self._disk.missing
+
+    @contextlib.contextmanager
+    def _told(self) -> Any:
+        """Let errors of the disk pass: they are kept."""
+        try:
+            yield
+        except (RuntimeError, OSError):
+            if self.error is None:
+                raise
+
+    def begin(self, start: int) -> None:
+        """Take note of the wall-clock time of the trial's beginning [ns], before any tick."""
+        self._start = start
+        self.event({"time": 0.0, "text": "recording", "mode": "disconnected", "fault": None})
+        self.flush()
+
+    def tick(self, message: bytes, t: float) -> None:
+        """Take in one tick, which happened at t [s] of the trial."""
+        if self.error is None:
+            self._ticks.log(message, log_time=self._start + round(t * 1e9))
+
+    def event(self, event: Mapping[str, Any]) -> None:
+        """Take in one event."""
+        if self.error is None:
+            when = self._start + round(event["time"] * 1e9)
+            log = {
+                "timestamp": {"sec": when // 10**9, "nsec": when % 10**9},
+                "level": ERROR if event["fault"] else INFO,
+                "message": event["text"],
+                "name": "safety",
+                "file": "",
+                "line": 0,
+            }
+            self._events.log(json.dumps({**log, **event}), log_time=when)
+
+    def flush(self) -> None:
+        """Hand all that was taken in to the operating system."""
+        if self.error is None:
+            with self._told():
+                self._writer.flush()
+
+    def end(self, dropped: int) -> None:
+        """Record how many ticks were dropped in all, which the last tick may not show."""
+        if self.error is None:
+            with self._told():
+                self._writer.write_metadata(END, {"dropped": str(dropped)})
+
+    def close(self) -> None:
+        """Complete the file."""
+        with self._told():
+            self._writer.close()
+        self._disk.close()
+
+    def remove(self) -> None:
+        """Remove the closed file, which holds no tick."""
+        self._disk.remove()

@@ -1,0 +1,1 @@
+"""Rigs before a trial: loading, check, tare, emulation, lag of the force channel."""

@@ -1,0 +1,90 @@
+"""An emulator with the simulated telemanipulator of a trial behind it."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from drivers.rig_file import RigFile
+from drivers.rig_sections import CanSettings, SerialSettings
+from sim_backend.wire.emulator import ACTIONS, Emulator, PlannedFault
+from sim_backend.wire.mechanism import NEVER
+from sim_backend.wire.wire_faults import FAULTS, ON_CAN, ON_SERIAL_LINES
+from teleop.errors import InputError
+from teleop.trial.settings import TrialSettings
+
+if TYPE_CHECKING:
+    from sim_backend import SimulatedRig
+
+
+def read_fault(text: str, rig: RigFile) -> PlannedFault:
+    """A fault such as `corrupt:force@3`.
+
+    Raises
+    ------
+    InputError
+        It is not as expected.
+    """
+    kind, _, rest = text.partition(":")
+    where, _, at = rest.partition("@")
+    kinds = (*FAULTS, *ACTIONS)
+    try:
+        seconds = float(at)
+    except ValueError:
+        seconds = -1.0
+    if kind not in kinds or not 0.0 <= seconds < 1e6:
+        raise InputError(
+            f"fault {text!r}: expected KIND:BUS@SECONDS such as corrupt:force@3, the kind one of "
+            f"{', '.join(kinds)}"
+        )
+    places = list(rig.devices)
+    if kind != "reset":
+        places = [name for name, bus in rig.sections.buses.items() if suits(kind, bus)]
+    if where not in places:
+        raise InputError(
+            f"fault {text!r}: {where!r}: expected one of {', '.join(places) or 'none'}"
+        )
+    return PlannedFault(kind, where, seconds)
+
+
+def suits(kind: str, bus: SerialSettings | CanSettings) -> bool:
+    """Whether a fault can befall a bus: bits flip on serial lines, error frames are CAN's."""
+    if kind in ON_CAN:
+        return isinstance(bus, CanSettings)
+    return (
+        kind not in ON_SERIAL_LINES or not isinstance(bus, CanSettings) or bus.interface == "slcan"
+    )
+
+
+def make_emulator(
+    rig: RigFile, settings: TrialSettings, folder: Path, faults: Sequence[PlannedFault] = ()
+) -> Emulator:
+    """A rig's devices, emulated, with a trial's telemanipulator behind them.
+
+    Raises
+    ------
+    InputError
+        A device cannot be emulated.
+    """
+
+    def make_rig(now: Callable[[], float]) -> SimulatedRig:
+        return settings.make_simulated_rig(now, NEVER)
+
+    try:
+        return Emulator(rig, make_rig, folder, faults)
+    except ValueError as error:
+        raise InputError(f"{rig.path}: {error}") from error
+
+
+@contextlib.contextmanager
+def opened(emulator: Emulator) -> Iterator[None]:
+    """The emulator serving within the block; InputError where a bus cannot be joined."""
+    with contextlib.ExitStack() as stack:
+        try:
+            stack.enter_context(emulator)
+        except (OSError, NotImplementedError) as error:
+            path = emulator.file.path
+            raise InputError(f"{path}: cannot be emulated here: {error}") from error
+        yield

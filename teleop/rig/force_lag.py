@@ -1,0 +1,115 @@
+"""The lag of a force channel, measured on a reference spring."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from estimation.compiled import Floats
+from estimation.stiffening import Interval, MatchedSignals
+from sim_backend import Cube, Setup, paper_setup
+from teleop.control.injector import Chirp
+from teleop.errors import InputError
+from teleop.trial.run import run_trial
+from teleop.trial.settings import TrialSettings
+
+BANDWIDTH = 20.0
+"""Bandwidth of the matched filter [Hz]."""
+LONGEST = 0.1
+"""Longest lag that is looked for [s]."""
+SPRING = 5000.0
+"""Stiffness of the simulated reference spring [N/m]."""
+
+
+class ForceLag(NamedTuple):
+    """What a reference spring says of a force channel."""
+
+    lag: Interval
+    """Time constant of a first-order lag with its 95 % interval [s]."""
+    k: float
+    """Stiffness of the spring [N/m]."""
+    rms: float
+    """Root mean square of what the fit leaves [N]."""
+
+    def summary(self) -> dict[str, Any]:
+        """As `teleop lag --json` prints it."""
+        return {
+            "lag_s": self.lag.value,
+            "lag_low_s": self.lag.low,
+            "lag_high_s": self.lag.high,
+            "k": self.k,
+            "rms": self.rms,
+        }
+
+
+def measure_lag(position: Floats, force: Floats, dt: Floats) -> ForceLag:
+    """Fit f = L(k x) to a spring without damping, L a first-order lag.
+
+    The lag is what turns a spring's force against its displacement, f = k x - k lag v + ..., so
+    the reference must have no damping of its own: a steel spring.
+
+    Parameters
+    ----------
+    position, force
+        From the spring's rest [m], [N], each of shape (n,).
+    dt
+        Time since the sample before [s], of shape (n,).
+
+    Raises
+    ------
+    InputError
+        Nothing moves, or the best lag is nil or longer than `LONGEST`.
+    """
+    from scipy.optimize import minimize_scalar
+
+    if not position.any() or not force.any():
+        raise InputError("no lag to measure: position or force is zero throughout")
+    settled = slice(int(0.3 / dt.mean()), None)
+    signals = MatchedSignals(position, force, dt, BANDWIDTH, part=settled)
+
+    def squared(lag: float) -> float:
+        return signals.fit(lag, damping=False, stiffening=False).rms ** 2
+
+    best = float(
+        minimize_scalar(squared, bounds=(0.0, LONGEST), method="bounded", options={"xatol": 1e-7}).x
+    )
+    fit = signals.fit(best, damping=False, stiffening=False)
+    if fit.k <= 0.0:
+        raise InputError(
+            f"the spring's stiffness comes out as {fit.k:.4g} N/m: expected force and position "
+            "to be positive in compression"
+        )
+    if not 1e-5 < best < 0.99 * LONGEST:
+        raise InputError(
+            f"the best lag is {best * 1e3:.2f} ms: expected one between 0.01 and "
+            f"{LONGEST * 1e3:g} ms, as on a spring without damping with the datum at its rest"
+        )
+    least, step = fit.rms**2, 0.05 * best
+    curvature = (squared(best + step) - 2.0 * least + squared(best - step)) / step**2
+    half = 1.96 * (2.0 * least / (signals.independent * curvature)) ** 0.5
+    return ForceLag(Interval(best, best - half, best + half), fit.k, fit.rms)
+
+
+def measure_simulated_lag(cube: str, seed: int = 0) -> tuple[ForceLag, float]:
+    """The lag of the simulated force channel on a simulated spring, and the true one [s].
+
+    Parameters
+    ----------
+    cube
+        Whose trials the force channel belongs to.
+    seed
+        Seed of the sensor noise.
+    """
+    setup = paper_setup("autonomous", cube)
+    spring = Setup(Cube(SPRING, 0.0, 1e-9), setup.force_lag, depth=5e-3)
+    columns = run_trial(
+        TrialSettings(
+            condition="autonomous",
+            cube=cube,
+            clock="virtual",
+            seed=seed,
+            signal=Chirp(1.0, 8.0),
+            custom_setup=spring,
+        )
+    ).columns
+    measured = measure_lag(columns["slave_position"], columns["contact_force"], columns["dt"])
+    return measured, setup.force_lag

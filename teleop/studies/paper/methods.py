@@ -1,0 +1,99 @@
+"""The bank's methods on the nine trials, beside the truth that a simulated cube has."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from estimation import MatchedFilter, Model, estimated_force, force_error, paper_preset, rise_time
+from estimation.model import KELVIN_VOIGT
+from teleop.evaluation.model_comparison import Comparison, compare
+from teleop.trial.run import Trial
+
+BANDWIDTH = 20.0
+"""Bandwidth of the matched filter [Hz]."""
+
+
+class MethodResult(NamedTuple):
+    """One method on one trial, or on average over several."""
+
+    k_error: float
+    """Root mean square error of the stiffness, as a share."""
+    b_error: float
+    """Root mean square error of the damping [N s/m]."""
+    k_coverage: float
+    """Share of the samples whose 95 % interval of the stiffness holds the truth."""
+    b_coverage: float
+    """The same of the damping."""
+    rise_time_s: float
+    """Rise time of the stiffness [s]."""
+    e_f: float
+    """Average force error [N]."""
+    one_step_ratio: float
+    """One-step error over that of batch least squares over the last second."""
+    held: float
+    """Share of the samples at which the estimate was held."""
+
+
+class Methods(NamedTuple):
+    """What is compared on the trials."""
+
+    estimators: tuple[str, ...] = ()
+    """Names out of `METHODS`."""
+    model: Model = KELVIN_VOIGT
+    """Of the estimators that take any."""
+
+
+def compare_methods(trial: Trial, methods: Methods) -> dict[str, MethodResult]:
+    """Run methods over a trial's measured position and force.
+
+    All have the paper's preset and the same signals, matched, with the force channel's lag made
+    up for. The truth is the cube's damping, and its stiffness against the displacement of each
+    sample (the secant k1 + k3 x^2), which Kelvin-Voigt has for its k; for a stiffening model it
+    is the stiffness at the surface, k1.
+    """
+    settings, columns = trial.settings, trial.columns
+    model = methods.model
+    conditioner = MatchedFilter(BANDWIDTH, settings.setup.force_lag, model)
+    regression = conditioner.run(columns["slave_position"], columns["contact_force"], columns["dt"])
+    preset = replace(
+        paper_preset(settings.cube),
+        estimators=methods.estimators,
+        model=model,
+        correlation=conditioner.correlation(1.0 / settings.rate),
+    )
+    bank = preset.bank()
+    estimates = bank.run(*regression)
+    cube = settings.setup.cube
+    secant = cube.k1 + cube.k3 * regression.x**2
+    compared: dict[str, Comparison] = {}
+    for k, at_surface in ((secant, False), (np.full_like(secant, cube.k1), True)):
+        group = {n: estimates[n] for n, e in bank.items() if ("k3" in e.names) is at_surface}
+        compared |= compare(regression, bank, group, cube.b, k)
+    return {
+        name: MethodResult(
+            k_error=compared[name].k_error,
+            b_error=compared[name].b_error,
+            k_coverage=compared[name].k_coverage,
+            b_coverage=compared[name].b_coverage,
+            rise_time_s=rise_time(columns["time"], series.k),
+            e_f=force_error(regression.f, estimated_force(regression, series)),
+            one_step_ratio=compared[name].one_step_ratio,
+            held=float(np.mean(series.held)),
+        )
+        for name, series in estimates.items()
+    }
+
+
+def averages(results: Sequence[Mapping[str, MethodResult]]) -> dict[str, MethodResult]:
+    """Each method's mean over trials; of errors of the stiffness, the root mean square."""
+    found = {}
+    for name in results[0]:
+        rows = np.array([result[name] for result in results])
+        means = dict(zip(MethodResult._fields, np.mean(rows, axis=0).tolist(), strict=True))
+        means["k_error"] = float(np.sqrt(np.mean(rows[:, 0] ** 2)))
+        found[name] = MethodResult(**means)
+    return found

@@ -1,0 +1,214 @@
+"""The whole reproduction: trials, claims, study, and the files that hold them."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+from sim_backend import CUBES
+from teleop.control.conditions import CONDITIONS
+from teleop.errors import InputError
+from teleop.files import check_outputs, unwritable, write_text
+from teleop.output.figures import estimates_figure, save, stiffness_figure
+from teleop.output.web_page import svg
+from teleop.studies.paper.claims import Claim, check_claims
+from teleop.studies.paper.methods import MethodResult, Methods, averages
+from teleop.studies.paper.page import reproduction_page
+from teleop.studies.paper.study import RESPONSES, Effect, responses, split_plot
+from teleop.studies.paper.table1 import table1
+from teleop.studies.paper.trials import (
+    NO_METHODS,
+    Outcome,
+    SlowTrial,
+    as_rows,
+    lag_and_damping,
+    palpate,
+)
+from teleop.studies.workers import workers
+
+SLOW_FREQUENCIES = (0.1, 1.0)
+"""Frequencies [Hz] at which one trial is asked for lag and damping together."""
+TABLE, PAGE = "table1.csv", "index.html"
+CAPTIONS = {
+    "figure3": "Figure 3. Free palpation of the soft cube: estimated stiffness with the "
+    "displacement profile (grey), estimated damping with the velocity profile (grey).",
+    "figure4": "Figure 4. Estimated stiffness of the three cubes under free palpation.",
+    "figure5": "Figure 5. Estimated stiffness of the soft cube under the three conditions.",
+}
+
+
+@dataclass(frozen=True)
+class Reproduction:
+    """Everything that was found."""
+
+    outcomes: list[Outcome]
+    """The nine trials for every seed."""
+    slow: list[SlowTrial]
+    claims: list[Claim]
+    """Of the first seed."""
+    study: dict[str, list[Effect]]
+    """Analysis of variance by response; empty for one seed."""
+
+    @property
+    def first(self) -> list[Outcome]:
+        """The nine trials of the first seed."""
+        return self.outcomes[: len(CONDITIONS) * len(CUBES)]
+
+    @property
+    def seeds(self) -> int:
+        """Repetitions of the nine trials."""
+        return len(self.outcomes) // (len(CONDITIONS) * len(CUBES))
+
+    @property
+    def methods(self) -> dict[str, MethodResult]:
+        """Each method on average over all trials; empty where none were asked for."""
+        return averages([outcome.methods for outcome in self.outcomes])
+
+    def summary(self) -> dict[str, Any]:
+        """What was found, as `teleop reproduce --json` prints it."""
+        return {
+            "seeds": self.seeds,
+            "trials": as_rows(self.first),
+            "claims": [claim._asdict() for claim in self.claims],
+            "damping": [
+                {"condition": o.condition, "cube": o.cube, **o.damping._asdict()}
+                for o in self.first
+            ],
+            "methods": {name: row._asdict() for name, row in self.methods.items()},
+            "methods_by_trial": [
+                {"condition": o.condition, "cube": o.cube, "estimator": name, **row._asdict()}
+                for o in self.first
+                for name, row in o.methods.items()
+            ],
+            "study": {
+                name: [effect._asdict() for effect in effects]
+                for name, effects in self.study.items()
+            },
+        }
+
+
+def reproduce(
+    seeds: int, methods: Methods = NO_METHODS, on_done: Callable[[], None] = lambda: None
+) -> Reproduction:
+    """Run the nine trials for a number of seeds, on all cores.
+
+    Parameters
+    ----------
+    seeds
+        Repetitions, with the seeds 0, 1, ...
+    methods
+        What else is compared on the trials.
+    on_done
+        Called after each trial.
+
+    Raises
+    ------
+    InputError
+        Fewer than one seed.
+    """
+    if seeds < 1:
+        raise InputError(f"seeds {seeds}: expected at least 1")
+    trials = [(c, q, seed) for seed in range(seeds) for c in CONDITIONS for q in CUBES]
+    outcomes = []
+    with workers() as pool:
+        slow = pool.map(lag_and_damping, SLOW_FREQUENCIES)
+        for outcome in pool.map(partial(palpate, methods=methods), trials):
+            outcomes.append(outcome)
+            on_done()
+        slow_trials = list(slow)
+    study = {}
+    if seeds > 1:
+        study = {name: split_plot(responses(outcomes, name)) for name in RESPONSES}
+    return Reproduction(outcomes, slow_trials, check_claims(outcomes[:9]), study)
+
+
+def check_folder(folder: Path, overwrite: bool) -> None:
+    """Make the folder, and make sure before the trials that its files can be written.
+
+    Raises
+    ------
+    InputError
+        The folder cannot be made, or a file in it cannot be written or is there already.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except FileExistsError as error:
+        raise InputError(f"{folder}: expected a folder, this is a file") from error
+    except OSError as error:
+        raise unwritable(folder, error) from error
+    drawings = (f"{name}{ending}" for name in CAPTIONS for ending in (".png", ".svg"))
+    names = (TABLE, PAGE, *drawings)
+    check_outputs(*(folder / name for name in names), overwrite=overwrite)
+
+
+def write(reproduction: Reproduction, folder: Path, overwrite: bool = False) -> Path:
+    """Write the table as CSV, the figures as SVG and PNG, and the page; returns the page's path.
+
+    Parameters
+    ----------
+    reproduction
+        What was found.
+    folder
+        Where to; it is there.
+    overwrite
+        Whether to overwrite files that are there.
+
+    Raises
+    ------
+    InputError
+        A file cannot be written, or is there already.
+    """
+    write_text(folder / TABLE, csv_table(as_rows(reproduction.first)), overwrite)
+    with workers() as pool:
+        drawn = pool.map(draw, CAPTIONS, [reproduction.first] * 3, [folder] * 3, [overwrite] * 3)
+        drawings = dict(zip(CAPTIONS.values(), drawn, strict=True))
+    text = reproduction_page(
+        reproduction.first,
+        reproduction.claims,
+        drawings,
+        reproduction.slow,
+        reproduction.study,
+        reproduction.seeds,
+        reproduction.methods,
+    )
+    write_text(folder / PAGE, text, overwrite)
+    return folder / PAGE
+
+
+def csv_table(rows: Sequence[dict[str, Any]]) -> str:
+    """Table I, a row for each trial and estimator, the paper's numbers beside ours."""
+    text = StringIO(newline="")
+    writer = csv.writer(text)
+    ours = ["condition", "cube", "estimator", "b", "k", "e_f", "rise_time_s"]
+    writer.writerow([*ours, "paper b", "paper k", "paper e_f", "calibrated"])
+    for row in rows:
+        writer.writerow([*(row[name] for name in ours), *row["paper"].values(), row["calibrated"]])
+    return text.getvalue()
+
+
+def draw(name: str, outcomes: Sequence[Outcome], folder: Path, overwrite: bool) -> str:
+    """Draw one of the paper's Figures 3, 4 and 5 as PNG and SVG; returns the SVG element."""
+    trial = {(outcome.condition, outcome.cube): outcome for outcome in outcomes}
+    if name == "figure3":
+        soft = trial["free", "soft"]
+        figure = estimates_figure("free, soft cube", soft.t, soft.x, soft.v, soft.series)
+    elif name == "figure4":
+        figure = stiffness_figure(
+            {f"{q} cube": (trial["free", q].t, trial["free", q].series) for q in CUBES},
+            {f"{q} cube": table1()["free", q, "rls"].k for q in CUBES},
+        )
+    else:
+        figure = stiffness_figure(
+            {c: (trial[c, "soft"].t, trial[c, "soft"].series) for c in CONDITIONS},
+            {c: table1()[c, "soft", "rls"].k for c in CONDITIONS},
+        )
+    save(figure, folder / f"{name}.png", overwrite)
+    figure.set_layout_engine("none")  # the layout that was found stays
+    drawing = svg(figure)
+    write_text(folder / f"{name}.svg", drawing, overwrite)
+    return drawing

@@ -1,0 +1,1 @@
+"""A trial: settings, assembly of its parts, the loop, the run."""

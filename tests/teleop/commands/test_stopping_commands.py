@@ -1,0 +1,123 @@
+"""Commands that are ended from outside while they hang, or before anything has moved."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from teleop.cli import main
+from teleop.commands import run as command
+from teleop.interruption import CLEAN_UP
+from teleop.safety import Request
+from teleop.trial.stop_switch import ANSWER
+
+ROOT = Path(__file__).parents[3]
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path, monkeypatch):
+    """Where recordings go."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def start(*arguments):
+    return subprocess.Popen(
+        [sys.executable, "-m", "teleop", *map(str, arguments)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def has_worked(pid):
+    """Whether a process used its processor within the next half second."""
+    times = [Path(f"/proc/{pid}/stat").read_text().split()[13:15]]
+    time.sleep(0.5)
+    return Path(f"/proc/{pid}/stat").read_text().split()[13:15] not in times
+
+
+@pytest.mark.parametrize("arguments", [("rig", "check"), ("run", "--no-record", "--rig")])
+def test_ctrl_c_while_a_silent_rig_opens_ends_with_130(tmp_path, arguments):
+    pytest.importorskip("pty", reason="needs a pseudo-terminal")
+    import pty
+    import tty
+
+    leader, follower = pty.openpty()
+    tty.setraw(follower)
+    text = (ROOT / "rigs" / "serial-board.toml").read_text()
+    rig = tmp_path / "silent.toml"
+    rig.write_text(text.replace("/dev/ttyACM0", os.ttyname(follower)))
+    with start(*arguments, rig) as process:
+        assert os.read(leader, 1)  # the device is asked, and says nothing
+        process.send_signal(signal.SIGINT)
+        out, err = process.communicate()
+    assert (process.returncode, out, err) == (130, "", "")
+    os.close(leader)
+    os.close(follower)
+
+
+@pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="needs /proc")
+def test_ctrl_c_twice_ends_a_run_in_virtual_time_whose_recorder_is_stopped(tmp_path):
+    """The loop waits for the pipe, and answers no request."""
+    with start("run", "--clock", "virtual", "--duration", "3600", "--record", "a.mcap") as process:
+        children = Path(f"/proc/{process.pid}/task/{process.pid}/children")
+        path = tmp_path / "a.mcap"
+        while not (path.exists() and path.stat().st_size):
+            time.sleep(0.05)
+        (recorder,) = map(int, children.read_text().split())
+        os.kill(recorder, signal.SIGSTOP)
+        while has_worked(process.pid):
+            pass
+        for pause in (2 * ANSWER, 1.2 * CLEAN_UP, 0.0):  # the loop, and then the recorder's end
+            process.send_signal(signal.SIGINT)
+            time.sleep(pause)
+        process.communicate()
+    assert process.returncode == 130
+    assert not Path(f"/proc/{recorder}").exists()
+
+
+def test_a_run_that_is_stopped_before_arming_is_not_drawn_and_says_so(monkeypatch, capsys):
+    def request(self, arm, skipped, end=""):
+        self.count = 1
+        return Request(arm=False, stop="Ctrl-C")
+
+    monkeypatch.setattr("teleop.trial.stop_switch.StopSwitch.request", request)
+    arguments = ["run", "--clock", "virtual", "--no-record", "--plot", "a.png"]
+    assert main(arguments) == 130
+    assert "a.png: not drawn: nothing was estimated" in capsys.readouterr().err
+    assert not Path("a.png").exists()
+
+
+def test_recordings_that_are_started_in_the_same_second_get_different_names(monkeypatch):
+    class Now(command.datetime):
+        @classmethod
+        def now(cls):
+            return cls(2026, 1, 2, 3, 4, 5)
+
+    monkeypatch.setattr(command, "datetime", Now)
+    paths = [command.new_recording("free-soft") for _ in range(3)]
+    assert [str(path) for path in paths] == [
+        f"recordings/2026-01-02/030405-free-soft{suffix}.mcap" for suffix in ("", "-2", "-3")
+    ]
+    assert all(path.exists() for path in paths)
+
+
+def test_runs_that_are_started_at_once_are_all_recorded(tmp_path):
+    arguments = ("run", "--clock", "virtual", "--duration", "0.1", "--json")
+    for process in [start(*arguments) for _ in range(3)]:
+        with process:
+            _, err = process.communicate()
+            assert (process.returncode, err) == (0, "")
+    assert len(list(tmp_path.glob("recordings/*/*-free-soft*.mcap"))) == 3
+
+
+def test_a_refused_run_leaves_no_empty_recording(tmp_path):
+    assert main(["run", "--rate", "90000"]) == 2
+    assert [path for path in tmp_path.rglob("*.mcap") if not path.stat().st_size] == []

@@ -1,0 +1,85 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from teleop.control.admittance import Admittance, AdmittanceParameters
+from teleop.control.injector import Chirp, Injector, Multisine, Sine
+
+SIGNALS = {
+    "sine": Sine(1.0),
+    "multisine": Multisine([0.5, 1.0, 1.5, 2.0, 2.5]),
+    "chirp": Chirp(0.5, 4.0),
+}
+t = np.arange(0.0, 10.0, 1e-4)
+
+
+@pytest.fixture(params=SIGNALS)
+def signal(request):
+    return SIGNALS[request.param]
+
+
+def injector(signal, **parameters):
+    values = {"depth": 6e-3, "admittance": AdmittanceParameters(), "scale": 1.0, "duration": 10.0}
+    return Injector(signal, **(values | parameters))
+
+
+def test_a_signal_stays_within_one_and_knows_its_derivatives(signal):
+    value, rate, acceleration = np.array([signal.at(s) for s in t]).T
+    assert np.abs(value).max() <= 1.0 + 1e-12
+    np.testing.assert_allclose(np.gradient(value, t)[1:-1], rate[1:-1], atol=1e-3)
+    np.testing.assert_allclose(np.gradient(rate, t)[1:-1], acceleration[1:-1], atol=0.05)
+
+
+def test_motion_is_smooth_and_knows_its_derivatives(signal):
+    position, velocity, acceleration = np.array([injector(signal).motion(s) for s in t]).T
+    np.testing.assert_allclose(np.gradient(position, t)[1:-1], velocity[1:-1], atol=1e-5)
+    np.testing.assert_allclose(np.gradient(velocity, t)[1:-1], acceleration[1:-1], atol=1e-3)
+
+
+def test_motion_ramps_in_from_rest_and_out_to_rest_and_keeps_contact(signal):
+    motion = np.array([injector(signal, touch=0.1).motion(s) for s in t])
+    assert injector(signal).motion(0.0) == (0.0, 0.0, 0.0)
+    np.testing.assert_allclose(injector(signal).motion(10.0), 0.0, atol=1e-12)
+    assert motion[:, 0].min() >= 0.0
+    middle = motion[(t > 0.5) & (t < 9.5), 0]
+    assert middle.min() >= 0.6e-3 - 1e-12
+    assert middle.max() <= 6e-3 + 1e-12
+
+
+def test_the_force_takes_the_admittance_through_the_motion(signal):
+    parameters = AdmittanceParameters(0.5, 15.0, 40.0)
+    pe = injector(signal, admittance=parameters)
+    admittance = Admittance(parameters)
+    for n in range(10_000):
+        assert admittance.position == pytest.approx(pe.motion(n * 1e-3).value, abs=0.05e-3)
+        admittance.step(pe.force((n + 0.5) * 1e-3), 1e-3)
+
+
+def test_the_slave_reaches_the_depth_whatever_the_scale():
+    motion = [injector(SIGNALS["sine"], scale=0.25).motion(s).value for s in t]
+    assert max(motion) * 0.25 == pytest.approx(6e-3, rel=0.01)
+
+
+def test_a_short_trial_has_short_ramps():
+    pe = injector(SIGNALS["sine"], duration=0.2)
+    assert pe.motion(0.2).value == pytest.approx(0.0, abs=1e-12)
+    assert pe.motion(0.1).value > 0.0
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: Sine(0.0),
+        lambda: Multisine([]),
+        lambda: Multisine([1.0, float("nan")]),
+        lambda: Chirp(2.0, 1.0),
+        lambda: Chirp(1.0, 2.0, sweep=0.0),
+        lambda: injector(SIGNALS["sine"], depth=0.0),
+        lambda: injector(SIGNALS["sine"], duration=0.0),
+        lambda: injector(SIGNALS["sine"], touch=1.0),
+    ],
+)
+def test_a_parameter_out_of_range_is_refused(make):
+    with pytest.raises(ValueError, match=r"must be|needs"):
+        make()

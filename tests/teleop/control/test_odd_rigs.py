@@ -1,0 +1,238 @@
+"""Rigs and conditions of other authors that return or raise what they should not."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import pytest
+
+from drivers import Ages, Command, RigError
+from sim_backend import SimulatedRig
+from teleop.control.conditions import Condition
+from teleop.safety import Fault, Mode
+from teleop.trial.loop import Session
+from teleop.trial.run import run_trial
+from teleop.trial.settings import TrialSettings
+
+AT = 300
+"""Call from which on the rig or the condition is odd; the drives move then."""
+
+
+class OddRig(SimulatedRig):
+    """The simulated rig, one of whose calls is replaced from call `AT` on."""
+
+    odd: tuple[str, Any] = ("", None)
+
+    def attempt(self, name: str, call: Any, *arguments: Any) -> Any:
+        self.calls = getattr(self, "calls", {})
+        self.calls[name] = self.calls.get(name, 0) + 1
+        answer = call(*arguments)
+        if name == self.odd[0] and self.calls[name] >= AT:
+            return self.odd[1](answer)
+        return answer
+
+    def read(self):
+        return self.attempt("read", super().read)
+
+    def idle(self):
+        # the first call, in reads; that on leaving the rig comes a second later
+        self.idled = min(getattr(self, "idled", math.inf), self.calls["read"])
+        super().idle()
+
+    def write(self, command):
+        return self.attempt("write", super().write, command)
+
+
+class Odd(Condition):
+    """A push whose force or end is odd from call `AT` on."""
+
+    def __init__(self, **odd: Any) -> None:
+        self._odd, self._calls = odd, itertools.count()
+
+    def drive_force(self, t, measurement):
+        late = next(self._calls) >= AT
+        if late and "over" in self._odd:
+            self.over = self._odd["over"]
+        return self._odd["force"] if late and "force" in self._odd else 0.5
+
+
+@dataclass(frozen=True)
+class OddSettings(TrialSettings):
+    odd: tuple[str, Any] = ("", None)
+    other: Condition | None = None
+    rigs: list[OddRig] = field(default_factory=list)
+
+    def make_rig(self, now):
+        setup = self.make_simulated_rig(now)
+        setup.__class__ = OddRig
+        setup.odd = self.odd
+        self.rigs.append(setup)
+        return setup
+
+    def make_condition(self):
+        return self.other or super().make_condition()
+
+
+def settings(**given: Any) -> OddSettings:
+    return OddSettings(
+        condition="autonomous", clock="virtual", duration=1.0, estimators=("rls",), **given
+    )
+
+
+def raising(error: BaseException) -> Any:
+    def fail(answer: Any) -> Any:
+        raise error
+
+    return fail
+
+
+class Unprintable(Exception):
+    def __str__(self) -> str:
+        raise ValueError("no text")
+
+
+ANSWERS = {
+    "read None": ("read", lambda m: None),
+    "read a force of None": ("read", lambda m: m._replace(contact_force=None)),
+    "read text": ("read", lambda m: m._replace(slave_position="0.1")),
+    "read an array": ("read", lambda m: m._replace(slave_position=np.array([0.1, 0.2]))),
+    "read few ages": ("read", lambda m: m._replace(age=m.age[:3])),
+    "read no ages": ("read", lambda m: m._replace(age=None)),
+    "read a stop that is an array": ("read", lambda m: m._replace(emergency_stop=np.zeros(2))),
+    "write None": ("write", lambda c: None),
+    "write three": ("write", lambda c: (0.0, 0.0, 0.0)),
+    "write text": ("write", lambda c: ("0", "0")),
+    "read unprintable error": ("read", raising(Unprintable())),
+    "write unprintable error": ("write", raising(Unprintable())),
+    "read exits": ("read", raising(SystemExit(0))),
+    "write exits": ("write", raising(SystemExit(0))),
+    "read ends a generator": ("read", raising(GeneratorExit())),
+}
+
+
+@pytest.mark.parametrize("odd", ANSWERS.values(), ids=ANSWERS)
+def test_an_odd_answer_of_a_rig_stops_the_drives_and_is_reported(odd, tmp_path):
+    made = settings(odd=odd)
+    path = tmp_path / "odd.mcap"
+    with pytest.raises(Exception) as raised:  # noqa: PT011
+        run_trial(made, path)
+    assert "The drives were stopped." in "".join(raised.value.__notes__)
+    assert AT <= made.rigs[0].idled < AT + 100
+    assert "rig failure" in (tmp_path / "odd.fault" / "cause.txt").read_text()
+
+
+@pytest.mark.parametrize(
+    "odd",
+    [
+        ("read", lambda m: m._replace(time=math.nan)),
+        ("read", lambda m: m._replace(time=math.inf)),
+        ("write", lambda c: Command(math.nan, 0.0)),
+        ("write", lambda c: Command(0.0, -math.inf)),
+    ],
+)
+def test_an_answer_that_is_not_finite_is_a_rig_failure(odd):
+    trial = run_trial(settings(odd=odd))
+    assert trial.fault["fault"] == Fault.RIG_FAILURE
+    assert "expected" in trial.fault["text"]
+    assert np.isfinite(trial.recording["time"]).all()
+
+
+def test_numpy_numbers_and_whole_ones_are_taken():
+    def numpy(m: Any) -> Any:
+        single = m._replace(
+            contact_force=np.float64(m.contact_force),
+            age=Ages(*map(np.float64, m.age)),
+            drive_error=None,
+            emergency_stop=np.bool_(False),
+        )
+        return single._replace(age=single.age._replace(master_force=0))
+
+    trial = run_trial(settings(odd=("read", numpy)))
+    assert trial.fault is None
+
+
+def test_a_drive_error_that_is_no_text_is_reported_as_text():
+    trial = run_trial(settings(odd=("read", lambda m: m._replace(drive_error=0x8611))))
+    assert trial.fault["text"] == f"drive error: {0x8611}"
+
+
+def test_a_drive_error_has_one_line_of_bounded_length():
+    long = "\x1b[2J" + "over-current\n" * 10_000
+    trial = run_trial(settings(odd=("read", lambda m: m._replace(drive_error=long))))
+    assert "\x1b" not in trial.fault["text"]
+    assert "\n" not in trial.fault["text"]
+    assert len(trial.fault["text"]) < 3000
+
+
+@pytest.mark.parametrize("force", [None, np.ones(2), 1j])
+def test_a_force_that_is_no_number_is_a_control_failure(force, tmp_path):
+    made = settings(other=Odd(force=force))
+    with pytest.raises(TypeError):
+        run_trial(made, tmp_path / "odd.mcap")
+    assert AT <= made.rigs[0].idled < AT + 100
+    assert "control failure" in (tmp_path / "odd.fault" / "cause.txt").read_text()
+
+
+def test_a_condition_whose_end_is_no_truth_value_is_a_control_failure(tmp_path):
+    with pytest.raises(ValueError, match="ambiguous"):
+        run_trial(settings(other=Odd(over=np.zeros(2))), tmp_path / "odd.mcap")
+    assert "control failure" in (tmp_path / "odd.fault" / "cause.txt").read_text()
+
+
+def test_a_program_end_in_a_condition_is_reported_as_an_error():
+    class Exiting(Condition):
+        def drive_force(self, t, measurement):
+            raise SystemExit(0)
+
+    with pytest.raises(RuntimeError, match="unexpected SystemExit: 0"):
+        run_trial(settings(other=Exiting()))
+
+
+def clock_of(name: str) -> Any:
+    calls = itertools.count()
+
+    def odd(m: Any) -> Any:
+        first = next(calls) == 0
+        times = {"stands still": 0.3, "jumps ahead": m.time + 1e6 * first, "restarts": m.time - 1e6}
+        return m._replace(time=times[name])
+
+    return odd
+
+
+@pytest.mark.parametrize("name", ["stands still", "jumps ahead", "restarts"])
+def test_a_run_ends_a_second_after_a_fault_whatever_the_rigs_time_does(name, monkeypatch):
+    made = settings(odd=("read", clock_of(name)))
+    steps = itertools.count()
+    step = "teleop.trial.loop.Session.step"
+    original = Session.step
+
+    def bounded(self):
+        assert next(steps) < 3000, "the run does not end"
+        return original(self)
+
+    monkeypatch.setattr(step, bounded)
+    trial = run_trial(made)
+    assert trial.recording["mode"][-1] == Mode.FAULT
+    expected = {"jumps ahead": Fault.OVERRUN, "restarts": Fault.RIG_FAILURE}
+    assert trial.fault["fault"] == expected.get(name, trial.fault["fault"])
+
+
+def test_drives_that_never_get_ready_end_the_run_in_one_line(monkeypatch):
+    monkeypatch.setattr(OddRig, "enable", lambda self: False, raising=False)
+    with pytest.raises(RigError, match="the drives did not get ready in the time of the trial"):
+        run_trial(settings())
+
+
+def test_drives_that_cannot_be_idled_at_the_last_tick_are_a_rig_failure(monkeypatch):
+    def refuse(self):
+        raise RigError("no answer")
+
+    monkeypatch.setattr(OddRig, "idle", refuse)
+    trial = run_trial(settings())
+    assert trial.fault
+    assert trial.fault["fault"] == Fault.RIG_FAILURE
+    assert "no answer" in trial.fault["text"]

@@ -1,0 +1,90 @@
+"""Output to a terminal that does not take any: it must not cost the recorder a tick."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from contextlib import suppress
+
+import pytest
+
+from teleop.live.terminal import Terminal
+from teleop.recording.recording import load
+
+termios = pytest.importorskip("termios")
+RUN = [sys.executable, "-m", "teleop", "run", "--clock", "virtual", "--duration", "2", "--json"]
+
+
+@pytest.fixture
+def terminal():
+    """A terminal whose other end is not read: (the other end, this end)."""
+    ends = os.openpty()
+    yield ends
+    for end in ends:
+        os.close(end)
+
+
+def stop(end):
+    """Stop a terminal's output, as Ctrl-S does."""
+    termios.tcflow(end, termios.TCOOFF)
+
+
+def fill(end):
+    """Write to a terminal that nobody reads until it takes no more."""
+    os.set_blocking(end, False)
+    with suppress(BlockingIOError):
+        while True:
+            os.write(end, b"x" * 4096)
+    with suppress(BlockingIOError):
+        while True:
+            os.write(end, b"x")
+    os.set_blocking(end, True)
+
+
+@pytest.mark.parametrize("block", [stop, fill])
+def test_a_terminal_that_takes_no_output_costs_no_tick(tmp_path, terminal, block):
+    path = tmp_path / "a.mcap"
+    block(terminal[1])
+    run = subprocess.run(
+        [*RUN, "--record", path],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=terminal[1],
+        timeout=60.0,
+    )
+    summary = json.loads(run.stdout)
+    assert run.returncode == 0
+    assert summary["recording"]["problem"] is None
+    recording = load(path)
+    assert recording["time"][-1] >= 2.0
+    assert len(recording) == 1 + round((recording["time"][-1] - recording["time"][0]) * 1e3)
+
+
+def test_a_terminal_that_goes_on_shows_what_was_written_and_the_last_drawing(terminal):
+    far, near = terminal
+    stop(near)
+    output = Terminal(near)
+    for number in range(1000):
+        output.draw(f"\rdrawing {number:04}")
+    output.write("\rmessage\n")
+    for number in range(1000):
+        output.draw(f"\rlast {number:04}")
+    output.close()
+    termios.tcflow(near, termios.TCOON)
+    shown = ""
+    while "last 0999" not in shown:
+        shown += os.read(far, 4096).decode()
+    assert "\rmessage\r\n" in shown
+    assert shown.endswith("\rlast 0999")
+    assert len(shown) < 100
+
+
+def test_output_is_written_before_close_returns(terminal):
+    far, near = terminal
+    output = Terminal(near)
+    output.write("message\n")
+    output.close()
+    os.set_blocking(far, False)
+    assert os.read(far, 4096) == b"message\r\n"

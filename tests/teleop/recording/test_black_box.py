@@ -1,0 +1,136 @@
+"""What a fault leaves behind."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ElementTree
+
+import numpy as np
+import pytest
+
+from sim_backend import SimulatedRig
+from sim_backend.faults import FaultyRig, Replaced, Unplugged
+from teleop.cli import main
+from teleop.recording.black_box import fault_of
+from teleop.recording.recording import load
+from teleop.trial.run import run_trial
+from teleop.trial.settings import TrialSettings
+
+
+@pytest.fixture
+def with_fault(monkeypatch):
+    """Lets a fault set in at a time of the rig's clock."""
+
+    def inject(fault, at):
+        def make(cube, now, **options):
+            rig = FaultyRig(SimulatedRig(cube, now, **options))
+            if at == 0.0:
+                rig.inject(fault)
+            read = rig.rig.read
+
+            def late():
+                if now() >= at:
+                    rig.inject(fault)
+                return read()
+
+            rig.rig.read = late
+            return rig
+
+        monkeypatch.setattr("teleop.trial.settings.SimulatedRig", make)
+
+    return inject
+
+
+@pytest.fixture
+def stopped(tmp_path, with_fault):
+    def run(fault, at=7.0, duration=9.0):
+        with_fault(fault, at)
+        path = tmp_path / "run.mcap"
+        settings = TrialSettings("autonomous", duration=duration, clock="virtual")
+        return run_trial(settings, path), path
+
+    return run
+
+
+def test_the_box_holds_five_seconds_before_and_one_after_at_full_rate(stopped):
+    trial, path = stopped(Replaced("contact_force", float("nan")))
+    box = load(trial.black_box / "ticks.mcap")
+    fault = fault_of(box)
+    assert trial.black_box == path.with_suffix(".fault")
+    assert fault == trial.fault
+    assert box["time"][0] == pytest.approx(fault["time"] - 5.0, abs=2e-3)
+    assert box["time"][-1] == pytest.approx(fault["time"] + 1.0, abs=2e-3)
+    np.testing.assert_allclose(np.diff(box["time"]), 1e-3, atol=1e-9)
+    whole = trial.recording
+    part = whole["time"] >= box["time"][0]
+    for name, column in box.columns.items():
+        np.testing.assert_array_equal(column, whole[name][part])
+    assert (trial.black_box / "ticks.mcap").stat().st_size < 2_000_000
+
+
+def test_the_account_names_cause_limit_value_time_and_timing(stopped):
+    trial, _ = stopped(Replaced("contact_force", 5000.0))
+    text = (trial.black_box / "cause.txt").read_text()
+    for line in (
+        "what      force limit: contact force 5000 N, at most 59.97 N",
+        "kind      force limit",
+        "where     contact_force",
+        "when      6.9500 s",
+        "value     5000",
+        f"limit     {trial.settings.limits.hard_force:.6g}",
+        "since     6.95",
+        "also      contact force is out of range: 5000 N, the sensor ends at 1000 N",
+        "  contact_force             5000 N",
+        "loop in the 5.0 s before",
+        "  1000.0 Hz, 0 overruns, 0 periods skipped",
+    ):
+        assert f"{line}\n" in text
+    out_of_range = "contact force is out of range: 5000 N, the sensor ends at 1000 N"
+    assert out_of_range in trial.summary()["safety"]["further_faults"]
+    assert "commanded speed zero after" in text
+    drawing = ElementTree.parse(trial.black_box / "channels.svg")
+    assert drawing.getroot().tag.endswith("svg")
+
+
+def test_a_fault_before_anything_moves_leaves_its_account_too(stopped):
+    trial, _ = stopped(Replaced("master_force", 40.0), at=0.0)
+    assert trial.fault["fault"] == "not at rest at the start"
+    assert trial.summary()["ticks"] == 0
+    assert "master force 40 N, at most 5 N" in (trial.black_box / "cause.txt").read_text()
+
+
+def test_the_report_of_a_run_that_never_moved_shows_the_stop_alone(stopped, capsys):
+    _, path = stopped(Replaced("master_force", 40.0), at=0.0)
+    assert main(["report", str(path)]) == 0
+    page = path.with_suffix(".html").read_text()
+    assert "not at rest at the start" in page
+    assert page.count("<svg") == 1
+    assert main(["estimate", str(path)]) == 2
+    assert "only 0 samples were given to the estimators" in capsys.readouterr().err
+
+
+def test_the_report_shows_what_stopped_the_run(stopped, capsys):
+    _, path = stopped(Unplugged(), at=2.0, duration=3.0)
+    assert main(["report", str(path)]) == 0
+    page = path.with_suffix(".html").read_text()
+    assert "Stopped for safety" in page
+    assert "rig failure: RigError: master board: no answer" in page
+    assert page.count("<svg") == 3
+
+
+def test_the_report_of_a_run_in_real_time_shows_how_the_loop_kept_time(tmp_path, capsys):
+    path = tmp_path / "run.mcap"
+    assert main(["run", "--duration", "0.5", "--record", str(path)]) == 0
+    assert main(["report", str(path)]) == 0
+    page = path.with_suffix(".html").read_text()
+    assert "periods skipped; how late each began" in page
+    assert page.count("<svg") == 3
+
+
+def test_a_run_that_is_stopped_says_so_and_ends_with_3(tmp_path, capsys, monkeypatch, with_fault):
+    monkeypatch.chdir(tmp_path)
+    with_fault(Replaced("slave_position", float("inf")), at=0.5)
+    assert main(["run", "--clock", "virtual", "--duration", "1"]) == 3
+    out, err = capsys.readouterr()
+    assert err == "teleop: stopped at 0.450 s: slave position is inf: expected a number\n"
+    assert "STOPPED for safety at 0.450 s" in out
+    assert "black box: recordings/" in out

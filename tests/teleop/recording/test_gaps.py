@@ -1,0 +1,276 @@
+"""A gap in a recording is a gap in time: reported, and not evaluated across."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from estimation import MatchedFilter
+from teleop.cli import main
+from teleop.errors import InputError
+from teleop.evaluation.evaluation import EstimateSettings, evaluate
+from teleop.evaluation.formats.delimited import Signals, periods, read_signals
+from teleop.evaluation.replay import agrees, recorded_settings, recorded_signals
+from teleop.recording.gaps import condition, missing_text, missing_ticks
+from teleop.recording.recording import load
+from teleop.recording.sinks import RecorderProcess
+from teleop.trial.run import run_trial
+from teleop.trial.settings import TrialSettings
+
+
+def ticks_without(lost, count=200, skipped=()):
+    """Time, dt and dropped of a recording that lacks some ticks of a loop that skipped periods."""
+    dt = 1e-3 * (1.0 + np.isin(np.arange(count), list(skipped)) * 7)
+    t = np.cumsum(dt) - 0.05
+    kept = ~np.isin(np.arange(count), list(lost))
+    return t[kept], dt[kept], np.cumsum(~kept)[kept].astype(float), t, kept
+
+
+@given(lost=st.sets(st.integers(0, 199), max_size=199), skipped=st.sets(st.integers(1, 199)))
+def test_every_missing_tick_is_in_one_gap_between_recorded_ticks(lost, skipped):
+    t, dt, dropped, whole, kept = ticks_without(lost, skipped=skipped)
+    gaps = missing_ticks(t, dt, dropped, len(lost))
+    assert sum(gap.ticks for gap in gaps) == len(lost)
+    inside = np.zeros(len(whole), dtype=bool)
+    for gap in gaps:
+        start = -np.inf if gap.start is None else gap.start
+        inside |= (whole > start) & (whole < (np.inf if gap.end is None else gap.end))
+    np.testing.assert_array_equal(inside, ~kept)
+    assert bool(missing_text(gaps)) == bool(lost)
+
+
+def test_the_ticks_of_a_black_box_have_no_gap_though_the_recorder_dropped_some():
+    t, dt, *_ = ticks_without(())
+    assert missing_ticks(t, dt, np.arange(200.0)) == ()
+
+
+def test_many_gaps_are_listed_in_one_line():
+    t, dt, dropped, *_ = ticks_without(range(1, 190, 10))
+    text = missing_text(missing_ticks(t, dt, dropped))
+    assert text.startswith("19 ticks are missing from the recording: 1 from -0.049 to -0.047 s, ")
+    assert text.endswith(" and 15 more gaps")
+
+
+def linear(hole=(3.1, 5.47), name="slave_position", cycle=1.0):
+    """A 1 Hz motion on k = 2000 N/m, b = 20 N s/m at 1 kHz, without the samples in a hole."""
+    t = np.arange(0.0, 8.0, 1e-3)
+    w = 2.0 * np.pi * cycle
+    x, v = 4e-3 - 3e-3 * np.cos(w * t), 3e-3 * w * np.sin(w * t)
+    f = 2000.0 * x + 20.0 * v + np.random.default_rng(0).normal(0.0, 0.02, t.size)
+    kept = (t <= hole[0]) | (t >= hole[1])
+    t, x, f = t[kept], x[kept], f[kept]
+    gaps = tuple((1 + np.flatnonzero(np.diff(t) > 0.01)).tolist())
+    return Signals(t, x, f, periods(t), name, gaps)
+
+
+CONDITIONING = ("matched", "svf", "foaw", "difference")
+
+
+@pytest.mark.parametrize("conditioning", CONDITIONING)
+def test_what_is_given_after_a_gap_does_not_depend_on_what_was_before_it(conditioning):
+    signals = linear()
+    start = signals.gaps[0]
+    moved = signals._replace(x=signals.x.copy(), f=signals.f.copy())
+    moved.x[:start] *= 3.0
+    moved.f[:start] -= 5.0
+    settings = EstimateSettings(
+        preset="paper", conditioning=conditioning, whole=True, resolution=1e-6
+    )
+    one, other = evaluate(signals, settings), evaluate(moved, settings)
+    after = one.t > signals.t[start]
+    for channel in range(3):
+        np.testing.assert_array_equal(
+            one.regression[channel][after], other.regression[channel][after]
+        )
+
+
+@pytest.mark.parametrize("conditioning", CONDITIONING)
+def test_velocity_has_settled_where_the_estimators_are_given_it_after_a_gap(conditioning):
+    settings = EstimateSettings(
+        preset="paper", conditioning=conditioning, whole=True, resolution=1e-6
+    )
+    holed, whole = (evaluate(linear(hole), settings) for hole in ((3.1, 5.25), (9.0, 9.0)))
+    after = holed.t > 5.2
+    same = np.isin(np.round(whole.t * 1e3), np.round(holed.t[after] * 1e3))
+    np.testing.assert_allclose(holed.regression.v[after], whole.regression.v[same], atol=4e-4)
+
+
+def test_estimators_get_the_time_that_passed_over_a_gap():
+    signals = linear()
+    evaluation = evaluate(signals, EstimateSettings(preset="paper", whole=True))
+    t, dt = evaluation.t, evaluation.regression.dt
+    np.testing.assert_allclose(dt[1:], np.diff(t), atol=1e-12)
+    settling = MatchedFilter(20.0).settling
+    assert dt.max() == pytest.approx(5.47 - 3.1 + settling, abs=1.5e-3)
+    assert evaluation.gaps == (pytest.approx((3.1, 5.47)),)
+
+
+@pytest.mark.parametrize("end", [5.1, 5.3, 5.47, 5.6, 5.8])
+def test_a_gap_does_not_shift_the_estimates_after_it(end):
+    evaluation = evaluate(linear((3.1, end)), EstimateSettings(preset="paper", whole=True))
+    later = evaluation.t > end + 0.3
+    np.testing.assert_allclose(evaluation.estimates["rls"].k[later], 2000.0, atol=15.0)
+
+
+@pytest.mark.parametrize("conditioning", CONDITIONING)
+def test_a_gap_of_any_length_does_not_change_the_settings_that_follow_the_data(conditioning):
+    signals, settings = linear(), EstimateSettings(conditioning=conditioning, resolution=1e-6)
+    t = signals.t + 3600.0 * (signals.t > 4.0)
+    long = signals._replace(t=t, dt=periods(t))
+    short, long = evaluate(signals, settings), evaluate(long, settings)
+    assert long.bandwidth == pytest.approx(10.0, rel=0.15)
+    assert long.bandwidth == pytest.approx(short.bandwidth)
+    assert len(long.t) == len(short.t)
+    np.testing.assert_allclose(long.estimates["rls"].k[-1], 2000.0, atol=15.0)
+    np.testing.assert_allclose(long.estimates["rls"].b[-1], 20.0, atol=2.0)
+
+
+def test_signals_without_a_gap_are_conditioned_as_one():
+    signals = linear((9.0, 9.0))
+    given, settled = condition(MatchedFilter(20.0), *signals[:1], *signals[1:4], ())
+    assert settled.all()
+    for ours, theirs in zip(given, MatchedFilter(20.0).run(*signals[1:4]), strict=True):
+        np.testing.assert_array_equal(ours, theirs)
+
+
+def test_gaps_that_leave_no_settled_sample_are_refused():
+    signals = linear((9.0, 9.0))
+    every = signals._replace(gaps=tuple(range(0, len(signals.t), 20)))
+    with pytest.raises(InputError, match="far enough from a gap for the filters to settle"):
+        evaluate(every, EstimateSettings(preset="paper", whole=True))
+
+
+def test_a_gap_in_a_table_is_reported(tmp_path, capsys):
+    path = tmp_path / "a.csv"
+    t, x, f, *_ = linear()
+    lines = [f"{a:.4f},{b:.9f},{c:.6f}" for a, b, c in zip(t, x, f, strict=True)]
+    path.write_text("\n".join(["Time [s],Displacement [m],Force [N]", *lines]))
+    assert read_signals(path).gaps == (3101,)
+    assert main(["estimate", str(path), "--json"]) == 0
+    summary = json.loads(capsys.readouterr().out)
+    assert summary["gaps"] == [{"from_s": 3.1, "to_s": 5.47}]
+    assert summary["jitter"] < 1e-6
+    assert main(["estimate", str(path)]) == 0
+    assert "no samples from 3.100 to 5.470 s" in capsys.readouterr().out
+    assert main(["report", str(path)]) == 0
+    assert "No samples from 3.100 to 5.470 s" in (tmp_path / "a.html").read_text()
+    with pytest.raises(InputError, match=r"a gap from 3\.1 to 5\.47 s"):
+        measure_lag_of(path)
+
+
+def measure_lag_of(path):
+    from teleop.commands.lag import lag
+
+    lag(path)
+
+
+@pytest.fixture
+def slow(monkeypatch):
+    """Lets the recorder's pipe be full for some ticks."""
+
+    def during(*numbers):
+        push, count = RecorderProcess.push, iter(range(10**9))
+
+        def full(self, message):
+            if next(count) in numbers:
+                self.dropped += 1
+            else:
+                push(self, message)
+
+        monkeypatch.setattr(RecorderProcess, "push", full)
+
+    return during
+
+
+SETTINGS = TrialSettings(clock="virtual", duration=3.0)
+
+
+def test_a_run_reports_dropped_ticks_as_such(slow, tmp_path):
+    slow(*range(1000, 2500))
+    trial = run_trial(SETTINGS, tmp_path / "a.mcap")
+    summary = trial.summary()
+    assert summary["loop"]["longest_gap_s"] == pytest.approx(1e-3)
+    assert summary["loop"]["mean_rate_hz"] == pytest.approx(1000.0)
+    first = trial.recording["time"][0]
+    (gap,) = summary["recording"]["missing_ticks"]
+    assert gap["ticks"] == 1500
+    assert gap["from_s"] == pytest.approx(first + 0.999)
+    assert gap["to_s"] == pytest.approx(first + 2.5)
+    assert not summary["recording"]["complete"]
+    assert summary["recording"]["problem"] is None
+
+
+def test_a_command_names_the_missing_ticks_and_does_not_advise_to_recover(slow, tmp_path, capsys):
+    slow(*range(1000, 1500), *range(2000, 2100))
+    path = tmp_path / "a.mcap"
+    assert main(["run", "--clock", "virtual", "--duration", "3", "--record", str(path)]) == 2
+    out, err = capsys.readouterr()
+    text = "600 ticks are missing from the recording: 500 from "
+    assert text in out
+    assert err.startswith(f"teleop: {path}: {text}")
+    assert err.count("\n") == 1
+    for word in ("stalled", "busy", "teleop recover", "hold its rate"):
+        assert word not in out + err
+    assert main(["recover", str(path)]) == 0
+    out, _ = capsys.readouterr()
+    assert "nothing to recover" in out
+    assert text in out
+    for options in ([], ["--json", "--overwrite"]):
+        assert main(["export", str(path), *options]) == 0
+        out, err = capsys.readouterr()
+        assert text in err or len(json.loads(out)["missing_ticks"]) == 2
+    assert main(["report", str(path)]) == 0
+    assert text in path.with_suffix(".html").read_text()
+    capsys.readouterr()
+    assert main(["estimate", str(path)]) == 0
+    out = capsys.readouterr().out
+    assert f"the estimates are not those of the run: {text}" in out
+    assert "no samples from" in out
+    assert "to the bit" not in out
+
+
+def test_ticks_that_were_dropped_last_are_reported(slow, tmp_path):
+    slow(*range(3000, 4000))
+    path = tmp_path / "a.mcap"
+    trial = run_trial(SETTINGS, path)
+    recording = load(path)
+    assert len(recording) == 3000
+    (gap,) = recording.gaps
+    assert gap.start == recording["time"][-1]
+    assert gap.end is None
+    assert gap.ticks == trial.outcome.dropped
+    assert "after" in trial.incomplete
+
+
+def test_ticks_that_were_dropped_first_are_reported(slow, tmp_path, capsys):
+    slow(*range(20))
+    path = tmp_path / "a.mcap"
+    run_trial(SETTINGS, path)
+    recording = load(path)
+    assert recording.gaps == ((None, recording["time"][0], 20),)
+    assert main(["estimate", str(path)]) == 0
+    assert f"20 ticks are missing from the recording: 20 before {recording['time'][0]:.3f} s" in (
+        capsys.readouterr().out
+    )
+
+
+def test_the_estimates_of_a_run_with_missing_ticks_are_not_claimed_to_be_reproduced(slow, tmp_path):
+    path = tmp_path / "a.mcap"
+    slow(*range(2000, 2002))
+    run_trial(SETTINGS, path)
+    recording = load(path)
+    signals = recorded_signals(recording)
+    np.testing.assert_allclose(signals.dt[1:], np.diff(signals.t), atol=1e-9)
+    evaluation = evaluate(signals, recorded_settings(recording))
+    assert not agrees(evaluation, recording)
+    before = evaluation.t < recording.gaps[0].end
+    online = recording.estimated()
+    for name, estimates in evaluation.estimates.items():
+        np.testing.assert_array_equal(estimates.k[before], online[f"{name}_k"][: before.sum()])
+    whole = replace(recording, gaps=())
+    assert len(recorded_signals(whole).gaps) == 0

@@ -1,0 +1,215 @@
+"""MCAP files of others, damaged ones, and such as are made to do harm."""
+
+from __future__ import annotations
+
+import json
+import struct
+import zlib
+from io import BytesIO
+
+import lz4.frame
+import pytest
+import zstandard
+from mcap.data_stream import RecordBuilder
+from mcap.records import Chunk, DataEnd, Footer, Header, Metadata
+from mcap.writer import CompressionType, Writer
+
+from teleop.recording import chunks, mcap_reader
+from teleop.recording.mcap_checks import checked_event, message_size
+from teleop.recording.mcap_reader import read_intact
+from teleop.recording.recording import load
+
+COMMANDS = ("estimate", "report", "export", "recover", "lag")
+DEFINITION = "float64 time  # [s] since\nfloat64 x  # [m] displacement\n"
+
+
+def written(path, *records):
+    """A file of these records."""
+    data = b"\x89MCAP0\r\n"
+    for record in (Header(profile="ros2", library=""), *records, DataEnd(0), Footer(0, 0, 0)):
+        builder = RecordBuilder()
+        record.write(builder)
+        data += builder.end()
+    path.write_bytes(data + b"\x89MCAP0\r\n")
+    return path
+
+
+def chunk(data, compression="zstd", declared=None, compressed=None):
+    """A chunk of these records."""
+    compress = {"zstd": zstandard.compress, "lz4": lz4.frame.compress}.get(compression, bytes)
+    return Chunk(
+        compression=compression,
+        data=compress(data) if compressed is None else compressed,
+        message_start_time=0,
+        message_end_time=0,
+        uncompressed_crc=zlib.crc32(data),
+        uncompressed_size=len(data) if declared is None else declared,
+    )
+
+
+def ros(path, compression=CompressionType.ZSTD, name="teleop/msg/Tick", text=DEFINITION, ticks=()):
+    """A file as another program writes it: a channel /tick, and an event channel."""
+    with path.open("wb") as file:
+        writer = Writer(file, compression=compression)
+        writer.start("ros2")
+        schema = writer.register_schema(name, "ros2msg", text.encode())
+        channel = writer.register_channel("/tick", "cdr", schema)
+        for number, tick in enumerate(ticks, start=1):
+            writer.add_message(channel, 10**9 * number, tick, 10**9 * number, number)
+        writer.finish()
+    return path
+
+
+def tick(t, *values):
+    return b"\0\1\0\0" + struct.pack(f"<{1 + len(values)}d", t, *values)
+
+
+def test_what_follows_is_made_as_our_own_files_are(tmp_path):
+    for compression in CompressionType:
+        path = ros(tmp_path / "a.mcap", compression, ticks=[tick(0.0, 1.0), tick(0.1, 2.0)])
+        assert load(path)["x"].tolist() == [1.0, 2.0]
+
+
+@pytest.mark.parametrize("declared", [8 << 30, 1000, 60 << 20])
+@pytest.mark.parametrize("compression", ["zstd", "lz4"])
+def test_a_chunk_expands_no_further_than_it_declares_and_no_further_than_the_limit(
+    tmp_path, refused, monkeypatch, compression, declared
+):
+    """The bomb of 200 MB is one of 6 kB in zstd."""
+    taken = []
+    decompressors = {
+        name: lambda data, most, f=f: taken.append(len(found := f(data, most))) or found
+        for name, f in chunks.DECOMPRESSORS.items()
+    }
+    monkeypatch.setattr(chunks, "DECOMPRESSORS", decompressors)
+    bomb = chunk(bytes(200 << 20), compression, declared)
+    error = refused("estimate", written(tmp_path / "bomb.mcap", bomb))
+    assert "a chunk" in error
+    assert max(taken, default=0) <= min(declared, chunks.LARGEST) + 1
+
+
+def test_the_ticks_of_all_chunks_are_bounded(tmp_path, refused, monkeypatch):
+    ticks = [tick(0.001 * i, 1.0) for i in range(20)]
+    path = ros(tmp_path / "a.mcap", ticks=ticks)
+    monkeypatch.setattr(mcap_reader, "LARGEST_TICKS", 100)
+    assert "too large for this machine's memory" in refused("export", path)
+
+
+def test_a_record_longer_than_the_file_is_not_read(tmp_path, monkeypatch):
+    """The length of a string in the record is false as well."""
+    asked = []
+    read = mcap_reader.Bounded.read
+    monkeypatch.setattr(
+        mcap_reader.Bounded, "read", lambda s, n: asked.append(min(n, s.left)) or read(s, n)
+    )
+    path = ros(tmp_path / "a.mcap", ticks=[tick(0.0, 1.0)])
+    data = path.read_bytes()
+    head = struct.pack("<BQ", 0x0C, 1000) + struct.pack("<I", 0xFFFFFFF0) + bytes(996)
+    path.write_bytes(data[:8] + head + data[8:])
+    with pytest.raises(Exception, match=r"no ticks in it"):
+        read_intact(path)
+    assert max(asked) <= len(data) + len(head)
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.parametrize(
+    "foreign",
+    [
+        {"name": "geometry_msgs/msg/Twist", "text": "Vector3 linear\nVector3 angular"},
+        {"name": "geometry_msgs/msg/Twist", "text": "float64 time\nfloat64 x"},
+        {"text": "Vector3 linear\nVector3 angular"},
+        {"text": "float64 time\nfloat64[] x"},
+        {"text": "float64 x\nfloat64 time"},
+        {"text": "float64 time\nfloat64 time"},
+        {"text": "float64 time\nfloat64 x\x00"},
+        {"text": "# float64 y\nfloat64 time\nfloat64 x"},
+        {"text": "float64 time\n" + "".join(f"float64 x{i}\n" for i in range(5000))},
+        {"text": f"float64 time\nfloat64 {'x' * 100}"},
+        {"text": ""},
+        {"ticks": [tick(0.0, 1.0, 2.0)]},
+        {"ticks": [tick(float("nan"), 1.0)]},
+        {"ticks": [tick(1e300, 1.0)]},
+        {"ticks": [b"\0\0\0\0" + tick(0.0, 1.0)[4:]]},
+        {"ticks": [b""]},
+        {"ticks": []},
+    ],
+    ids=str,
+)
+def test_a_recording_of_another_program_is_refused_in_one_line(tmp_path, refused, foreign, command):
+    path = ros(tmp_path / "a.mcap", **({"ticks": [tick(0.0, 1.0)]} | foreign))
+    error = refused(command, path)
+    assert "a.mcap" in error
+
+
+@pytest.mark.parametrize("command", ["estimate", "report", "lag"])
+def test_a_recording_without_a_column_that_is_needed_is_refused(tmp_path, refused, command):
+    path = ros(tmp_path / "a.mcap", ticks=[tick(0.001 * i, 1.0) for i in range(20)])
+    assert "the recording has no column" in refused(command, path)
+
+
+@pytest.mark.parametrize("compression", ["zstd", "lz4", "brotli"])
+def test_a_chunk_that_cannot_be_decompressed_is_told(tmp_path, refused, compression):
+    data = bytes(1000)
+    for compressed in (b"", b"\xff" * 50, chunk(data, compression).data[:-12]):
+        damaged = chunk(data, compression, compressed=compressed)
+        error = refused("export", written(tmp_path / "a.mcap", damaged))
+        assert "a chunk cannot be decompressed" in error or "expected zstd or lz4" in error
+
+
+@pytest.mark.parametrize(
+    "document",
+    [
+        "[" * 100_000,
+        '{"a":' * 100_000,
+        '{"a":' * 60 + "1" + "}" * 60,
+        "[" * 60 + "]" * 60,
+        "1" * 5000,
+        '{"a": ' + "1" * 5000 + "}",
+        "[]",
+        "null",
+    ],
+    ids=lambda document: document[:12],
+)
+def test_settings_that_are_no_sound_json_are_told(tmp_path, refused, document):
+    path = ros(tmp_path / "a.mcap", ticks=[tick(0.0, 1.0)])
+    record = RecordBuilder()
+    Metadata(name="settings", metadata={"json": document}).write(record)
+    data = path.read_bytes()
+    path.write_bytes(data[:8] + record.end() + data[8:])
+    assert "its settings cannot be read" in refused("export", path)
+    with pytest.raises(ValueError, match=r"."):
+        checked_event(document.encode())
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"time": None},
+        {"time": "now"},
+        {"time": 10**400},
+        {"time": float("nan")},
+        {"text": 3},
+        {"fault": 3},
+        {"fault": "stale"},
+        {"fault": "stale", "source": [], "value": 1.0, "limit": 1.0, "since": 1.0},
+        {"fault": "stale", "source": "x", "value": 10**400, "limit": 1.0, "since": 1.0},
+    ],
+    ids=str,
+)
+def test_an_event_that_is_not_as_expected_is_refused(changes):
+    good = {"time": 0.0, "text": "armed", "mode": "active", "fault": None}
+    assert checked_event(json.dumps(good).encode()) == good
+    with pytest.raises(ValueError, match="an event"):
+        checked_event(json.dumps(good | changes).encode())
+
+
+def test_the_size_of_a_message_follows_from_its_definition():
+    assert message_size(DEFINITION) == 4 + 2 * 8
+
+
+def test_a_decompressor_takes_a_chunk_in_pieces():
+    data = bytes(range(256)) * (3 * chunks.PIECE // 256) + b"end"
+    for compression in ("zstd", "lz4", ""):
+        assert chunks.chunk_data(chunk(data, compression)) == data
+    assert chunks.from_zstd(zstandard.compress(data), 5) == data[:5]
+    assert BytesIO(chunks.from_lz4(lz4.frame.compress(data), 5)).read() == data[:5]

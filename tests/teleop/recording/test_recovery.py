@@ -1,0 +1,340 @@
+from __future__ import annotations
+
+import errno
+import json
+import random
+import re
+import struct
+
+import numpy as np
+import pytest
+from mcap.records import Channel, Chunk, Message
+from mcap.stream_reader import StreamReader, breakup_chunk
+
+from teleop.cli import main
+from teleop.errors import InputError
+from teleop.recording.mcap_reader import read_intact
+from teleop.recording.mcap_writer import TICKS, Disk, McapFile
+from teleop.recording.recording import FIELD, from_messages, load
+
+RECORD = struct.Struct("<BQ")
+"""Head of a record: opcode and length."""
+MAGIC = 8
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """A recording of a real trial in many chunks, as a run in real time leaves it."""
+    folder = tmp_path_factory.mktemp("trial")
+    assert (
+        main(["run", "--clock", "virtual", "--duration", "1", "--record", f"{folder}/a.mcap"]) == 0
+    )
+    contents = read_intact(folder / "a.mcap")
+    path = folder / "whole.mcap"
+    fields = FIELD.findall(contents.definition)
+    file = McapFile(path, fields, contents.definition, contents.metadata)
+    file.begin(contents.start)
+    events = contents.events[1:]
+    size = 4 + 8 * len(fields)
+    for number, place in enumerate(range(0, len(contents.messages), size)):
+        message = bytes(contents.messages[place : place + size])
+        (t,) = struct.unpack_from("<4xd", message)
+        while events and events[0]["time"] < t:
+            file.event(events.pop(0))
+        file.tick(message, t)
+        if number % 80 == 79:
+            file.flush()
+    for event in events:
+        file.event(event)
+    file.close()
+    return path
+
+
+@pytest.fixture(scope="module")
+def recording(whole):
+    return load(whole)
+
+
+@pytest.fixture(scope="module")
+def records(whole):
+    """Place, opcode and end of each record."""
+    data = whole.read_bytes()
+    found, place = [], MAGIC
+    while place < len(data) - MAGIC:
+        opcode, length = RECORD.unpack_from(data, place)
+        found.append((place, opcode, place + RECORD.size + length))
+        place = found[-1][2]
+    return found
+
+
+@pytest.fixture(scope="module")
+def first_tick_chunk(records):
+    """Where the first chunk with ticks ends."""
+    return [end for _, opcode, end in records if opcode == 6][1]
+
+
+@pytest.fixture
+def cut(whole, tmp_path):
+    def cut(length):
+        path = tmp_path / f"cut-{length}.mcap"
+        path.write_bytes(whole.read_bytes()[:length])
+        return path
+
+    return cut
+
+
+def ticks_before(path):
+    """Ticks in the chunks that lie wholly in a file, by the MCAP library alone."""
+    count, ticks = 0, None
+    size = path.stat().st_size
+    with path.open("rb") as file:
+        records = StreamReader(file, emit_chunks=True).records
+        while True:
+            try:
+                record = next(records)
+            except Exception:
+                return count
+            if not isinstance(record, Chunk) or file.tell() > size:
+                continue
+            try:
+                parts = breakup_chunk(record, validate_crc=True)
+            except Exception:
+                return count
+            ticks = next(
+                (p.id for p in parts if isinstance(p, Channel) and p.topic == TICKS), ticks
+            )
+            count += sum(isinstance(p, Message) and p.channel_id == ticks for p in parts)
+
+
+def bits(column):
+    return column.view(np.uint64)
+
+
+def assert_prefix(part, recording):
+    assert list(part.columns) == list(recording.columns)
+    for name, column in part.columns.items():
+        np.testing.assert_array_equal(bits(column), bits(recording[name][: len(part)]))
+    assert part.events == recording.events[: len(part.events)]
+
+
+def assert_equal(a, b):
+    assert_prefix(a, b)
+    assert len(a) == len(b)
+    assert (a.units, a.events, a.session, a.settings) == (b.units, b.events, b.session, b.settings)
+
+
+def log_times(path):
+    with path.open("rb") as file:
+        return sorted(
+            (message.channel_id, message.sequence, message.log_time)
+            for message in StreamReader(file).records
+            if isinstance(message, Message)
+        )
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_what_is_left_of_a_cut_file_is_a_prefix_and_recovers_to_the_bit(
+    whole, recording, records, first_tick_chunk, cut, capsys, seed
+):
+    path = cut(random.Random(seed).randrange(first_tick_chunk, whole.stat().st_size))
+    before = path.read_bytes()
+    with pytest.raises(InputError, match=r"its end is missing.*teleop recover"):
+        load(path)
+    contents = read_intact(path)
+    part = from_messages(contents.definition, contents.messages, contents.events, contents.metadata)
+    assert_prefix(part, recording)
+    assert len(part) == ticks_before(path) > 0
+
+    capsys.readouterr()
+    assert main(["recover", str(path)]) == 0
+    out = path.with_name(f"{path.stem}-recovered.mcap")
+    assert capsys.readouterr().out == (
+        f"{out}: {len(part)} ticks, {part['time'][-1]:.3f} s, "
+        "the rest was cut off (its end is missing)\n"
+    )
+    assert path.read_bytes() == before
+    assert_equal(load(out), part)
+
+
+def test_a_cut_at_the_end_of_any_record_keeps_all_that_stands_before_it(
+    recording, records, first_tick_chunk, cut
+):
+    for _, _, end in records:
+        if end >= first_tick_chunk:
+            contents = read_intact(cut(end))
+            assert contents.damage == "its end is missing"
+            part = from_messages(
+                contents.definition, contents.messages, contents.events, contents.metadata
+            )
+            assert_prefix(part, recording)
+            assert len(part) == ticks_before(cut(end))
+
+
+def test_a_recovered_recording_keeps_the_times_at_which_messages_were_logged(
+    whole, records, cut, tmp_path
+):
+    data_end = next(place for place, opcode, _ in records if opcode == 15)
+    path = cut(data_end)
+    assert main(["recover", str(path), "--out", str(tmp_path / "out.mcap")]) == 0
+    assert log_times(tmp_path / "out.mcap") == log_times(whole)
+    assert read_intact(tmp_path / "out.mcap").start == read_intact(whole).start
+
+
+def test_where_no_tick_is_left_it_is_told_and_nothing_written(
+    refused, whole, records, first_tick_chunk, cut
+):
+    for length in [0, 3, MAGIC, *(end for _, _, end in records), first_tick_chunk - 1]:
+        if length < first_tick_chunk:
+            path = cut(length)
+            err = refused("recover", path)
+            assert "no ticks in it" in err or "not an MCAP file" in err
+            assert not path.with_name(f"{path.stem}-recovered.mcap").exists()
+            with pytest.raises(InputError):
+                load(path)
+
+
+def test_a_complete_recording_is_left_alone(whole, recording, tmp_path, capsys):
+    out = tmp_path / "out.mcap"
+    assert main(["recover", str(whole), "--out", str(out)]) == 0
+    text = capsys.readouterr().out
+    assert text.startswith(f"{whole}: the file is intact")
+    assert text.count("\n") == 1
+    assert not out.exists()
+    assert main(["recover", str(whole), "--out", str(out), "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert (document["out"], document["damage"]) == (None, "")
+    assert document["ticks"] == len(recording)
+    assert not out.exists()
+
+
+def test_json_is_one_document(recording, first_tick_chunk, cut, tmp_path, capsys):
+    path, out = cut(first_tick_chunk + 1), tmp_path / "out.mcap"
+    assert main(["recover", str(path), "--out", str(out), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out) == {
+        "file": str(path),
+        "out": str(out),
+        "ticks": 80,
+        "duration_s": recording["time"][79],
+        "damage": "its end is missing",
+        "missing_ticks": [],
+    }
+
+
+def test_a_file_that_exists_is_not_overwritten(refused, first_tick_chunk, cut, tmp_path):
+    path, out = cut(first_tick_chunk), tmp_path / "out.mcap"
+    out.write_bytes(b"precious")
+    before = path.read_bytes()
+    assert "exists already" in refused("recover", path, "--out", out)
+    assert "exists already" in refused("recover", path, "--out", path)
+    assert out.read_bytes() == b"precious"
+    assert path.read_bytes() == before
+
+
+def test_a_folder_that_is_not_there_and_a_full_disk_are_told(
+    refused, first_tick_chunk, cut, tmp_path, monkeypatch
+):
+    path, out = cut(first_tick_chunk), tmp_path / "out.mcap"
+    missing = tmp_path / "none" / "out.mcap"
+    assert "cannot be written" in refused("recover", path, "--out", missing)
+
+    def full(self, data):
+        self.error = self.error or OSError(errno.ENOSPC, "No space left on device")
+        raise self.error
+
+    monkeypatch.setattr(Disk, "write", full)
+    err = refused("recover", path, "--out", out)
+    assert "cannot be written: no space left on device" in err
+    assert not out.exists()
+
+
+def flipped(whole, tmp_path, place, bit):
+    data = bytearray(whole.read_bytes())
+    data[place] ^= bit
+    path = tmp_path / "flipped.mcap"
+    path.write_bytes(data)
+    return path
+
+
+def assert_refused_or_same(path, recording):
+    """A damaged file either loads as what it was or is refused; what is intact is a prefix."""
+    told = ""
+    try:
+        loaded = load(path)
+    except InputError as error:
+        told = str(error)
+    if not told:
+        assert_equal(loaded, recording)
+        return
+    assert re.search(r"teleop recover|no ticks in it|not an MCAP file", told)
+    try:
+        contents = read_intact(path)
+    except InputError:
+        return
+    assert contents.damage
+    size = 4 + 8 * len(FIELD.findall(contents.definition))
+    part = from_messages(contents.definition, contents.messages, [], {})
+    assert len(contents.messages) == size * len(part)
+    assert_prefix(part, recording)
+
+
+def test_a_flipped_byte_is_refused_or_harmless(whole, recording, tmp_path):
+    draw = random.Random(1)
+    for _ in range(300):
+        place, bit = draw.randrange(whole.stat().st_size), draw.randrange(1, 256)
+        assert_refused_or_same(flipped(whole, tmp_path, place, bit), recording)
+
+
+def test_a_flipped_bit_in_any_records_head_is_refused_or_harmless(
+    whole, recording, records, tmp_path
+):
+    draw = random.Random(2)
+    for start, _, _ in records:
+        heads = [(start, 1 << i) for i in range(8)]
+        heads += [(start + i, 1 << draw.randrange(8)) for i in draw.sample(range(1, 9), 2)]
+        for place, bit in heads:
+            assert_refused_or_same(flipped(whole, tmp_path, place, bit), recording)
+
+
+def test_a_lost_chunk_leaves_what_stands_before_it(whole, recording, records, cut, tmp_path):
+    """An opcode that no reader knows hides a chunk; what follows must not close the gap."""
+    chunks = [place for place, opcode, _ in records if opcode == 6]
+    data_end = next(place for place, opcode, _ in records if opcode == 15)
+    for place in chunks[2:-1]:
+        path = flipped(whole, tmp_path, place, 0x80)
+        path.write_bytes(path.read_bytes()[:data_end])
+        contents = read_intact(path)
+        assert "are missing before number" in contents.damage
+        part = from_messages(contents.definition, contents.messages, [], {})
+        assert_prefix(part, recording)
+        assert 0 < len(part) < len(recording)
+        out = tmp_path / f"{place}.mcap"
+        assert main(["recover", str(path), "--out", str(out)]) == 0
+        assert len(load(out)) == len(part)
+
+
+def test_a_recording_whose_settings_are_damaged_keeps_its_ticks(whole, recording, tmp_path, capsys):
+    place = whole.read_bytes().index(b'{"condition"')
+    path = flipped(whole, tmp_path, place, 0x01)
+    with pytest.raises(InputError, match=r"its settings cannot be read.*teleop recover"):
+        load(path)
+    out = tmp_path / "out.mcap"
+    assert main(["recover", str(path), "--out", str(out)]) == 0
+    assert "its settings cannot be read" in capsys.readouterr().out
+    recovered = load(out)
+    assert_prefix(recovered, recording)
+    assert len(recovered) == len(recording)
+    assert recovered.events == recording.events
+    assert recovered.session == recording.session
+    assert recovered.settings == {}
+
+
+def test_a_recording_whose_first_event_is_lost_is_read_as_far_as_it_goes(
+    whole, recording, records, tmp_path
+):
+    first = next(place for place, opcode, _ in records if opcode == 6)
+    path = flipped(whole, tmp_path, first, 0x80)
+    contents = read_intact(path)
+    assert contents.start == read_intact(whole).start
+    out = tmp_path / "out.mcap"
+    assert main(["recover", str(path), "--out", str(out)]) == 0
+    assert_prefix(load(out), recording)

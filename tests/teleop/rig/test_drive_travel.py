@@ -1,0 +1,74 @@
+"""The band within which a drive's sensors may differ from its command."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drivers import Ages, Measurement
+from drivers.rig_file import read_rig_file
+from teleop.rig.drive_travel import BAND, SLACK, DriveTravel
+
+CHANNELS = read_rig_file(Path(__file__).parents[3] / "rigs" / "serial-board.toml").sections.channels
+COUNT = 1e-6
+"""Of the encoder in that file [m]."""
+FRESH = Ages(0.0, 0.0, 0.0, 0.0, 0.0)
+directions = st.sampled_from([-1.0, 1.0])
+
+
+def measurement(position, velocity=math.nan, force=0.0):
+    return Measurement(0.0, 0.0, math.nan, position, force, velocity, FRESH)
+
+
+def travelled(commanded, moved, velocity=math.nan, force=0.0, compliance=0.0):
+    """A slave that was commanded to go so far in a second, and what its encoder shows."""
+    travel = DriveTravel("slave", CHANNELS, compliance)
+    travel.advance(0.0, measurement(3e-3), 0.1)
+    travel.begin()
+    travel.advance(commanded, measurement(3e-3 + moved, velocity, force), 1.0)
+    return travel
+
+
+@given(
+    commanded=st.floats(0.2e-3, 1e-3),
+    ratio=st.floats(-20.0, 20.0),
+    direction=directions,
+)
+def test_a_settled_drive_is_accepted_within_the_band_alone(commanded, ratio, direction):
+    difference = abs(ratio - 1.0) * commanded - BAND * commanded - SLACK - COUNT
+    if abs(difference) < 1e-9:
+        return
+    problem = travelled(direction * commanded, direction * ratio * commanded).problem(settled=True)
+    assert bool(problem) == (difference > 0.0)
+    if problem and abs(ratio) > 1e-6:
+        assert ("sign" if ratio < 0.0 else "scale") in problem
+
+
+@given(commanded=st.floats(0.0, 1e-3), share=st.floats(0.0, 1.0), direction=directions)
+def test_a_drive_that_is_still_on_its_way_may_be_behind(commanded, share, direction):
+    travel = travelled(direction * commanded, direction * share * commanded)
+    assert not travel.problem(settled=False)
+
+
+@given(commanded=st.floats(1e-6, 1e-3), beyond=st.floats(1e-6, 1e-3), direction=directions)
+def test_it_may_be_neither_ahead_nor_on_the_wrong_side(commanded, beyond, direction):
+    most = SLACK + COUNT + beyond
+    ahead = direction * (commanded * (1.0 + BAND) + most)
+    assert "scale" in travelled(direction * commanded, ahead).problem(settled=False)
+    assert "sign" in travelled(direction * commanded, -direction * most).problem(settled=False)
+
+
+def test_the_drives_compliance_explains_what_the_force_took():
+    assert "scale" in travelled(0.4e-3, 0.2e-3, force=20.0).problem(settled=True)
+    assert not travelled(0.4e-3, 0.2e-3, force=20.0, compliance=4e-6).problem(settled=True)
+
+
+@pytest.mark.parametrize("velocity", [-0.4e-3, 0.8e-3, 0.1e-3])
+def test_a_velocity_channel_that_differs_is_named(velocity):
+    problem = travelled(0.4e-3, 0.4e-3, velocity).problem(settled=True)
+    assert "slave_velocity shows" in problem
+    assert not travelled(0.4e-3, 0.4e-3, 0.4e-3).problem(settled=True)

@@ -1,0 +1,207 @@
+"""The tare: found at rest and unloaded, refused otherwise, stored, applied."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from drivers import STANDSTILL, Command
+from sim_backend import CUBES, Sensors, SimulatedRig
+from teleop.cli import main
+from teleop.control.clock import VirtualClock
+from teleop.control.tare import Tare, read_tare, write_tare
+from teleop.errors import InputError, SafetyStop
+from teleop.recording.recording import load
+from teleop.rig.touching import touch, touch_settings
+from teleop.rig.zeroing import force_zero
+from teleop.safety import Fault
+from teleop.trial.run import run_trial
+from teleop.trial.settings import TrialSettings
+
+FILE = {"master_force": 0.5, "contact_force": -0.25, "slave_position": 1e-3, "date": "2026"}
+"""A file of teleop 0.1, which names no rig."""
+OFFSETS = Sensors(master_zero=1.5, contact_zero=-2.25, contact_position=3.7e-3)
+
+
+def rig_of(sensors, clock, **options):
+    rig = SimulatedRig(CUBES["soft"], clock.now, sensors=sensors, **options)
+    rig.open()
+    return rig
+
+
+def test_the_force_zero_is_what_the_sensors_read_at_no_force():
+    clock = VirtualClock(1000.0)
+    zero = force_zero(rig_of(OFFSETS, clock), clock)
+    assert zero.master == pytest.approx(1.5, abs=0.004)
+    assert zero.contact == pytest.approx(-2.25, abs=0.004)
+    assert zero.noise == pytest.approx(0.02, rel=0.1)
+
+
+def test_a_moving_rig_is_refused():
+    clock = VirtualClock(1000.0)
+    rig = rig_of(Sensors(), clock)
+    rig.enable()
+    rig.write(Command(0.0, 0.005))
+    with pytest.raises(InputError, match=r"the slave moves, by 0\.\d+ mm"):
+        force_zero(rig, clock)
+
+
+@pytest.mark.parametrize(
+    ("sensors", "word"),
+    [
+        (Sensors(contact_zero=40.0), r"contact force sensor reads 40\.0\d N: expected no load"),
+        (Sensors(master_zero=-40.0), "master force sensor reads"),
+        (Sensors(force_noise=2.0), "force varies by 2"),
+    ],
+)
+def test_a_loaded_rig_is_refused(sensors, word):
+    clock = VirtualClock(1000.0)
+    with pytest.raises(InputError, match=word):
+        force_zero(rig_of(sensors, clock), clock)
+
+
+@pytest.mark.parametrize("cube", ["soft", "medium", "hard"])
+def test_touch_finds_where_contact_begins_and_goes_back(cube, tmp_path):
+    clock = VirtualClock(1000.0)
+    zero = force_zero(rig_of(OFFSETS, clock), clock)
+    path = tmp_path / "touch.mcap"
+    found = touch(touch_settings(None, cube, zero, OFFSETS, seed=0), path)
+    assert found == pytest.approx(OFFSETS.contact_position, abs=20e-6)
+    recording = load(path)
+    assert recording["contact_force"].max() < 5.0
+    assert zero.position + recording["slave_position"][-1] < found - 0.5e-3
+    assert recording["commanded_slave_velocity"][-1] == STANDSTILL.slave_velocity
+
+
+def test_touching_nothing_is_told():
+    clock = VirtualClock(1000.0)
+    zero = force_zero(rig_of(Sensors(), clock), clock)
+    far = touch_settings(None, "soft", zero, Sensors(), 0)
+    object.__setattr__(far, "duration", 0.5)
+    with pytest.raises(InputError, match="nothing was touched"):
+        touch(far, None)
+
+
+def test_an_applied_tare_makes_an_offset_rig_read_like_one_without():
+    settings = {"clock": "virtual", "duration": 1.0, "condition": "autonomous"}
+    plain = run_trial(TrialSettings(**settings)).recording
+    tare = Tare(OFFSETS.master_zero, OFFSETS.contact_zero, OFFSETS.contact_position, "today")
+    trial = run_trial(TrialSettings(**settings, sensors=OFFSETS, tare=tare))
+    for name in ("master_force", "slave_position", "contact_force"):
+        np.testing.assert_allclose(trial.recording[name], plain[name], atol=2e-6)
+    assert trial.recording.settings["tare"]["date"] == "today"
+
+
+def test_the_command_stores_a_dated_tare_that_run_takes(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert main(["rig", "tare", "--contact", "touch"]) == 0
+    assert "teleop run --tare tare.json" in capsys.readouterr().out
+    tare = read_tare(tmp_path / "tare.json")
+    assert tare.date.startswith("20")
+    assert abs(tare.slave_position) < 20e-6
+    assert tare.rig == "simulated"
+    run = ["run", "--clock", "virtual", "--duration", "0.2", "--record", "a.mcap", "--json"]
+    assert main([*run, "--tare", "tare.json"]) == 0
+    assert load(tmp_path / "a.mcap").settings["tare"] == json.loads(
+        (tmp_path / "tare.json").read_text()
+    )
+    capsys.readouterr()
+    assert main(["rig", "tare", "--contact", "1.5mm", "--overwrite", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["slave_position"] == 1.5e-3
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        ("[]", ["expected a file of teleop rig tare"]),
+        ("{", ["expected a file of teleop rig tare"]),
+        ('{"master_force": "high", "date": 3}', ["master_force", "date"]),
+        ('{"contact_force": NaN}', ["contact_force", "finite", "master_force: field required"]),
+        ('{"contact_farce": 1.0}', ["contact_farce"]),
+        (json.dumps(FILE | {"contact_force": 20.0}), ["contact_force", "15"]),
+        (json.dumps(FILE | {"master_force": -1e308}), ["master_force", "-15"]),
+        (json.dumps(FILE | {"slave_position": 1.5}), ["slave_position", "1"]),
+        (json.dumps(FILE | {"slave_position": math.inf}), ["slave_position", "finite"]),
+        (json.dumps(FILE).replace("0.001", "9" * 5000), ["file"]),
+        (json.dumps(FILE | {"contact_force": True}), ["contact_force"]),
+        (json.dumps(FILE | {"contact_force": "1.0"}), ["contact_force"]),
+        (json.dumps(FILE | {"rig": 3}), ["rig"]),
+        (json.dumps(FILE | {"rig": "x" * 100_000}), ["rig"]),
+        (json.dumps(FILE | {"rig": "another\x1b[2J"}), [r"'another\x1b[2J'", "'simulated'"]),
+    ],
+)
+def test_a_bad_tare_file_is_told_with_all_its_errors_on_one_line(tmp_path, capsys, content, words):
+    path = tmp_path / "tare.json"
+    path.write_text(content)
+    assert main(["run", "--tare", str(path), "--no-record"]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    for word in words:
+        assert word in error
+
+
+def test_a_bad_contact_is_told(capsys):
+    assert main(["rig", "tare", "--contact", "5kg"]) == 2
+    assert "keep, touch, or a position such as 1.5mm" in capsys.readouterr().err
+
+
+def test_a_tare_comes_back_from_its_file_to_the_bit(tmp_path):
+    tare = Tare(0.1 + 0.2, -1e-17, 1 / 3, "2026-11-21T04:00:00+00:00", "a rig")
+    write_tare(tare, tmp_path / "t.json")
+    assert read_tare(tmp_path / "t.json") == tare
+
+
+def test_a_file_that_names_no_rig_is_accepted(tmp_path):
+    path = tmp_path / "tare.json"
+    path.write_text(json.dumps(FILE))
+    tare = read_tare(path)
+    assert tare == Tare(0.5, -0.25, 1e-3, "2026", rig="")
+    assert TrialSettings(tare=tare).tare == tare
+
+
+@pytest.mark.parametrize(
+    ("tare", "words"),
+    [
+        (Tare(contact_force=20.0), "contact_force 20 N: expected a zero within 15 N"),
+        (Tare(master_force=math.nan), "master_force nan N: expected a zero"),
+        (Tare(slave_position=-math.inf), "slave_position -inf m: expected a zero"),
+        (Tare(slave_position=0.7), "slave_position 0.7: expected a value in the range"),
+        (Tare(rig="another"), "found on the rig 'another': expected one of 'simulated'"),
+    ],
+)
+def test_a_tare_that_cannot_be_one_of_this_rig_is_refused(tare, words):
+    with pytest.raises(InputError, match=words):
+        TrialSettings(tare=tare)
+
+
+def test_a_tare_shifts_the_ranges_of_the_sensors_and_no_other_limit():
+    settings = TrialSettings(tare=Tare(1.5, -2.25, 3.7e-3))
+    plain, tared = TrialSettings().limits, settings.limits
+    for name, zero in settings.tare.zeros.items():
+        raw = plain.channels[name]
+        assert tared.channels[name] == replace(raw, low=raw.low - zero, high=raw.high - zero)
+    assert replace(tared, channels=plain.channels) == plain
+
+
+def test_a_sensor_beyond_its_range_trips_whatever_the_tare():
+    clock = VirtualClock(1000.0)
+    rig = SimulatedRig(CUBES["soft"], clock.now)
+    high = TrialSettings().limits.channels["contact_force"].high
+    settings = TrialSettings(clock="virtual", tare=Tare(contact_force=14.0))
+    controller = settings.make_controller(rig, settings.make_bank(), clock)
+    rig.read = lambda read=rig.read: read()._replace(contact_force=high + 1.0)
+    faults = [event.fault for event in controller.tick(clock.wait()).events]
+    assert Fault.OUT_OF_RANGE in faults
+
+
+def test_touching_stops_for_safety_at_the_rigs_own_force_limit_if_that_is_lower():
+    clock = VirtualClock(1000.0)
+    zero = force_zero(rig_of(Sensors(), clock), clock)
+    settings = touch_settings(None, "hard", zero, Sensors(), 0)
+    low = replace(settings.raw_limits, soft_force=0.2, hard_force=0.3)
+    with pytest.raises(SafetyStop, match=r"force limit: contact force 0\.3"):
+        touch(replace(settings, custom_limits=low), None)

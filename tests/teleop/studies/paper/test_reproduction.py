@@ -1,0 +1,172 @@
+from __future__ import annotations
+
+import csv
+import errno
+import json
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+
+from teleop.cli import main
+from teleop.studies.paper.claims import check_claims
+from teleop.studies.paper.table1 import is_calibrated, table1
+from teleop.studies.paper.trials import Damping, Outcome, paper_trial
+
+PAPER = Path(__file__).parents[5] / "shared" / "paper.txt"
+
+
+def test_table_1_is_the_papers():
+    table = table1()
+    assert len(table) == 27
+    assert table["free", "soft", "rls"] == (-12.5, 2229.2, 0.34)
+    assert table["mimic", "hard", "ai"] == (608.0, 31099.0, 2.34)
+    assert table["autonomous", "hard", "me"] == (-284.0, 19850.0, 0.77)
+
+
+@pytest.mark.skipif(not PAPER.is_file(), reason="needs ../shared/paper.txt, which is not here")
+def test_table_1_is_the_papers_to_the_last_cell():
+    lines = PAPER.read_text().splitlines()
+    first = next(i for i, line in enumerate(lines) if line.startswith("Teleoperation without PE\t"))
+    for n, line in enumerate(lines[first : first + 9]):
+        numbers = [float(cell) for cell in line.split("\t")[2:]]
+        condition = ("free", "mimic", "autonomous")[n // 3]
+        for i, cube in enumerate(("soft", "medium", "hard")):
+            cell = table1()[condition, cube, ("rls", "ai", "me")[n % 3]]
+            assert list(cell) == numbers[3 * i : 3 * i + 3]
+
+
+def test_calibrated_are_the_rls_cells_of_free_and_autonomous():
+    marked = [key for key in table1() if is_calibrated(key[0], key[2])]
+    assert len(marked) == 6
+    assert {estimator for _, _, estimator in marked} == {"rls"}
+    assert {condition for condition, _, _ in marked} == {"free", "autonomous"}
+
+
+def test_a_trial_has_the_papers_settings():
+    settings = paper_trial("mimic", "hard")
+    assert (settings.duration, settings.rate) == (10.0, 1000.0)
+    parameters = settings.make_bank()["ai"].parameters
+    assert (parameters.rk4, parameters.Gamma) == (True, (50_000.0, 1e7))
+
+
+def outcomes(change=None):
+    """Nine trials that are the paper's own numbers, but for one changed cell."""
+    made = []
+    for condition in ("free", "mimic", "autonomous"):
+        for cube in ("soft", "medium", "hard"):
+            estimates = {
+                e: {**table1()[condition, cube, e]._asdict(), "rise_time_s": 0.3, "note": None}
+                for e in ("rls", "ai", "me")
+            }
+            if change and change[:2] == (condition, cube):
+                estimates[change[2]][change[3]] = change[4]
+            rls = estimates["rls"]["b"]
+            damping = Damping(10.0, table1()[condition, cube, "rls"].b, rls, 5.0, 10.0)
+            made.append(Outcome(condition, cube, 0, estimates, damping, *([None] * 4), {}))
+    return made
+
+
+def test_every_claim_holds_for_the_papers_own_numbers():
+    claims = check_claims(outcomes())
+    assert len(claims) == 9
+    assert [claim.claim for claim in claims if not claim.holds] == []
+
+
+@pytest.mark.parametrize(
+    ("change", "word"),
+    [
+        (("free", "soft", "me", "k", 1500.0), "within 20 %"),
+        (("free", "hard", "me", "e_f", 4.99), "largest force error"),
+        (("mimic", "soft", "ai", "rise_time_s", 0.7), "rise time"),
+        (("mimic", "soft", "ai", "rise_time_s", float("nan")), "rise time"),
+        (("autonomous", "soft", "rls", "k", 2230.0), "falls from free"),
+        (("mimic", "medium", "rls", "k", 2000.0), "rises from soft"),
+        (("mimic", "medium", "rls", "b", 3.0), "negative"),
+    ],
+)
+def test_a_claim_fails_once_its_numbers_do(change, word):
+    failed = [claim.claim for claim in check_claims(outcomes(change)) if not claim.holds]
+    assert any(word in claim for claim in failed)
+
+
+class Page(HTMLParser):
+    def __init__(self):
+        super().__init__()
+        self.tags = []
+        self.links = []
+
+    def handle_starttag(self, tag, attributes):
+        self.tags.append(tag)
+        self.links += [value for name, value in attributes if name in ("src", "href")]
+
+
+def test_reproduce_writes_table_figures_and_a_page_that_needs_nothing_else(tmp_path, capsys):
+    out = tmp_path / "paper"
+    assert main(["reproduce", "--out", str(out), "--seeds", "2", "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    trials = document["trials"]
+    assert len(trials) == 27
+    assert {"condition", "cube", "estimator", "b", "k", "e_f", "rise_time_s"} <= trials[0].keys()
+    assert trials[0]["paper"] == {"b": -12.5, "k": 2229.2, "e_f": 0.34}
+    assert sum(row["calibrated"] for row in trials) == 6
+    assert all({"claim", "holds", "evidence"} <= claim.keys() for claim in document["claims"])
+    assert set(document["study"]) == {"e_f", "rise_time_s"}
+
+    within = [abs(row["k"] / row["paper"]["k"] - 1.0) for row in trials]
+    assert sum(share <= 0.1 for share in within) >= 25
+    assert max(within) <= 0.2
+    assert all(row["b"] < 0.0 for row in trials if row["estimator"] == "rls")
+    for step in document["damping"]:
+        assert step["stiffening"] == pytest.approx(step["true"], rel=0.1)
+
+    with (out / "table1.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [float(row["k"]) for row in rows] == [row["k"] for row in trials]
+    for figure in ("figure3", "figure4", "figure5"):
+        assert (out / f"{figure}.png").read_bytes().startswith(b"\x89PNG")
+        assert (out / f"{figure}.svg").read_text().startswith("<svg")
+    page = Page()
+    page.feed((out / "index.html").read_text())
+    assert page.tags.count("figure") == 3
+    assert page.tags.count("table") >= 6
+    assert all(link.startswith("#") for link in page.links)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--seeds", "0"], "seeds 0"),
+        (["--seeds", "many"], "--seeds"),
+        (["--out", __file__], "expected a folder"),
+    ],
+)
+def test_bad_arguments_are_told(capsys, arguments, words):
+    assert main(["reproduce", *arguments]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert words in err
+    assert err.count("\n") == 1
+
+
+def test_report_writes_a_page_that_needs_nothing_else(tmp_path, capsys):
+    path = tmp_path / "run.mcap"
+    assert main(["run", "--clock", "virtual", "--duration", "3", "--record", str(path)]) == 0
+    capsys.readouterr()
+    assert main(["report", str(path)]) == 0
+    assert capsys.readouterr().out.strip() == str(tmp_path / "run.html")
+    page = Page()
+    page.feed((tmp_path / "run.html").read_text())
+    assert page.tags.count("figure") == 2
+    assert all(link.startswith("#") for link in page.links)
+
+
+def test_without_shared_memory_it_is_refused_in_one_line(monkeypatch, tmp_path, capsys):
+    def no_semaphores(*_, **__):
+        raise OSError(errno.EROFS, "Read-only file system")
+
+    monkeypatch.setattr("multiprocessing.synchronize._multiprocessing.SemLock", no_semaphores)
+    assert main(["reproduce", "--out", str(tmp_path / "r")]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert "shared memory" in error

@@ -1,0 +1,148 @@
+"""A sample of the fault campaign, benchmarks/faults.py, and the ways a person stops a run."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from teleop.recording.recording import load
+
+ROOT = Path(__file__).parents[3]
+pytestmark = pytest.mark.skipif(os.name != "posix", reason="needs fork and a pseudo-terminal")
+
+
+def load_campaign():
+    """The script, whose own folder Python would look in for its parts."""
+    sys.path.insert(0, str(ROOT / "benchmarks"))
+    spec = importlib.util.spec_from_file_location("campaign", ROOT / "benchmarks" / "faults.py")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["campaign"] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+campaign = load_campaign()
+CODE = """
+import json, sys
+sys.path.insert(0, {folder!r})
+import faults
+rows = faults.virtual({condition!r}, {cube!r}, list(faults.KINDS), 2, seed=7)
+print(json.dumps(rows))
+"""
+
+
+@pytest.mark.parametrize(
+    ("condition", "cube"), [("free", "soft"), ("mimic", "hard"), ("autonomous", "medium")]
+)
+def test_every_kind_of_fault_at_two_instants_ends_as_docs_safety_states(condition, cube):
+    """In a process of its own: the campaign forks, which does not go with pytest's threads."""
+    code = CODE.format(folder=str(ROOT / "benchmarks"), condition=condition, cube=cube)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    rows = json.loads(done.stdout)
+    assert {row["kind"] for row in rows} == set(campaign.KINDS)
+    assert len(rows) == 2 * len(campaign.KINDS)
+    assert [row for row in rows if row["problems"]] == []
+
+
+@pytest.mark.parametrize(
+    "kind",
+    ["contact_force NaN", "slave_position stale", "runaway plant", "rig unplugged", "Ctrl-C twice"],
+)
+def test_a_fault_in_real_time_stops_the_slave_and_is_named(kind):
+    for _ in range(3):  # a machine that takes the processor away for 80 ms stops the loop first
+        row = campaign.real("autonomous", "soft", kind, seed=1)
+        if row["fault"] not in ("loop overrun", "drive error"):
+            break
+    named = [problem for problem in row["problems"] if not problem.startswith("stopped after")]
+    assert named == []
+
+
+class Run:
+    """A run in a terminal of its own, which can be typed into."""
+
+    def __init__(self, folder: Path, *arguments: str) -> None:
+        pty = pytest.importorskip("pty", reason="needs a pseudo-terminal")
+        pid, self.terminal = pty.fork()
+        if pid == 0:
+            os.chdir(folder)
+            os.execv(sys.executable, [sys.executable, "-m", "teleop", "run", *arguments])
+        self.pid = pid
+        self.text = b""
+
+    def wait_until(self, pattern: bytes) -> None:
+        while not re.search(pattern, self.text):
+            chunk = self.read()
+            assert chunk, self.text
+
+    def read(self) -> bytes:
+        try:
+            chunk = os.read(self.terminal, 4096)
+        except OSError:
+            chunk = b""
+        self.text += chunk
+        return chunk
+
+    def type(self, text: bytes) -> None:
+        os.write(self.terminal, text)
+
+    def end(self) -> int:
+        while self.read():
+            pass
+        return os.waitstatus_to_exitcode(os.waitpid(self.pid, 0)[1])
+
+
+MOVING = rb"0\.[5-9] of 60 s"
+
+
+def test_the_enter_key_is_an_emergency_stop(tmp_path):
+    run = Run(tmp_path, "--duration", "60", "--condition", "autonomous", "--record", "a.mcap")
+    run.wait_until(MOVING)
+    run.type(b"\n")
+    assert run.end() == 3
+    assert b"emergency stop: key" in run.text
+    recording = load(tmp_path / "a.mcap")
+    fault = next(event for event in recording.events if event["fault"])
+    after = recording["time"] >= fault["time"]
+    assert fault["fault"] == "emergency stop"
+    assert not recording["commanded_slave_velocity"][after].any()
+
+
+def test_ctrl_c_ramps_down_and_keeps_the_recording(tmp_path):
+    run = Run(tmp_path, "--duration", "60", "--condition", "autonomous", "--record", "a.mcap")
+    run.wait_until(MOVING)
+    run.type(b"\x03")
+    assert run.end() == 130
+    recording = load(tmp_path / "a.mcap")
+    assert [event["text"] for event in recording.events][-2:] == ["Ctrl-C", "at standstill"]
+    assert recording["commanded_slave_velocity"][-1] == 0.0
+
+
+def test_a_closed_terminal_ends_the_run_in_good_order(tmp_path):
+    run = Run(tmp_path, "--duration", "60", "--record", "a.mcap")
+    run.wait_until(MOVING)
+    os.kill(run.pid, signal.SIGHUP)
+    assert run.end() == 130
+    assert load(tmp_path / "a.mcap").events[-1]["text"] == "at standstill"
+
+
+def test_a_run_in_the_background_of_a_shell_does_not_read_its_terminal(tmp_path):
+    from teleop.trial.stop_key import is_foreground
+
+    run = subprocess.run(
+        [sys.executable, "-m", "teleop", "run", "--duration", "0.2", "--no-record", "--json"],
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        cwd=tmp_path,
+    )
+    assert run.returncode == 0
+    assert json.loads(run.stdout)["ticks"] > 100
+    assert not is_foreground()

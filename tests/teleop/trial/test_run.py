@@ -1,0 +1,298 @@
+from __future__ import annotations
+
+import json
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from drivers import STANDSTILL
+from estimation import force_error, rise_time
+from sim_backend import CUBES, DEPTH, SimulatedRig
+from teleop.control.clock import VirtualClock
+from teleop.control.tare import NO_TARE, Tare
+from teleop.errors import InputError
+from teleop.recording.black_box import fault_of
+from teleop.recording.recording import load
+from teleop.recording.timing import loop_timing
+from teleop.safety import Mode, Request
+from teleop.trial.loop import Session
+from teleop.trial.rehearsal import check_wire, tick_cost
+from teleop.trial.run import run_trial
+from teleop.trial.settings import TrialSettings
+
+QUICK = TrialSettings(clock="virtual", duration=3.0)
+
+
+@pytest.mark.parametrize("condition", ["free", "mimic", "autonomous"])
+@pytest.mark.parametrize("cube", ["soft", "medium", "hard"])
+def test_each_condition_palpates_each_cube_and_finds_its_stiffness(condition, cube):
+    trial = run_trial(replace(QUICK, condition=condition, cube=cube))
+    columns = trial.columns
+    assert 3000 <= len(columns["time"]) <= 3020
+    depth = DEPTH[condition][cube]
+    assert 0.6 * depth < columns["slave_position"].max() < 1.4 * depth
+    assert columns["slave_position"].min() > -0.05 * depth
+    body = CUBES[cube]
+    softest, stiffest = 0.9 * body.k1, 1.1 * (body.k1 + body.k3 * (1.4 * depth) ** 2)
+    for name in ("rls_k", "ai_k", "me_k"):
+        assert softest < np.median(columns[name][1500:]) < stiffest
+
+
+def test_autonomous_moves_without_a_hand_and_teleoperation_by_the_hand_alone():
+    autonomous = run_trial(replace(QUICK, condition="autonomous")).columns
+    assert np.abs(autonomous["master_force"]).max() < 0.2
+    assert np.abs(autonomous["drive_force"]).max() > 0.2
+    free = run_trial(QUICK).columns
+    moving = free["mode"] == Mode.ACTIVE
+    moving[0] = False
+    assert np.array_equal(free["drive_force"][moving], free["master_force"][moving])
+
+
+@pytest.mark.parametrize("condition", ["free", "mimic", "autonomous"])
+def test_same_seed_same_run_to_the_bit(condition):
+    settings = replace(QUICK, condition=condition, duration=1.0, seed=7)
+    first, second = run_trial(settings), run_trial(settings)
+    other = run_trial(replace(settings, seed=8))
+    for name, column in first.columns.items():
+        assert np.array_equal(column, second.columns[name]), name
+    assert not np.array_equal(first.columns["contact_force"], other.columns["contact_force"])
+
+
+def test_the_signal_and_the_ramps_are_those_that_were_asked_for():
+    from teleop.control.injector import Chirp, Sine
+
+    settings = replace(QUICK, condition="autonomous", signal=Sine(3.0))
+    columns = run_trial(settings).columns
+    spectrum = np.abs(np.fft.rfft(columns["slave_position"] - columns["slave_position"].mean()))
+    assert (np.argmax(spectrum[3:]) + 3) / 3.0 == pytest.approx(3.0)
+    assert abs(columns["slave_position"][-1]) < 0.05 * columns["slave_position"].max()
+    chirped = run_trial(replace(settings, signal=Chirp(1.0, 4.0))).columns
+    assert not np.allclose(chirped["slave_position"], columns["slave_position"], atol=1e-3)
+
+
+def test_the_truth_is_the_secant_at_the_deepest():
+    trial = run_trial(QUICK)
+    depth = np.abs(trial.columns["slave_position"]).max()
+    cube = CUBES["soft"]
+    truth = trial.summary()["truth"]
+    assert truth["k_deepest"] == pytest.approx(cube.force(depth, 0.0) / depth)
+    assert truth["k_surface"] == cube.k1
+
+
+def test_position_coupling_keeps_the_slave_closer_to_the_master():
+    from teleop.trial.choices import make_coupling
+
+    lag = {}
+    for name in ("velocity", "position"):
+        columns = run_trial(replace(QUICK, cube="hard", coupling=make_coupling(name))).columns
+        lag[name] = np.abs(columns["master_position"] - columns["slave_position"]).mean()
+    assert lag["position"] < lag["velocity"]
+
+
+def test_real_time_runs_for_its_duration_and_reports_its_timing():
+    trial = run_trial(TrialSettings(duration=0.5))
+    loop = trial.summary()["loop"]
+    columns = trial.columns
+    assert columns["time"][-1] == pytest.approx(0.5, abs=0.1)
+    assert len(columns["time"]) + columns["skipped"].sum() == pytest.approx(500, abs=30)
+    np.testing.assert_allclose(np.diff(columns["time"]), columns["dt"][1:], atol=1e-12)
+    assert (
+        loop["lateness_us"]["max"] >= loop["lateness_us"]["p99"] >= loop["lateness_us"]["p50"] >= 0
+    )
+    assert loop["overruns"] == trial.recording["overrun"].sum()
+
+
+def test_summary_agrees_with_the_columns():
+    trial = run_trial(QUICK)
+    summary = trial.summary()
+    c = trial.columns
+    rls = summary["estimates"]["rls"]
+    assert rls["b"] == pytest.approx(c["rls_b"].mean())
+    assert rls["k"] == pytest.approx(c["rls_k"].mean())
+    f_hat = c["rls_b"] * c["v"] + c["rls_k"] * c["x"]
+    prior = c["rls_b"][:-1] * c["v"][1:]
+    prior += c["rls_k"][:-1] * c["x"][1:]
+    one_step = np.concatenate((c["f"][:1], c["f"][1:] - prior))
+    assert rls["one_step_rms"] == pytest.approx(np.sqrt(np.mean(one_step**2)))
+    assert rls["rise_time_s"] == rise_time(c["time"], c["rls_k"])
+    late = np.linspace(0.0, 1e-3, 1001)
+    timing = loop_timing(1000.0, np.full(1001, 1e-3), late, late > 0.9e-3)
+    assert timing["lateness_us"] == pytest.approx(
+        {"p50": 500.0, "p99": 990.0, "p99_9": 999.0, "max": 1000.0}
+    )
+    assert rls["e_f"] == pytest.approx(force_error(c["f"], f_hat))
+    assert summary["loop"]["mean_rate_hz"] == pytest.approx(1000.0)
+    assert json.dumps(summary)
+
+
+class Spy(SimulatedRig):
+    """Counts what the drives are told."""
+
+    def __init__(self, *arguments, **options):
+        super().__init__(*arguments, **options)
+        self.calls = []
+        self.failing_at = None
+        Spy.last = self
+
+    def idle(self):
+        super().idle()
+        self.calls.append("idle")
+        assert self._applied == STANDSTILL
+
+    def enable(self):
+        self.calls.append("enable")
+        return super().enable()
+
+
+@pytest.mark.parametrize(
+    "part", ["estimation.Bank.update", "teleop.control.conditions.Teleoperation.drive_force"]
+)
+def test_an_exception_in_a_tick_stops_the_rig_and_is_not_swallowed(monkeypatch, tmp_path, part):
+    monkeypatch.setattr("teleop.trial.settings.SimulatedRig", Spy)
+    calls = []
+
+    def fail(*arguments):
+        calls.append(arguments)
+        if len(calls) > 500:
+            raise ZeroDivisionError("by design")
+        return 0.0 if "force" in part else update(*arguments)
+
+    from estimation import Bank
+
+    update = Bank.update
+    monkeypatch.setattr(part, fail)
+    path = tmp_path / "run.mcap"
+    with pytest.raises(ZeroDivisionError) as info:
+        run_trial(QUICK, path)
+    assert "drives were stopped" in info.value.__notes__[0]
+    assert Spy.last.calls[0] == "enable"
+    assert Spy.last.calls[-1] == "idle"
+    recording = load(path)
+    fault = fault_of(recording)
+    assert fault["text"].endswith("failure: ZeroDivisionError: by design")
+    assert (path.with_suffix(".fault") / "cause.txt").read_text().startswith("what      ")
+    after = recording["time"] > fault["time"] + 0.05
+    assert after.sum() > 900
+    assert not recording["commanded_slave_velocity"][after].any()
+
+
+def test_a_stop_ramps_to_standstill_and_keeps_what_was_logged(monkeypatch):
+    monkeypatch.setattr("teleop.trial.settings.SimulatedRig", Spy)
+    settings = replace(QUICK, condition="autonomous")
+    asked = []
+
+    def request(self, arm, skipped, end=""):
+        asked.append(end)
+        self.count = int(len(asked) >= 700)
+        return Request(arm=arm, stop="Ctrl-C" if self.count else "")
+
+    monkeypatch.setattr("teleop.trial.stop_switch.StopSwitch.request", request)
+    trial = run_trial(settings)
+    assert trial.interrupted
+    assert trial.summary()["interrupted"]
+    assert trial.fault is None
+    speed = np.abs(trial.recording["commanded_slave_velocity"])
+    acceleration = settings.limits.max_acceleration
+    assert np.abs(np.diff(speed)).max() <= acceleration * 1e-3 * 1.001
+    assert speed[-1] == 0.0
+    assert len(speed) < 800
+    assert Spy.last.calls == ["enable", "idle", "idle"]
+    assert [event["text"] for event in trial.recording.events][-2:] == ["Ctrl-C", "at standstill"]
+
+
+def test_no_soft_limit_touches_the_papers_nine_trials():
+    for condition in ("free", "mimic", "autonomous"):
+        for cube in ("soft", "medium", "hard"):
+            columns = run_trial(replace(QUICK, condition=condition, cube=cube)).columns
+            moving = columns["mode"] == Mode.ACTIVE
+            assert not columns["limited"][moving].any()
+            np.testing.assert_array_equal(
+                columns["desired_slave_velocity"][moving],
+                columns["applied_slave_velocity"][moving],
+            )
+
+
+def test_a_rate_that_this_machine_cannot_hold_is_refused_before_anything_moves(monkeypatch):
+    monkeypatch.setattr("teleop.trial.rehearsal.tick_cost", lambda settings: 400e-6)
+    with pytest.raises(InputError, match=r"rate 5000 Hz: a tick takes 400 us .* at most 2250 Hz"):
+        run_trial(TrialSettings(rate=5000.0))
+
+
+@pytest.mark.parametrize("tare", [NO_TARE, Tare(slave_position=12e-3, contact_force=5.0)])
+def test_the_rehearsal_is_active_whatever_the_tare_and_the_limits(monkeypatch, tare):
+    sessions = []
+
+    class Spy(Session):
+        def __init__(self, *parts):
+            super().__init__(*parts)
+            sessions.append(self)
+
+    monkeypatch.setattr("teleop.trial.rehearsal.Session", Spy)
+    limits = replace(QUICK.raw_limits, soft_force=0.1, hard_force=0.2)
+    assert 1e-6 < tick_cost(replace(QUICK, tare=tare, custom_limits=limits)) < 0.1
+    assert sessions[0].controller.mode is Mode.ACTIVE
+
+
+def test_a_rehearsal_that_is_stopped_for_safety_is_no_measure():
+    class Tight(TrialSettings):
+        @property
+        def raw_limits(self):
+            return replace(super().raw_limits, soft_force=0.1, hard_force=0.2)
+
+    with pytest.raises(InputError, match="rehearsal on the simulated rig: stopped .* force limit"):
+        tick_cost(Tight(condition="autonomous", duration=1.0))
+
+
+class SlowToRead(SimulatedRig):
+    """A rig whose devices take 3 ms to read; every other call is an error."""
+
+    def read(self):
+        time.sleep(3e-3)
+        return super().read()
+
+    def enable(self):
+        raise AssertionError
+
+    write = enable
+
+
+def test_a_rig_that_is_too_slow_to_read_is_refused_before_its_drives_are_told_anything():
+    clock = VirtualClock(1000.0)
+    rig = SlowToRead(CUBES["soft"], clock.now)
+    with pytest.raises(InputError, match=r"of which \d+ us to read the devices, expected a rate"):
+        check_wire(rig, clock, 50e-6)
+
+
+def test_a_rig_that_is_read_in_time_is_accepted():
+    clock = VirtualClock(50.0)
+    check_wire(SimulatedRig(CUBES["soft"], clock.now), clock, 50e-6)
+
+
+@pytest.mark.parametrize(
+    ("settings", "word"),
+    [
+        ({"condition": "telepathy"}, "free, mimic, autonomous"),
+        ({"cube": "wood"}, "soft, medium, hard"),
+        ({"clock": "sundial"}, "real, virtual"),
+        ({"duration": 0.0}, "duration 0 s"),
+        ({"duration": -1.0}, "duration -1 s"),
+        ({"duration": float("nan")}, "duration nan"),
+        ({"duration": float("inf")}, "duration inf"),
+        ({"rate": 0.0}, "rate 0 Hz"),
+        ({"rate": 1e6}, r"50 to 100000 Hz"),
+        ({"bandwidth": 0.0}, "bandwidth must be positive"),
+        ({"conditioning": "magic"}, "matched, svf, foaw, difference"),
+    ],
+)
+def test_a_setting_out_of_range_is_refused(settings, word):
+    with pytest.raises(InputError, match=word):
+        TrialSettings(**settings)
+
+
+@pytest.mark.parametrize("rate", [50.0, 100.0, 5000.0])
+def test_other_rates_find_the_stiffness_too(rate):
+    trial = run_trial(replace(QUICK, rate=rate))
+    k = np.median(trial.columns["rls_k"][len(trial.columns["time"]) // 2 :])
+    assert k == pytest.approx(2100.0, rel=0.15)

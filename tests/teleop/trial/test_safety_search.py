@@ -1,0 +1,18 @@
+"""A sample of the search of benchmarks/safety_search.py for a way past the supervisor."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from pathlib import Path
+
+SCRIPT = Path(__file__).parents[3] / "benchmarks" / "safety_search.py"
+
+
+def test_no_sequence_of_faults_failing_calls_and_requests_breaks_a_law_of_safety():
+    sys.path.insert(0, str(SCRIPT.parent))
+    spec = importlib.util.spec_from_file_location("safety_search", SCRIPT)
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["safety_search"] = module
+    spec.loader.exec_module(module)
+    module.search(100)

@@ -1,0 +1,219 @@
+"""The emergency-stop key in a real terminal: which keys stop, and what becomes of the terminal."""
+
+from __future__ import annotations
+
+import os
+import re
+import select
+import signal
+import subprocess
+import sys
+
+import pytest
+
+from teleop.recording.recording import load
+from teleop.trial.stop_switch import StopSwitch
+
+pytest.importorskip("termios", reason="needs a POSIX terminal")
+import pty
+import termios
+
+SHELL = """
+import os, signal, sys
+signal.signal(signal.SIGTTOU, signal.SIG_IGN)
+number = getattr(signal, os.environ.get("IGNORED", ""), None)
+if number:
+    signal.signal(number, signal.SIG_IGN)
+child = os.fork()
+if not child:
+    os.setpgid(0, 0)
+    os.tcsetpgrp(0, os.getpid())
+    signal.signal(signal.SIGTTOU, signal.SIG_DFL)
+    os.execv(sys.executable, [sys.executable, "-m", "teleop", "run", *sys.argv[1:]])
+while True:
+    _, status = os.waitpid(child, os.WUNTRACED)
+    if not os.WIFSTOPPED(status):
+        break
+    os.tcsetpgrp(0, os.getpid())
+    os.write(3, b"suspended")
+    if os.read(4, 1) == b"f":
+        os.tcsetpgrp(0, child)
+    os.kill(child, signal.SIGCONT)
+os.write(3, b"ended")
+os._exit(os.waitstatus_to_exitcode(status) % 256)
+"""
+"""A shell with job control: the run is its foreground job."""
+MOVING = rb"\[Enter stops\] +\d+\.\d of"
+
+
+class Run:
+    """A run in virtual time, the foreground job of a terminal of its own."""
+
+    def __init__(self, folder, *arguments, ignored="", duration="3600"):
+        events, told = os.pipe()
+        commands, self.commands = os.pipe()
+        pid, self.terminal = pty.fork()
+        if pid == 0:
+            os.chdir(folder)
+            os.dup2(told, 13)
+            os.dup2(commands, 4)
+            os.dup2(13, 3)
+            os.environ["IGNORED"] = ignored
+            end = ["--clock", "virtual", "--duration", duration]
+            os.execv(sys.executable, [sys.executable, "-c", SHELL, *end, *arguments])
+        os.close(told)
+        os.close(commands)
+        self.pid, self.events, self.text = pid, events, b""
+
+    def is_cooked(self):
+        """Whether the terminal gives whole lines and echoes."""
+        wanted = termios.ICANON | termios.ECHO
+        return termios.tcgetattr(self.terminal)[3] & wanted == wanted
+
+    def read(self):
+        try:
+            chunk = os.read(self.terminal, 4096)
+        except OSError:
+            chunk = b""
+        self.text += chunk
+        return chunk
+
+    def wait_until(self, pattern):
+        self.text = b""
+        while not re.search(pattern, self.text):
+            assert self.read(), self.text
+
+    def type(self, keys):
+        os.write(self.terminal, keys)
+
+    def event(self):
+        """What the shell saw of the run next; meanwhile the terminal is read."""
+        while True:
+            ready, _, _ = select.select([self.events, self.terminal], [], [])
+            if self.events in ready:
+                return os.read(self.events, 100)
+            assert self.read(), self.text
+
+    def end(self):
+        """The exit code."""
+        assert self.event() == b"ended"
+        return os.waitstatus_to_exitcode(os.waitpid(self.pid, 0)[1])
+
+
+@pytest.fixture
+def run(tmp_path):
+    """Starts a run and waits until it moves."""
+    runs = []
+
+    def start(*arguments, **options):
+        runs.append(Run(tmp_path, *(arguments or ["--no-record"]), **options))
+        runs[-1].wait_until(MOVING)
+        assert not runs[-1].is_cooked()
+        return runs[-1]
+
+    yield start
+    for made in runs:
+        try:
+            os.kill(made.pid, signal.SIGKILL)
+            os.waitpid(made.pid, 0)
+        except (ProcessLookupError, ChildProcessError):
+            pass
+        os.close(made.events)
+        os.close(made.commands)
+
+
+@pytest.mark.parametrize("keys", [b"\r", b"\n", b" ", b"abc \n"])
+def test_enter_and_space_are_an_emergency_stop(run, keys):
+    going = run()
+    going.type(keys)
+    assert going.end() == 3
+    assert b"emergency stop: key" in going.text
+    assert going.is_cooked()
+
+
+def test_ctrl_d_and_other_keys_neither_stop_the_run_nor_end_the_stop_key(run):
+    going = run()
+    going.type(b"\x04x\x1b[A\x04\x04")
+    going.wait_until(MOVING)
+    going.type(b" ")
+    assert going.end() == 3
+
+
+@pytest.mark.parametrize("keys", [b"\x03", b"\x1c"], ids=["Ctrl-C", "Ctrl-backslash"])
+def test_ctrl_c_still_ramps_down_and_the_terminal_is_as_before(run, keys):
+    going = run("--record", "a.mcap")
+    going.type(keys)
+    assert going.end() == 130
+    assert going.is_cooked()
+    assert b"rise time" in going.text
+
+
+@pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP"])
+def test_the_terminal_is_as_before_after_a_request_to_end(run, name):
+    going = run()
+    os.kill(os.tcgetpgrp(going.terminal), getattr(signal, name))
+    assert going.end() == 130
+    assert going.is_cooked()
+
+
+def test_the_terminal_is_as_before_after_the_end_of_the_trial(run):
+    going = run(duration="20")
+    assert going.end() == 0
+    assert going.is_cooked()
+
+
+def test_the_terminal_is_the_shells_while_the_run_is_suspended(run):
+    going = run()
+    going.type(b"\x1a")
+    assert going.event() == b"suspended"
+    assert going.is_cooked()
+    os.write(going.commands, b"f")
+    going.wait_until(MOVING)
+    assert not going.is_cooked()
+    going.type(b"\x1a")
+    assert going.event() == b"suspended"
+    assert going.is_cooked()
+    os.write(going.commands, b"f")
+    going.wait_until(MOVING)
+    going.type(b"\n")
+    assert going.end() == 3
+    assert going.is_cooked()
+
+
+def test_a_run_that_goes_on_in_the_background_says_that_the_key_does_not_act(run):
+    going = run()
+    job = os.tcgetpgrp(going.terminal)
+    going.type(b"\x1a")
+    assert going.event() == b"suspended"
+    os.write(going.commands, b"b")
+    going.wait_until(rb"in the background: the stop key does not act")
+    assert going.is_cooked()
+    os.kill(job, signal.SIGTERM)
+    assert going.end() == 130
+    assert going.is_cooked()
+
+
+def test_a_run_whose_terminal_is_lost_ramps_down(run, tmp_path):
+    """With SIGHUP ignored, as by nohup: else that would end it."""
+    going = run("--record", "a.mcap", ignored="SIGHUP")
+    os.close(going.terminal)
+    assert os.read(going.events, 100) == b"ended"
+    status = os.waitpid(going.pid, 0)[1]
+    assert os.waitstatus_to_exitcode(status) == 2  # what it prints is lost
+    stop = load(tmp_path / "a.mcap").events[-2]
+    assert stop["text"] == "the terminal of the stop key was lost"
+    assert stop["mode"] == "stopping"
+
+
+def test_on_a_system_without_terminals_there_is_no_key_and_the_instructions_say_so(monkeypatch):
+    monkeypatch.setattr("teleop.trial.stop_key.find_spec", lambda name: None)
+    switch = StopSwitch(key=True)
+    assert "no stop key: not available on this system" in switch.instructions
+    with switch, switch.attended():
+        assert switch.request(True).arm
+
+
+def test_without_a_terminal_there_is_no_key_and_the_run_goes_on(tmp_path):
+    command = [sys.executable, "-m", "teleop", "run", "--clock", "virtual", "--no-record"]
+    done = subprocess.run([*command, "--duration", "1"], input=b"\n\n", capture_output=True)
+    assert done.returncode == 0
