@@ -71,6 +71,7 @@ class WiredRig(Rig):
             )
             for name, c in file.sections.channels.items()
         }
+        self._sources = [self._channels.get(name) for name in CHANNELS]
         self._drives = [
             WiredDrive(
                 name,
@@ -156,17 +157,21 @@ class WiredRig(Rig):
         """Drain every bus; the latest sample of every channel."""
         self._poll()
         now = self._now()
-        values, ages = dict.fromkeys(CHANNELS, math.nan), dict.fromkeys(CHANNELS, 0.0)
-        for name, channel in self._channels.items():
-            value, time = channel.device.samples[channel.signal]
-            values[name] = channel.gain * value + channel.offset
-            ages[name] = now - time + channel.lag
+        values, ages = [], []
+        for channel in self._sources:
+            if channel is None:
+                values.append(math.nan)
+                ages.append(0.0)
+            else:
+                value, time = channel.device.samples[channel.signal]
+                values.append(channel.gain * value + channel.offset)
+                ages.append(now - time + channel.lag)
         error, stop = "", False
         for device in self.devices.values():
             if device.error:
                 error = error or f"{device.name}: {device.error}"
             stop = stop or device.emergency_stop
-        return Measurement(now, **values, age=Ages(**ages), drive_error=error, emergency_stop=stop)
+        return Measurement._make((now, *values, Ages._make(ages), error, stop))
 
     def rearm(self) -> None:
         """Let every device forget its error."""
