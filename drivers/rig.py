@@ -2,18 +2,31 @@
 
 from __future__ import annotations
 
+import os
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from types import TracebackType
-from typing import NamedTuple, Self
+from typing import Annotated, NamedTuple, Self, get_origin, get_type_hints
 
 
 class RigError(Exception):
     """A device failed or fell silent; the message names which, and what was expected."""
 
 
+def reason(error: Exception) -> str:
+    """The cause of an error of the system or of a library, as part of a line of text."""
+    number = getattr(error, "errno", None)
+    text = os.strerror(number).lower() if number else str(error)
+    return " ".join(text.split()).rstrip(".") or type(error).__name__
+
+
+Force = Annotated[float, "N"]
+Position = Annotated[float, "m"]
+Velocity = Annotated[float, "m/s"]
+
+
 class Ages(NamedTuple):
-    """Time [s] since each channel's sample was taken."""
+    """Time [s] since each channel's sample was taken, in the order of the channels."""
 
     master_force: float
     master_position: float
@@ -25,31 +38,44 @@ class Ages(NamedTuple):
 class Measurement(NamedTuple):
     """All channels at one tick, in SI units.
 
+    `CHANNELS` and `UNITS` follow from its fields.
+
     Positions are displacements from the datum, positive into the environment; forces are
     positive in compression. A channel that the rig does not have is NaN.
     """
 
     time: float
     """When the rig was read [s], on the clock of the controller."""
-    master_force: float
-    """Force of the operator's hand on the handle [N]."""
-    master_position: float
-    """Position of the handle [m]."""
-    slave_position: float
-    """Position of the slave [m]."""
-    contact_force: float
-    """Force between slave and environment [N]."""
-    slave_velocity: float
-    """Velocity of the slave [m/s], where the drive reports it."""
+    master_force: Force
+    """Force of the operator's hand on the handle."""
+    master_position: Position
+    """Position of the handle."""
+    slave_position: Position
+    """Position of the slave."""
+    contact_force: Force
+    """Force between slave and environment."""
+    slave_velocity: Velocity
+    """Velocity of the slave, where the drive reports it."""
     age: Ages
     drive_error: str = ""
     """The error that a drive reports of itself; empty for none."""
     emergency_stop: bool = False
     """Whether the emergency-stop input that is wired to the rig is open."""
 
+    @property
+    def channels(self) -> tuple[float, ...]:
+        """The values of the channels, in the order of `CHANNELS`."""
+        return self[1:6]
 
-CHANNELS = Ages._fields
-"""Names of the measured channels."""
+
+UNITS = {
+    name: kind.__metadata__[0]
+    for name, kind in get_type_hints(Measurement, include_extras=True).items()
+    if get_origin(kind) is Annotated
+}
+"""SI unit of each measured channel."""
+CHANNELS = tuple(UNITS)
+"""Names of the measured channels, in their order."""
 
 
 class Command(NamedTuple):
@@ -59,6 +85,8 @@ class Command(NamedTuple):
     slave_velocity: float
 
 
+AXES = tuple(name.removesuffix("_velocity") for name in Command._fields)
+"""Names of the drives, in the order of a `Command`."""
 STANDSTILL = Command(0.0, 0.0)
 
 

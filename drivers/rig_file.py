@@ -23,7 +23,7 @@ from drivers.device import (
 )
 from drivers.input_file import read_input
 from drivers.registry import device_class, kinds
-from drivers.rig import RigError
+from drivers.rig import UNITS, RigError
 from drivers.rig_sections import (
     CanSettings,
     ChannelSettings,
@@ -244,13 +244,3 @@ def drive_problem(drive: DriveSettings, devices: Mapping[str, Device]) -> str | 
         names = ", ".join(devices[drive.device].drives) or "none: it moves nothing"
         return f"drive: {drive.drive!r}: expected one of those of the device: {names}"
     return None
-
-
-UNITS = {
-    "master_force": "N",
-    "master_position": "m",
-    "slave_position": "m",
-    "contact_force": "N",
-    "slave_velocity": "m/s",
-}
-"""SI unit of each channel."""

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat
 
-from drivers.rig import CHANNELS
+from drivers.rig import AXES, CHANNELS
 
 Positive = Annotated[FiniteFloat, Field(gt=0)]
 NonNegative = Annotated[FiniteFloat, Field(ge=0)]
@@ -137,7 +137,7 @@ class DrivesSettings(Section):
 
     def items(self) -> Iterator[tuple[str, DriveSettings]]:
         """The drives that the rig has, in the order of `drivers.Command`."""
-        for name in ("master", "slave"):
+        for name in AXES:
             if drive := getattr(self, name):
                 yield name, drive
 

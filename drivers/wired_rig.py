@@ -8,7 +8,7 @@ from contextlib import ExitStack
 from typing import NamedTuple
 
 from drivers.device import CanDevice, DerivedDevice, Device, SerialDevice, VelocityDrive, sole_drive
-from drivers.rig import CHANNELS, STANDSTILL, Ages, Command, Measurement, Rig, RigError
+from drivers.rig import AXES, CHANNELS, STANDSTILL, Ages, Command, Measurement, Rig, RigError
 from drivers.rig_file import RigFile
 from drivers.rig_sections import CanSettings
 from drivers.transports.bus import Bus
@@ -19,9 +19,6 @@ FIRST_SAMPLES = 2.0
 """Longest wait for the first sample of every channel [s]."""
 ENABLING = 2.0
 """Longest time in which drives get ready to take commands [s]."""
-
-AXES = ("master", "slave")
-"""In the order of a `Command`."""
 
 
 class Channel(NamedTuple):
@@ -106,9 +103,9 @@ class WiredRig(Rig):
             bus.pump = self._poll
         for device in self.devices.values():
             if isinstance(device, SerialDevice):
-                self._port_of(device).device = device
+                self._port_of(device).attach(device.receive)
             elif isinstance(device, CanDevice):
-                self._can_bus_of(device).attach(device)
+                self._can_bus_of(device).attach(device.identifiers(), device.receive)
         for device in self.devices.values():
             if isinstance(device, SerialDevice):
                 device.start(self._port_of(device))
@@ -174,10 +171,7 @@ class WiredRig(Rig):
             if device.error:
                 error = error or f"{device.name}: {device.error}"
             stop = stop or device.emergency_stop
-        force, handle, position, contact, velocity = values
-        return Measurement(
-            now, force, handle, position, contact, velocity, Ages(*ages), error, stop
-        )
+        return Measurement._make((now, *values, Ages._make(ages), error, stop))
 
     def rearm(self) -> None:
         """Let every device forget its error."""
@@ -209,7 +203,7 @@ class WiredRig(Rig):
             raise ValueError(f"a velocity command must be finite, got {command}")
         if not self._enabled:
             command = STANDSTILL
-        applied = [0.0, 0.0]
+        applied = [*STANDSTILL]
         for _, axis, drive, sign, most in self._drives:
             v = min(max(command[axis], -most), most)
             applied[axis] = sign * drive.command(sign * v)

@@ -5,8 +5,8 @@ from sim_backend.faults import FaultyRig
 from sim_backend.operators import ARM, FreePalpation, MimickedSine, Operator
 from sim_backend.paper_rig import CUBES, DEPTH, FORCE_LAG, Setup, paper_setup
 from sim_backend.plant import Arm, Intention, Plant, PlantParameters
-from sim_backend.rig import SimulatedRig
 from sim_backend.sensors import Sensors
+from sim_backend.simulated_rig import SimulatedRig
 
 __all__ = [
     "ARM",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import signal
 import subprocess
 import sys
@@ -14,9 +15,11 @@ from hypothesis import settings
 settings.register_profile("shared machine", deadline=None, max_examples=50)
 settings.load_profile("shared machine")
 
-for ending in (signal.SIGINT, getattr(signal, "SIGHUP", None)):
+for name in ("SIGINT", "SIGHUP", "SIGQUIT"):
+    ending = getattr(signal, name, None)
     if ending and signal.getsignal(ending) is signal.SIG_IGN:  # as nohup and scripts leave them
-        signal.signal(ending, signal.default_int_handler)
+        quits = name == "SIGQUIT"
+        signal.signal(ending, signal.SIG_DFL if quits else signal.default_int_handler)
 
 REAL_TIME = (
     "test_readme.py",
@@ -70,3 +73,72 @@ def compiled_estimators(request):
     """Waits until every estimator has been compiled."""
     if process := request.config.stash.get(COMPILER, None):
         assert process.wait() == 0
+
+
+ROOT = Path(__file__).parents[1]
+
+
+class DocsPage:
+    """The blocks of code of a page of the documentation."""
+
+    def __init__(self, name: str) -> None:
+        text = (ROOT / "docs" / name).read_text(encoding="utf-8")
+        self.python: list[str] = re.findall(r"```python\n(.*?)```", text, re.S)
+        self.toml: list[str] = re.findall(r"```toml\n(.*?)```", text, re.S)
+
+    def block(self, *words: str) -> str:
+        """The only block of Python with all of these words."""
+        (found,) = [code for code in self.python if all(word in code for word in words)]
+        return found
+
+
+@pytest.fixture(scope="session")
+def driver_page():
+    return DocsPage("writing-a-driver.md")
+
+
+@pytest.fixture(scope="session")
+def estimator_page():
+    return DocsPage("writing-an-estimator.md")
+
+
+@pytest.fixture(scope="session")
+def third_party(driver_page, estimator_page, tmp_path_factory):
+    """A folder into which pip has installed the packages of both pages."""
+    folder = tmp_path_factory.mktemp("third-party")
+    packages = {
+        "device": {
+            "acme.py": driver_page.block("class Acme(SerialDevice)"),
+            "acme_emulated.py": driver_page.block("class EmulatedAcme"),
+            "pyproject.toml": driver_page.toml[0],
+        },
+        "estimator": {
+            "acme_estimator.py": estimator_page.block("class Nlms"),
+            "pyproject.toml": estimator_page.toml[0],
+        },
+    }
+    for package, files in packages.items():
+        (folder / package).mkdir()
+        for name, content in files.items():
+            (folder / package / name).write_text(content, encoding="utf-8")
+    options = "--no-index --no-build-isolation --no-deps --disable-pip-version-check --target"
+    pip = [sys.executable, "-m", "pip", "install", "--quiet", *options.split(), folder / "site"]
+    done = subprocess.run(
+        [*pip, *(folder / package for package in packages)],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return folder / "site"
+
+
+@pytest.fixture(scope="session")
+def third_party_rig(driver_page, tmp_path_factory):
+    """The rig file of the serial board with the contact force of the page's sensor."""
+    text = (ROOT / "rigs" / "serial-board.toml").read_text(encoding="utf-8")
+    head, _, rest = text.partition("[channels.contact_force]")
+    _, _, rest = rest.partition("[channels.master_position]")
+    path = tmp_path_factory.mktemp("rig") / "rig.toml"
+    path.write_text(f"{head}{driver_page.toml[1]}\n[channels.master_position]{rest}")
+    return path

@@ -1,116 +1,66 @@
-"""The code of docs/writing-an-estimator.md works as it stands, as a package beside this one."""
+"""The code of docs/writing-an-estimator.md works as it stands, as a package beside this one.
+
+tests/test_third_party.py runs every command with it.
+"""
 
 from __future__ import annotations
 
-import json
 import os
 import re
 import subprocess
 import sys
-import tomllib
 from pathlib import Path
 
 import pytest
 
+from estimation import registry
+from teleop.cli import main
+
 ROOT = Path(__file__).parents[1]
-PAGE = (ROOT / "docs" / "writing-an-estimator.md").read_text()
-CODE, TESTS = re.findall(r"```python\n(.*?)```", PAGE, re.S)
-(TOML,) = re.findall(r"```toml\n(.*?)```", PAGE, re.S)
-RUN = ["run", "--clock", "virtual", "--duration", "0.6", "--condition", "autonomous"]
 
 
-@pytest.fixture(scope="module")
-def package(tmp_path_factory):
-    """A folder with the page's package, as pip installs it."""
-    folder = tmp_path_factory.mktemp("site")
-    (folder / "acme_estimator.py").write_text(CODE)
-    (folder / "acme_tests.py").write_text(TESTS)
-    project = tomllib.loads(TOML)["project"]
-    info = folder / f"acme_estimator-{project['version']}.dist-info"
-    info.mkdir()
-    (info / "METADATA").write_text(
-        f"Metadata-Version: 2.1\nName: {project['name']}\nVersion: {project['version']}\n"
-    )
-    lines = [
-        f"[{group}]\n" + "".join(f"{name} = {value}\n" for name, value in points.items())
-        for group, points in project["entry-points"].items()
-    ]
-    (info / "entry_points.txt").write_text("\n".join(lines))
-    return folder
+@pytest.fixture
+def installed(monkeypatch):
+    """Lets the estimators of the packages in a folder be found."""
+
+    def install(folder):
+        monkeypatch.syspath_prepend(folder)
+        registry.offered.cache_clear()
+
+    yield install
+    monkeypatch.undo()
+    registry.offered.cache_clear()
 
 
-def python(*arguments, path=None, cwd=None):
-    """A Python of its own, with the package or without."""
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(map(str, [path or ROOT, ROOT]))}
-    return subprocess.run(
-        [sys.executable, *map(str, arguments)],
+def test_its_tests_pass(third_party, estimator_page):
+    tests = estimator_page.block("def test_it_keeps")
+    names = re.findall(r"def (test_\w+)", tests)
+    assert len(names) == 2
+    calls = "".join(f"{name}()\n" for name in names)
+    path = os.pathsep.join(map(str, [third_party, ROOT]))
+    done = subprocess.run(
+        [sys.executable, "-c", f"{tests}\n{calls}"],
         capture_output=True,
         text=True,
-        env=environment,
-        cwd=cwd,
+        env={**os.environ, "PYTHONPATH": path},
         check=False,
     )
-
-
-def test_its_tests_pass(package):
-    names = re.findall(r"def (test_\w+)", TESTS)
-    assert len(names) == 2
-    calls = "".join(f"acme_tests.{name}();" for name in names)
-    done = python("-c", f"import acme_tests; {calls}", path=package)
     assert done.returncode == 0, done.stderr
 
 
-@pytest.fixture(scope="module")
-def recorded(package, tmp_path_factory):
-    """What `teleop run` prints with the estimator, and the recording."""
-    path = tmp_path_factory.mktemp("trial") / "nlms.mcap"
-    options = ["--estimators", "rls,nlms", "--record", path, "--json"]
-    done = python("-m", "teleop", *RUN, *options, path=package, cwd=path.parent)
-    assert done.returncode == 0, done.stderr
-    return json.loads(done.stdout), path
+def test_all_includes_it(installed, third_party):
+    installed(third_party)
+    assert registry.named_estimators("all")[-1] == "nlms"
 
 
-def test_it_runs_by_its_name_and_is_recorded(recorded):
-    summary, _ = recorded
-    assert list(summary["estimates"]) == ["rls", "nlms"]
-    assert summary["estimates"]["nlms"]["k"] > 0.0
-
-
-def test_its_recording_is_estimated_again_to_the_bit(package, recorded):
-    done = python("-m", "teleop", "estimate", recorded[1], "--json", path=package)
-    assert done.returncode == 0, done.stderr
-    summary = json.loads(done.stdout)
-    assert summary["as_online"]
-    assert list(summary["estimates"]) == ["rls", "nlms"]
-
-
-def test_it_is_in_the_report(package, recorded):
-    done = python("-m", "teleop", "report", recorded[1], path=package)
-    assert done.returncode == 0, done.stderr
-    assert "nlms" in recorded[1].with_suffix(".html").read_text()
-
-
-def test_all_includes_it(package):
-    code = "from estimation.registry import named_estimators; print(named_estimators('all')[-1])"
-    assert python("-c", code, path=package).stdout.strip() == "nlms"
-
-
-def test_without_the_package_its_recording_loads_and_the_missing_estimator_is_named(recorded):
-    done = python("-m", "teleop", "estimate", recorded[1])
-    assert done.returncode == 2
-    assert "nlms" in done.stderr
-    assert "Traceback" not in done.stderr
-    other = python("-m", "teleop", "estimate", recorded[1], "--estimators", "rls", "--json")
-    assert other.returncode == 0, other.stderr
-
-
-def test_a_package_that_cannot_be_imported_is_named_in_one_line(package, tmp_path):
-    broken = tmp_path / "site"
-    (broken / "broken-1.dist-info").mkdir(parents=True)
-    (broken / "broken-1.dist-info" / "METADATA").write_text("Name: broken\nVersion: 1\n")
+def test_a_package_that_cannot_be_imported_is_named_in_one_line(installed, tmp_path, capsys):
+    (tmp_path / "broken-1.dist-info").mkdir(parents=True)
+    (tmp_path / "broken-1.dist-info" / "METADATA").write_text("Name: broken\nVersion: 1\n")
     points = "[teleop.estimators]\nbroken = no_such_module:make\n"
-    (broken / "broken-1.dist-info" / "entry_points.txt").write_text(points)
-    done = python("-m", "teleop", *RUN, "--estimators", "broken", path=broken, cwd=tmp_path)
-    assert done.returncode == 2
-    assert "no_such_module" in done.stderr
-    assert "Traceback" not in done.stderr
+    (tmp_path / "broken-1.dist-info" / "entry_points.txt").write_text(points)
+    installed(tmp_path)
+    run = ["run", "--clock", "virtual", "--duration", "0.6", "--no-record"]
+    assert main([*run, "--estimators", "broken"]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert "no_such_module" in error

@@ -6,10 +6,9 @@ import contextlib
 import math
 import struct
 from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING
 
 import can
-from pydantic import Field, FiniteFloat
 
 from drivers.codecs.cia402 import (
     EMCY,
@@ -31,8 +30,9 @@ from drivers.codecs.cia402 import (
     state_of,
     statusword,
 )
-from drivers.device import NO_SAMPLE, CanDevice, DeviceSettings, Sample, VelocityDrive
+from drivers.device import NO_SAMPLE, CanDevice, Sample, VelocityDrive
 from drivers.devices.cia402_master import Master, master_of
+from drivers.devices.cia402_settings import Cia402Settings
 from drivers.rig import RigError
 from drivers.transports.can_bus import CanBus
 
@@ -46,27 +46,6 @@ STARTING = 1.0
 RESETTING = 0.5
 """Longest time for the reset of a fault [s]."""
 FAULTS = (State.FAULT, State.FAULT_REACTION_ACTIVE)
-Positive = Annotated[FiniteFloat, Field(gt=0)]
-
-
-class Cia402Settings(DeviceSettings):
-    """A CiA 402 drive on a CANopen bus."""
-
-    kind: Literal["cia402"]
-    bus: str
-    node_id: Annotated[int, Field(ge=1, le=126)]
-    """127 is ours."""
-    counts_per_turn: Positive
-    """Increments of 6064h for a turn of the motor."""
-    travel_mm_per_turn: Positive
-    velocity_unit: Literal["counts_per_s", "rpm"] = "counts_per_s"
-    """Unit of 60FFh and 606Ch."""
-    watchdog_ms: Annotated[int, Field(ge=40, le=1000)] = 100
-    """After this long without each other the drive stops, and the rig reports it."""
-    vendor_id: Annotated[int, Field(ge=0, le=0xFFFFFFFF)] | None = None
-    """1018h:01, if only that is to be accepted."""
-    product_code: Annotated[int, Field(ge=0, le=0xFFFFFFFF)] | None = None
-    """1018h:02, if only that is to be accepted."""
 
 
 class Cia402(CanDevice, VelocityDrive):

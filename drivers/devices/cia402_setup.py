@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import can
 from canopen import Network, ObjectDictionary, RemoteNode
@@ -24,11 +24,9 @@ from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError
 
 from drivers.codecs.cia402 import RPDO1, TPDO1, TPDO2, Control
 from drivers.devices.cia402_master import NODE
-from drivers.rig import RigError
+from drivers.devices.cia402_settings import Cia402Settings
+from drivers.rig import RigError, reason
 from drivers.transports.can_bus import CanBus
-
-if TYPE_CHECKING:
-    from drivers.devices.cia402 import Cia402Settings
 
 logging.getLogger("canopen").addHandler(logging.NullHandler())
 
@@ -231,14 +229,9 @@ class Setup:
         except SdoAbortedError as error:
             if optional and error.code in NO_OBJECT:
                 return None
-            raise RigError(f"{self._where}: {what} is refused: {told(error)}") from error
+            raise RigError(f"{self._where}: {what} is refused: {reason(error)}") from error
         except SdoCommunicationError as error:
-            raise RigError(f"{self._where}: {what}: {told(error)}") from error
-
-
-def told(error: Exception) -> str:
-    """What canopen says, on one line."""
-    return " ".join(str(error).split())
+            raise RigError(f"{self._where}: {what}: {reason(error)}") from error
 
 
 class BusNetwork(Network):

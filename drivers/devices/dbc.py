@@ -15,9 +15,8 @@ from pydantic import Field, FiniteFloat, ValidationInfo, field_validator, model_
 
 from drivers.device import CanDevice, DeviceSettings, Sample
 from drivers.input_file import read_input
-from drivers.rig import RigError
+from drivers.rig import RigError, reason
 from drivers.transports.can_bus import EXTENDED
-from drivers.transports.serial_port import reason
 
 if TYPE_CHECKING:
     import can

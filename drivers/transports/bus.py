@@ -11,7 +11,7 @@ NAP = 0.5e-3
 
 
 class Bus(ABC):
-    """A port or bus with the devices behind it.
+    """A port or bus.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ class Bus(ABC):
 
     @abstractmethod
     def poll(self) -> None:
-        """Hand all that has arrived to the devices, without waiting.
+        """Hand on all that has arrived, without waiting.
 
         Raises
         ------

@@ -5,15 +5,13 @@ from __future__ import annotations
 import contextlib
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import can
 
-from drivers.device import CanDevice
-from drivers.rig import RigError
+from drivers.rig import RigError, reason
 from drivers.transports.bus import Bus
-from drivers.transports.serial_port import reason
 from drivers.transports.slcan import SlcanBus, StatusFlags
 
 LATEST = 1.0
@@ -29,7 +27,7 @@ EXTENDED = 1 << 31
 
 
 class CanBus(Bus):
-    """A CAN bus and the devices behind its identifiers.
+    """A CAN bus; frames go to what is attached to their identifiers.
 
     Parameters
     ----------
@@ -63,7 +61,7 @@ class CanBus(Bus):
         self._options = options
         self._bus: can.BusABC | None = None
         self._drain: Callable[[], list[can.Message]] = list
-        self._routes: dict[int, CanDevice] = {}
+        self._routes: dict[int, Callable[[can.Message, float], object]] = {}
         self._polled = now()
         self._asked = -math.inf
         self.received = 0
@@ -71,10 +69,14 @@ class CanBus(Bus):
         self.errors = 0
         """Error frames so far."""
 
-    def attach(self, device: CanDevice) -> None:
-        """Hand the device the frames with its identifiers from now on."""
-        for identifier in device.identifiers():
-            self._routes[identifier] = device
+    def attach(
+        self, identifiers: Iterable[int], receive: Callable[[can.Message, float], object]
+    ) -> None:
+        """From now on call `receive` with each frame of these identifiers and its arrival [s].
+
+        Identifiers of 29 bits have bit 31 set in addition.
+        """
+        self._routes.update(dict.fromkeys(identifiers, receive))
 
     def open(self) -> None:
         """Open the adapter."""
@@ -96,7 +98,7 @@ class CanBus(Bus):
         self._polled = self.now()
 
     def poll(self) -> None:
-        """Hand each frame that has arrived to its device, with its time of arrival."""
+        """Hand on each frame that has arrived, with its time of arrival."""
         try:
             frames = self._drain()
         except (can.CanError, OSError) as error:
@@ -116,11 +118,11 @@ class CanBus(Bus):
                 if frame.arbitration_id & BUS_OFF:
                     raise RigError(f"{self.name}: CAN bus {self.channel} is off")
                 continue
-            device = self._routes.get(frame.arbitration_id | frame.is_extended_id * EXTENDED)
-            if device:
+            receive = self._routes.get(frame.arbitration_id | frame.is_extended_id * EXTENDED)
+            if receive:
                 age = wall - frame.timestamp
                 stamped = self.interface != "slcan" and 0.0 <= age < LATEST
-                device.receive(frame, now - age if stamped else middle)
+                receive(frame, now - age if stamped else middle)
 
     def _watch_adapter(self, bus: SlcanBus) -> None:
         """Ask an slcan adapter how it is: it hands on no error frames."""

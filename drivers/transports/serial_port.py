@@ -3,26 +3,18 @@
 from __future__ import annotations
 
 import contextlib
-import os
 from collections.abc import Callable
 
-import serial
-
-from drivers.device import SerialDevice
-from drivers.rig import RigError
+from drivers.rig import RigError, reason
+from drivers.transports.bulk_port import PortablePort, open_port
 from drivers.transports.bus import Bus
 
-CHUNK = 1 << 16
-"""Most bytes that are taken at once: more than a kernel keeps of a port."""
-
-EXCLUSIVE = True if os.name == "posix" else None
-"""No second program has the port; Windows grants no other way."""
 BITS = 10
 """Of a byte on the line."""
 
 
 class SerialPort(Bus):
-    """A serial port and the device behind it.
+    """A serial port; what arrives goes to what is attached.
 
     Parameters
     ----------
@@ -31,7 +23,7 @@ class SerialPort(Bus):
     now
         The controller's clock [s].
     port
-        Device file, or COM port.
+        Device file, COM port, or a pyserial URL.
     baud
         Line rate [bit/s].
     """
@@ -40,35 +32,34 @@ class SerialPort(Bus):
         super().__init__(name, now)
         self.port = port
         self.baud = baud
-        self.device: SerialDevice | None = None
         self.received = 0
         """Bytes so far."""
-        self._serial: serial.Serial | None = None
+        self._receive: Callable[[bytes, float], object] | None = None
+        self._opened: PortablePort | None = None
         self._polled = now()
 
+    def attach(self, receive: Callable[[bytes, float], object]) -> None:
+        """From now on call `receive` with the bytes that have arrived, and with when [s]."""
+        self._receive = receive
+
     def open(self) -> None:
-        """Open the port, empty it, and ask its driver for low latency where it knows that."""
+        """Open the port and empty it."""
         try:
-            opened = serial.Serial(
-                self.port, self.baud, timeout=0, write_timeout=0, exclusive=EXCLUSIVE
-            )
-            self._serial = opened
-            opened.reset_input_buffer()
-        except (serial.SerialException, OSError, ValueError) as error:
+            self._opened = open_port(self.port, self.baud)
+            self._opened.discard_input()
+        except (OSError, ValueError) as error:
             raise RigError(
                 f"{self.name}: port {self.port} cannot be opened: {reason(error)}: expected a "
                 "serial port, see teleop rig list"
             ) from error
-        with contextlib.suppress(OSError, ValueError, NotImplementedError, AttributeError):
-            opened.set_low_latency_mode(True)
         self._polled = self.now()
 
     def poll(self) -> None:
-        """Hand all that has arrived to the device, as of the middle of the time since."""
+        """Hand on all that has arrived, as of the middle of the time since."""
         data, now = self.drain(), self.now()
-        if data and self.device:
+        if data and self._receive:
             self.received += len(data)
-            self.device.receive(data, 0.5 * (self._polled + now))
+            self._receive(data, 0.5 * (self._polled + now))
         self._polled = now
 
     def drain(self) -> bytes:
@@ -79,10 +70,10 @@ class SerialPort(Bus):
         RigError
             The port is gone.
         """
-        assert self._serial
+        assert self._opened
         try:
-            return bytes(self._serial.read(CHUNK))
-        except (serial.SerialException, OSError, TypeError) as error:
+            return self._opened.read(0.0)
+        except (OSError, ValueError) as error:
             raise self._gone(error) from error
 
     def write(self, data: bytes) -> None:
@@ -93,10 +84,10 @@ class SerialPort(Bus):
         RigError
             The port is gone or takes no more: its buffer is full.
         """
-        assert self._serial
+        assert self._opened
         try:
-            taken = self._serial.write(data)
-        except (serial.SerialException, OSError, TypeError) as error:
+            taken = self._opened.write(data, 0.0)
+        except (OSError, ValueError) as error:
             raise self._gone(error) from error
         if taken != len(data):
             raise RigError(f"{self.name}: port {self.port} takes no more, its buffer is full")
@@ -117,17 +108,10 @@ class SerialPort(Bus):
 
     def close(self) -> None:
         """Close the port."""
-        if self._serial:
-            with contextlib.suppress(serial.SerialException, OSError):
-                self._serial.close()
-        self._serial = None
+        if self._opened:
+            with contextlib.suppress(OSError):
+                self._opened.close()
+        self._opened = None
 
     def _gone(self, error: Exception) -> RigError:
         return RigError(f"{self.name}: port {self.port} is gone: {reason(error)}")
-
-
-def reason(error: Exception) -> str:
-    """What the system says, on one line."""
-    number = getattr(error, "errno", None)
-    text = os.strerror(number).lower() if number else str(error)
-    return " ".join(text.split()).rstrip(".") or type(error).__name__

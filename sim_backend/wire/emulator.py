@@ -12,12 +12,14 @@ from typing import NamedTuple, Self
 
 from drivers.rig_file import RigFile
 from drivers.rig_sections import CanSettings
-from sim_backend.rig import SimulatedRig
-from sim_backend.wire.bench import Bench
-from sim_backend.wire.emulated import EmulatedCanDevice, EmulatedDevice, EmulatedSerialDevice
+from sim_backend.simulated_rig import SimulatedRig
+from sim_backend.wire.can_wires import InterfaceWire, SlcanWire
+from sim_backend.wire.emulated_device import EmulatedCanDevice, EmulatedDevice, EmulatedSerialDevice
+from sim_backend.wire.mechanism import Mechanism
 from sim_backend.wire.registry import emulated_class
+from sim_backend.wire.serial_wire import SerialWire
+from sim_backend.wire.wire import Wire
 from sim_backend.wire.wire_faults import FAULTS
-from sim_backend.wire.wires import InterfaceWire, SerialWire, SlcanWire, Wire
 
 
 class PlannedFault(NamedTuple):
@@ -38,7 +40,7 @@ ACTIONS = ("unplug", "replug", "reset")
 
 
 class Emulator:
-    """Emulated devices on a bench, each bus of the rig file a wire; a context manager.
+    """Emulated devices on a mechanism, each bus of the rig file a wire; a context manager.
 
     Serial ports and slcan adapters are pseudo-terminals, other CAN interfaces are joined.
 
@@ -73,7 +75,7 @@ class Emulator:
         self._faults = sorted(faults, key=lambda fault: fault.at)
         self._started = math.inf
         self._now = now
-        self.bench = Bench(file, make_rig, now)
+        self.mechanism = Mechanism(file, make_rig, now)
         self.devices = dict(self._emulated())
         self.wires = {name: self._wire(name, folder) for name in file.sections.buses}
 
@@ -90,7 +92,7 @@ class Emulator:
                     f"devices.{name}: there is no emulated {settings.kind}: expected a package "
                     "that offers one"
                 ) from None
-            found.append((name, kind(name, settings, self.bench.mounts[name])))
+            found.append((name, kind(name, settings, self.mechanism.mounts[name])))
         return found
 
     def _on(self, bus: str) -> list[EmulatedDevice]:
@@ -135,9 +137,9 @@ class Emulator:
         wires
             The wires that are served; None for all.
         """
-        self.bench.advance()
+        self.mechanism.advance()
         now = self._now()
-        if self.bench.driven:
+        if self.mechanism.driven:
             self._started = min(self._started, now)
         while self._faults and now - self._started >= self._faults[0].at:
             self.inject(self._faults.pop(0))

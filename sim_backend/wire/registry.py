@@ -5,7 +5,7 @@ from __future__ import annotations
 from importlib import import_module
 from importlib.metadata import entry_points
 
-from sim_backend.wire.emulated import EmulatedDevice
+from sim_backend.wire.emulated_device import EmulatedDevice
 
 GROUP = "teleop.emulators"
 """Entry points under which other packages offer emulated devices."""

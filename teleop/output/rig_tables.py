@@ -12,7 +12,7 @@ from rich import box
 from rich.live import Live
 from rich.table import Table
 
-from drivers.rig_file import UNITS as CHANNEL_UNITS
+from drivers.rig import UNITS as CHANNEL_UNITS
 from teleop.control.tare import Tare
 from teleop.output.console import number, plain_console, small
 from teleop.output.trial_tables import print_rejected

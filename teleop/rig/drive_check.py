@@ -10,8 +10,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any, NamedTuple
 
-from drivers import Measurement, RigError
-from drivers.wired_rig import AXES, WiredRig
+from drivers import AXES, Measurement, RigError
+from drivers.wired_rig import WiredRig
 from teleop.control.admittance import AdmittanceParameters
 from teleop.control.clock import Clock
 from teleop.control.conditions import Condition

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 from drivers.rig_file import RigFile
 from drivers.rig_sections import CanSettings, SerialSettings
-from sim_backend.wire.bench import NEVER
 from sim_backend.wire.emulator import ACTIONS, Emulator, PlannedFault
+from sim_backend.wire.mechanism import NEVER
 from sim_backend.wire.wire_faults import FAULTS, ON_CAN, ON_SERIAL_LINES
 from teleop.errors import InputError
 from teleop.trial.assembly import make_simulated_rig

@@ -8,8 +8,6 @@ from estimation.compiled import Floats
 from estimation.stiffening import Interval, MatchedSignals
 from teleop.errors import InputError
 
-BANDWIDTH = 20.0
-"""Bandwidth of the matched filter [Hz]."""
 LONGEST = 0.1
 """Longest lag that can be found [s]."""
 
@@ -58,7 +56,7 @@ def measure_lag(position: Floats, force: Floats, dt: Floats) -> ForceLag:
     if not position.any() or not force.any():
         raise InputError("no lag to measure: position or force is zero throughout")
     settled = slice(int(0.3 / dt.mean()), None)
-    signals = MatchedSignals(position, force, dt, BANDWIDTH, part=settled)
+    signals = MatchedSignals(position, force, dt, part=settled)
 
     def squared(lag: float) -> float:
         return signals.fit(lag, damping=False, stiffening=False).rms ** 2

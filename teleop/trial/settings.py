@@ -11,7 +11,7 @@ from pydantic import Discriminator
 from drivers.rig_file import RigFile
 from estimation import Preset, paper_preset
 from estimation.conditioner_choice import make_conditioner
-from estimation.conditioning import Conditioner
+from estimation.conditioning import BANDWIDTH, Conditioner
 from estimation.model import KELVIN_VOIGT, Model
 from estimation.registry import PAPER
 from sim_backend import CUBES, PlantParameters, Sensors, Setup, paper_setup
@@ -64,7 +64,7 @@ class TrialSettings:
     """From the motion of the master to that of the slave."""
     conditioning: ConditioningName = "matched"
     """Signal conditioning before the estimators."""
-    bandwidth: float = 20.0
+    bandwidth: float = BANDWIDTH
     """Bandwidth of the filter of the conditioning [Hz]."""
     force_lag: float = 0.0
     """Lag of the force channel that matched conditioning compensates [s]."""

@@ -2,7 +2,14 @@ from __future__ import annotations
 
 import pytest
 
-from drivers import Rig
+from drivers import AXES, CHANNELS, UNITS, Ages, Command, Measurement, Rig
+from drivers.rig_sections import (
+    ChannelsSettings,
+    DrivesSettings,
+    ForceSettings,
+    PositionSettings,
+    VelocitySettings,
+)
 
 
 class Recorder(Rig):
@@ -63,3 +70,23 @@ def test_an_idle_that_fails_still_closes():
     with pytest.raises(OSError, match="idle failed"), rig:
         pass
     assert rig.calls == ["open", "idle", "close"]
+
+
+def test_measurement_ages_and_rig_file_have_the_same_channels_in_the_same_units():
+    sections = {ForceSettings: "N", PositionSettings: "m", VelocitySettings: "m/s"}
+    fields = ChannelsSettings.model_fields
+    kinds = {
+        name: next(unit for kind, unit in sections.items() if kind.__name__ in str(field))
+        for name, field in fields.items()
+    }
+    assert kinds == UNITS
+    assert Ages._fields == CHANNELS
+    values = dict(zip(CHANNELS, range(5), strict=True))
+    measurement = Measurement(time=9.0, age=Ages(*range(5)), **values)
+    assert measurement.channels == tuple(range(5))
+
+
+def test_drives_are_in_the_order_of_a_command():
+    assert AXES == ("master", "slave")
+    assert Command._fields == tuple(f"{axis}_velocity" for axis in AXES)
+    assert set(DrivesSettings.model_fields) == set(AXES)

@@ -8,7 +8,7 @@ import struct
 from binascii import crc_hqx
 from typing import TYPE_CHECKING
 
-from sim_backend.wire.emulated import EmulatedSerialDevice, Mount
+from sim_backend.wire.emulated_device import EmulatedSerialDevice, Mount
 
 if TYPE_CHECKING:
     from drivers.devices.board_settings import BoardSettings

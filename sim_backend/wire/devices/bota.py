@@ -10,7 +10,7 @@ import math
 from struct import pack
 from typing import TYPE_CHECKING
 
-from sim_backend.wire.emulated import EmulatedSerialDevice, Mount
+from sim_backend.wire.emulated_device import EmulatedSerialDevice, Mount
 
 if TYPE_CHECKING:
     from drivers.devices.bota import BotaSettings

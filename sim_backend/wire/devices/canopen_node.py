@@ -22,7 +22,7 @@ from sim_backend.wire.devices.canopen_sdo import (
     ObjectDictionary,
     SdoServer,
 )
-from sim_backend.wire.emulated import EmulatedCanDevice, Mount
+from sim_backend.wire.emulated_device import EmulatedCanDevice, Mount
 
 INITIALISING, STOPPED, OPERATIONAL, PRE_OPERATIONAL = 0x00, 0x04, 0x05, 0x7F
 BOOTING = 20e-3

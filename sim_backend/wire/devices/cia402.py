@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from enum import Enum
 
-from drivers.devices.cia402 import Cia402Settings
+from drivers.devices.cia402_settings import Cia402Settings
 from sim_backend.wire.devices.canopen_node import CanopenNode
 from sim_backend.wire.devices.canopen_sdo import (
     UNSUPPORTED_ACCESS,
@@ -14,7 +14,7 @@ from sim_backend.wire.devices.canopen_sdo import (
     Entry,
     ObjectDictionary,
 )
-from sim_backend.wire.emulated import Mount
+from sim_backend.wire.emulated_device import Mount
 
 AXIS = "axis"
 RATED_TORQUE = 0.2

@@ -11,7 +11,7 @@ import can
 import cantools
 from cantools.database.can import Database, Message, Signal
 
-from sim_backend.wire.emulated import EmulatedCanDevice, Mount
+from sim_backend.wire.emulated_device import EmulatedCanDevice, Mount
 
 if TYPE_CHECKING:
     from drivers.devices.dbc import DbcSettings

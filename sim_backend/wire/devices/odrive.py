@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import can
 
-from sim_backend.wire.emulated import EmulatedCanDevice, Mount
+from sim_backend.wire.emulated_device import EmulatedCanDevice, Mount
 
 if TYPE_CHECKING:
     from drivers.devices.odrive import ODriveSettings

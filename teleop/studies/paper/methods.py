@@ -13,9 +13,6 @@ from estimation.model import KELVIN_VOIGT
 from teleop.evaluation.model_comparison import Comparison, compare
 from teleop.trial.result import Trial
 
-BANDWIDTH = 20.0
-"""Bandwidth of the matched filter [Hz]."""
-
 
 class MethodResult(NamedTuple):
     """One method on one trial, or on average over several."""
@@ -57,7 +54,7 @@ def compare_methods(trial: Trial, methods: Methods) -> dict[str, MethodResult]:
     """
     settings, columns = trial.settings, trial.columns
     model = methods.model
-    conditioner = MatchedFilter(BANDWIDTH, settings.setup.force_lag, model)
+    conditioner = MatchedFilter(force_lag=settings.setup.force_lag, model=model)
     regression = conditioner.run(columns["slave_position"], columns["contact_force"], columns["dt"])
     preset = replace(
         paper_preset(settings.cube),

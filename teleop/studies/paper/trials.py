@@ -22,8 +22,6 @@ DURATION = 10.0
 """Length of a trial [s]."""
 BANDWIDTH = 50.0
 """Bandwidth of the filtered difference that gives velocity [Hz]; the paper tells none."""
-MATCHED_BANDWIDTH = 20.0
-"""Bandwidth of the matched filter that removes the causes of negative damping [Hz]."""
 NO_METHODS = Methods()
 DRAWN = 10
 """Every so many ticks are drawn in figures."""
@@ -96,9 +94,7 @@ def paper_trial(condition: str, cube: str, seed: int = 0) -> TrialSettings:
 def damping_steps(trial: Trial) -> Damping:
     """The damping that the paper's way gives, and what is left once its two errors are removed."""
     settings, columns = trial.settings, trial.columns
-    signals = MatchedSignals(
-        columns["slave_position"], columns["contact_force"], columns["dt"], MATCHED_BANDWIDTH
-    )
+    signals = MatchedSignals(columns["slave_position"], columns["contact_force"], columns["dt"])
     lag = settings.setup.force_lag
     return Damping(
         true=settings.setup.cube.b,
@@ -141,7 +137,6 @@ def lag_and_damping(frequency: float) -> SlowTrial:
         columns["slave_position"],
         columns["contact_force"],
         columns["dt"],
-        MATCHED_BANDWIDTH,
         part=slice(1000, -1000),
     )
     coarse = setup.force_lag * np.linspace(0.6, 1.4, 17)

@@ -8,7 +8,7 @@ import pytest
 
 from drivers.device import DeviceSettings, SerialDevice
 from drivers.transports.serial_port import SerialPort
-from sim_backend.wire.emulated import EmulatedSerialDevice, Mount
+from sim_backend.wire.emulated_device import EmulatedSerialDevice, Mount
 
 TICK = 1e-3
 

@@ -21,7 +21,7 @@ from drivers.devices.board import Board
 from drivers.devices.board_settings import BoardSettings
 from drivers.framing import cobs
 from sim_backend.wire.devices.board import EmulatedBoard
-from sim_backend.wire.emulated import Mount
+from sim_backend.wire.emulated_device import Mount
 
 ROOT = Path(__file__).parents[3]
 FIRMWARE = ROOT / "drivers" / "firmware"

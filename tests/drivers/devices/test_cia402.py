@@ -18,7 +18,8 @@ from pydantic import ValidationError
 
 from drivers.codecs.cia402 import State
 from drivers.device import NO_SAMPLE
-from drivers.devices.cia402 import Cia402, Cia402Settings
+from drivers.devices.cia402 import Cia402
+from drivers.devices.cia402_settings import Cia402Settings
 from drivers.rig import RigError
 from sim_backend.wire.devices.canopen_sdo import Entry
 from sim_backend.wire.devices.cia402 import EmulatedCia402

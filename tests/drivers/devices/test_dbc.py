@@ -14,7 +14,7 @@ from drivers.devices.dbc import DbcDevice, DbcSettings
 from drivers.rig import RigError
 from drivers.rig_file import read_rig_file
 from sim_backend.wire.devices.dbc import EmulatedDbcDevice
-from sim_backend.wire.emulated import Mount
+from sim_backend.wire.emulated_device import Mount
 
 DBC = """VERSION ""
 BS_:

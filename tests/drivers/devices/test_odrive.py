@@ -19,7 +19,7 @@ from drivers.devices.odrive import ODrive, ODriveSettings
 from drivers.rig import RigError
 from drivers.transports.can_bus import CanBus
 from sim_backend.wire.devices.odrive import EmulatedODrive
-from sim_backend.wire.emulated import Mount
+from sim_backend.wire.emulated_device import Mount
 
 NODE = 3
 TRAVEL = 5e-3
@@ -477,7 +477,7 @@ def mocked(request: pytest.FixtureRequest) -> Iterator[tuple[CanBus, ODrive]]:
     bus = CanBus("can", time.perf_counter, "virtual", channel, None, {})
     # The mock sends a heartbeat every 200 ms.
     odrive = ODrive("slave", settings("0.6", node=0, heartbeat_timeout_ms=1000.0))
-    bus.attach(odrive)
+    bus.attach(odrive.identifiers(), odrive.receive)
     bus.open()
     try:
         yield bus, odrive

@@ -120,7 +120,7 @@ class Bench:
                 analogue_mv_per_count=(1.0,),
             ),
         )
-        self.port.device = self.driver
+        self.port.attach(self.driver.receive)
 
     def tell(self, order):
         self.process.stdin.write(order)

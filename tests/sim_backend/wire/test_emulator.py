@@ -8,8 +8,8 @@ import pytest
 
 from drivers.rig_file import read_rig_file
 from sim_backend import CUBES, SimulatedRig
-from sim_backend.wire.bench import NEVER, PUT_BACK
 from sim_backend.wire.emulator import Emulator, PlannedFault, host_file
+from sim_backend.wire.mechanism import NEVER, PUT_BACK
 from sim_backend.wire.wire_faults import Silent
 
 RIGS = Path(__file__).parents[3] / "rigs"
@@ -45,7 +45,7 @@ def test_a_fault_sets_in_at_its_time_after_the_drives_were_enabled(tmp_path):
     emulated = emulator("serial-board", tmp_path, clock, PlannedFault("silence", "usb", 0.5))
     run(emulated, clock, 1.0)
     assert emulated.wires["usb"].fault is None
-    emulated.bench.drive("slave", 0.0)
+    emulated.mechanism.drive("slave", 0.0)
     run(emulated, clock, 0.49)
     assert emulated.wires["usb"].fault is None
     run(emulated, clock, 0.05)
@@ -64,32 +64,32 @@ def test_a_device_that_is_reset_is_a_new_one_on_the_same_wire(tmp_path):
 def test_the_plant_is_put_back_once_its_drives_have_been_idle_for_a_while(tmp_path):
     clock = Clock()
     emulated = emulator("serial-board", tmp_path, clock)
-    bench = emulated.bench
-    bench.drive("slave", 0.02)
+    mechanism = emulated.mechanism
+    mechanism.drive("slave", 0.02)
     for _ in range(200):
         clock.now += 1e-3
-        bench.advance()
-    bench.brake("slave")
+        mechanism.advance()
+    mechanism.brake("slave")
     clock.now += 0.9 * PUT_BACK
-    assert bench.advance().slave_position == pytest.approx(4e-3, rel=0.2)
+    assert mechanism.advance().slave_position == pytest.approx(4e-3, rel=0.2)
     clock.now += 0.2 * PUT_BACK
-    assert bench.advance().slave_position == 0.0
+    assert mechanism.advance().slave_position == 0.0
 
 
 def test_a_drive_senses_the_force_of_its_own_motor(tmp_path):
     clock = Clock()
     emulated = emulator("odrive-bota", tmp_path, clock)
-    bench, mount = emulated.bench, emulated.bench.mounts["slave"]
-    bench.drive("slave", 0.02)
+    mechanism, mount = emulated.mechanism, emulated.mechanism.mounts["slave"]
+    mechanism.drive("slave", 0.02)
     for _ in range(100):
         clock.now += 1e-3
-        bench.advance()
-    bench.drive("slave", 0.0)
+        mechanism.advance()
+    mechanism.drive("slave", 0.0)
     for _ in range(1000):
         clock.now += 1e-3
-        bench.advance()
-    assert mount.sense("force") == pytest.approx(bench.rig.plant.slave.force, rel=1e-3)
-    assert mount.sense("position") == pytest.approx(bench.rig.plant.slave.x, abs=1e-6)
+        mechanism.advance()
+    assert mount.sense("force") == pytest.approx(mechanism.rig.plant.slave.force, rel=1e-3)
+    assert mount.sense("position") == pytest.approx(mechanism.rig.plant.slave.x, abs=1e-6)
 
 
 def test_the_hosts_file_has_the_pseudo_terminals_and_whole_paths(tmp_path):

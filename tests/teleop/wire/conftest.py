@@ -1,26 +1,30 @@
-"""Trials on emulated devices over real pseudo-terminals, in virtual time and one process.
+"""Trials on emulated devices in virtual time and one process.
 
 The emulator takes a step at each tick, so a trial of a second takes a fraction of it, and a
 fault sets in at a chosen tick. The wire is real: pyserial and python-can talk to pseudo-terminals.
+Tests of many trials replace the pseudo-terminals by lines in memory, since most of the time of a
+tick is spent in the system's calls.
 """
 
 from __future__ import annotations
 
+import errno
 import tempfile
 import threading
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import pytest
 
 from drivers import Measurement
 from drivers.rig_file import RigFile, read_rig_file
 from drivers.wired_rig import WiredRig
-from sim_backend.wire.bench import NEVER
 from sim_backend.wire.emulator import Emulator, PlannedFault, host_file
+from sim_backend.wire.mechanism import NEVER
 from teleop.safety.rig_limits import rig_limits
 from teleop.trial.assembly import make_simulated_rig
 from teleop.trial.result import Trial
@@ -44,17 +48,18 @@ class SteppedRig(WiredRig):
     ) -> None:
         self._ahead = 0.0
         self._clock = now
-        self._folder = Path(tempfile.mkdtemp(prefix="stepped-"))
+        self._temporary = tempfile.TemporaryDirectory(prefix="stepped-")
+        folder = Path(self._temporary.name)
         self.emulator = Emulator(
             file,
             lambda now: make_simulated_rig(settings, now, NEVER),
-            self._folder,
+            folder,
             faults,
             self.present,
         )
         prepare(self.emulator)
-        host = self._folder / "host.toml"
-        host.write_text(rewrite(host_file(file, self._folder)))
+        host = folder / "host.toml"
+        host.write_text(rewrite(host_file(file, folder)))
         super().__init__(read_rig_file(host), self.present)
         for bus in self.buses.values():
             bus.nap = self.nap
@@ -92,6 +97,79 @@ class SteppedRig(WiredRig):
     def close(self) -> None:
         super().close()
         self.emulator.__exit__(None, None, None)
+        self._temporary.cleanup()
+
+
+class Line:
+    """A serial line in memory, with the methods of a pseudo-terminal for the device."""
+
+    lines: ClassVar[dict[Path, Line]] = {}
+    """Those that are plugged in, by their path."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.to_device = self.to_host = b""
+        self.answer: Callable[[], object]
+        """Lets the device answer while the host waits."""
+
+    def open(self) -> None:
+        self.plugged = True
+        self.lines[self.path] = self
+
+    def read(self) -> bytes:
+        data, self.to_device = self.to_device, b""
+        return data
+
+    def write(self, data: bytes) -> None:
+        self.to_host += data
+
+    def close(self) -> None:
+        self.plugged = False
+        self.lines.pop(self.path, None)
+
+
+class HostEnd:
+    """The host's end of a line in memory, with the methods of an opened port."""
+
+    def __init__(self, channel: str, baud: int) -> None:
+        if Path(channel) not in Line.lines:
+            raise OSError(errno.ENOENT, "no such line")
+        self.line = Line.lines[Path(channel)]
+
+    def read(self, timeout: float | None) -> bytes:
+        line = self.plugged()
+        if timeout and not line.to_host:
+            line.answer()
+        data, line.to_host = line.to_host, b""
+        return data
+
+    def write(self, data: bytes, timeout: float) -> int:
+        self.plugged().to_device += data
+        return len(data)
+
+    def discard_input(self) -> None:
+        self.plugged().to_host = b""
+
+    def close(self) -> None: ...
+
+    def plugged(self) -> Line:
+        if not self.line.plugged:
+            raise OSError(errno.EIO, "the line is unplugged")
+        return self.line
+
+
+class RigInMemory(SteppedRig):
+    """The same on lines in memory: nothing waits in real time."""
+
+    def nap(self, seconds: float) -> None:
+        self._ahead += seconds
+        self.emulator.step()
+
+    def open(self) -> None:
+        self.emulator.__enter__()
+        for wire in self.emulator.wires.values():
+            wire.port.answer = self.emulator.step
+        WiredRig.open(self)
 
 
 @dataclass(frozen=True)
@@ -104,9 +182,10 @@ class SteppedTrial:
     prepare: Callable[[Emulator], None] = lambda emulator: None
     rewrite: Callable[[str], str] = str
     """Changes the rig file that the host reads."""
+    kind: type[SteppedRig] = SteppedRig
 
     def make_rig(self, now: Callable[[], float]) -> SteppedRig:
-        return SteppedRig(self.file, self.settings, now, self.faults, self.prepare, self.rewrite)
+        return self.kind(self.file, self.settings, now, self.faults, self.prepare, self.rewrite)
 
     def run(self) -> Trial:
         return run_trial(self.settings, rig_maker=self.make_rig)
@@ -119,6 +198,7 @@ def stepped_trial(
     faults: Sequence[PlannedFault] = (),
     prepare: Callable[[Emulator], None] = lambda emulator: None,
     rewrite: Callable[[str], str] = str,
+    kind: type[SteppedRig] = SteppedRig,
     **settings: Any,
 ) -> SteppedTrial:
     """A trial on one of the example rigs."""
@@ -130,7 +210,7 @@ def stepped_trial(
         custom_limits=rig_limits(file.sections),
         **settings,
     )
-    return SteppedTrial(made, file, faults, prepare, rewrite)
+    return SteppedTrial(made, file, faults, prepare, rewrite, kind)
 
 
 @pytest.fixture(autouse=True)
@@ -144,3 +224,13 @@ def stepped() -> Callable[..., SteppedTrial]:
     """Makes a trial on one of the example rigs, emulated."""
     pytest.importorskip("pty", reason="there are no pseudo-terminals on this system")
     return stepped_trial
+
+
+@pytest.fixture
+def in_memory(monkeypatch) -> Callable[..., SteppedTrial]:
+    """Makes the same trial, with lines in memory in place of pseudo-terminals."""
+    for module in ("serial_wire", "can_wires"):
+        monkeypatch.setattr(f"sim_backend.wire.{module}.PseudoTerminal", Line)
+    for module in ("serial_port", "slcan"):
+        monkeypatch.setattr(f"drivers.transports.{module}.open_port", HostEnd)
+    return partial(stepped_trial, kind=RigInMemory)

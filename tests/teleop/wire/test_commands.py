@@ -109,7 +109,7 @@ def test_the_check_tells_of_channels_round_trips_and_watchdogs(tmp_path):
             checked = teleop("rig", "check", rig, "--seconds", 0.5, "--json")
             if not checked.returncode:  # else the machine was taken away: once more
                 break
-        assert not emulator.bench.driven
+        assert not emulator.mechanism.driven
     assert checked.returncode == 0, checked.stderr
     report = json.loads(checked.stdout)
     channels = {channel["name"]: channel for channel in report["channels"]}
@@ -136,17 +136,17 @@ def test_when_the_controller_is_killed_the_drives_stop_by_their_own_watchdogs(na
     with served(name, tmp_path) as (rig, emulator):
         run = controller(rig)
         deadline = time.monotonic() + 40.0
-        while abs(emulator.bench.measurement.slave_velocity) < 0.01:
+        while abs(emulator.mechanism.measurement.slave_velocity) < 0.01:
             if run.poll() == 3:  # stopped for safety: the machine was taken away: once more
                 run = controller(rig)
             assert run.poll() is None
             assert time.monotonic() < deadline
             time.sleep(0.01)
-        assert emulator.bench.driven
+        assert emulator.mechanism.driven
         run.kill()
         run.wait()
         deadline = time.monotonic() + 5.0
-        while emulator.bench.driven:
+        while emulator.mechanism.driven:
             assert time.monotonic() < deadline
             time.sleep(0.01)
 

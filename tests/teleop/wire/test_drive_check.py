@@ -52,12 +52,12 @@ def drive_goes(factor: float, axis: str = "slave") -> dict[str, Any]:
     """A drive that goes at so many times the commanded velocity."""
 
     def prepare(emulator: Emulator) -> None:
-        drive = emulator.bench.drive
+        drive = emulator.mechanism.drive
 
         def wrong(name: str, velocity: float) -> None:
             drive(name, factor * velocity if name == axis else velocity)
 
-        emulator.bench.drive = wrong
+        emulator.mechanism.drive = wrong
 
     return {"prepare": prepare}
 
@@ -74,7 +74,7 @@ class Checked:
 
             def watched(wires: Any = None) -> None:
                 step(wires)
-                slave = rig.emulator.bench.rig.plant.slave
+                slave = rig.emulator.mechanism.rig.plant.slave
                 self.travel = max(self.travel, abs(slave.x))
                 self.force = max(self.force, abs(slave.force))
 
@@ -83,7 +83,7 @@ class Checked:
             for _ in range(30):
                 clock.wait()
                 rig.read()
-            self.driven = set(rig.emulator.bench.driven)
+            self.driven = set(rig.emulator.mechanism.driven)
         self.problems = {drive.name: drive.problem for drive in self.report.drives}
 
     def stayed_small(self) -> bool:
@@ -106,15 +106,15 @@ def check_refused(checked: Checked, factor: float, axis: str = "slave") -> None:
     [(name, drive_goes) for name in RIGS] + [("serial-board", encoder_reads)],
 )
 @pytest.mark.parametrize("factor", FACTORS)
-def test_a_wrong_sign_or_scale_is_refused_before_the_slave_gets_far(stepped, name, factor, wrong):
-    checked = Checked(stepped(name, **wrong(factor)))
+def test_a_wrong_sign_or_scale_is_refused_before_the_slave_gets_far(in_memory, name, factor, wrong):
+    checked = Checked(in_memory(name, **wrong(factor)))
     check_refused(checked, factor)
 
 
 @pytest.mark.parametrize("name", RIGS[:1])
 @pytest.mark.parametrize(("factor", "wrong"), [(20.0, drive_goes), (-1.0, encoder_reads)])
-def test_a_wrong_sign_or_scale_of_the_master_is_refused_too(stepped, name, factor, wrong):
-    check_refused(Checked(stepped(name, **wrong(factor, "master"))), factor, "master")
+def test_a_wrong_sign_or_scale_of_the_master_is_refused_too(in_memory, name, factor, wrong):
+    check_refused(Checked(in_memory(name, **wrong(factor, "master"))), factor, "master")
 
 
 LOW = rewritten(
@@ -131,29 +131,29 @@ LOW = rewritten(
     ("cube", "factor"),
     [("hard", f) for f in (20.0, 5.0, -1.0)] + [("medium", 20.0), ("soft", 2.0), ("soft", -1.0)],
 )
-def test_a_tenth_of_a_low_force_limit_is_not_exceeded(stepped, name, cube, factor):
-    checked = Checked(stepped(name, cube=cube, rewrite=LOW, **drive_goes(factor)))
+def test_a_tenth_of_a_low_force_limit_is_not_exceeded(in_memory, name, cube, factor):
+    checked = Checked(in_memory(name, cube=cube, rewrite=LOW, **drive_goes(factor)))
     assert checked.stayed_small(), (checked.travel, checked.force)
     assert checked.report.fault or checked.problems["slave"]
     assert not checked.driven
 
 
-def test_a_scale_that_drive_and_velocity_channel_share_is_refused(stepped):
+def test_a_scale_that_drive_and_velocity_channel_share_is_refused(in_memory):
     shared = rewritten("devices", "board", velocity_um_per_s_per_count=[1.0, 0.05])
-    check_refused(Checked(stepped("serial-board", rewrite=shared)), 20.0)
+    check_refused(Checked(in_memory("serial-board", rewrite=shared)), 20.0)
 
 
 @pytest.mark.parametrize("values", [{"sign": -1}, {"scale": 2.0}], ids=["sign", "scale"])
 @pytest.mark.parametrize("name", RIGS)
-def test_a_wrong_sign_or_scale_of_the_velocity_channel_alone_is_refused(stepped, name, values):
-    checked = Checked(stepped(name, rewrite=rewritten("channels", "slave_velocity", **values)))
+def test_a_wrong_sign_or_scale_of_the_velocity_channel_alone_is_refused(in_memory, name, values):
+    checked = Checked(in_memory(name, rewrite=rewritten("channels", "slave_velocity", **values)))
     assert checked.stayed_small()
     assert "slave_velocity shows" in checked.problems["slave"]
 
 
 @pytest.mark.parametrize("name", RIGS)
-def test_a_sound_rig_passes_and_its_watchdogs_act(stepped, name):
-    checked = Checked(stepped(name))
+def test_a_sound_rig_passes_and_its_watchdogs_act(in_memory, name):
+    checked = Checked(in_memory(name))
     assert checked.stayed_small()
     assert checked.report.fault is None
     assert not checked.driven
@@ -165,8 +165,8 @@ def test_a_sound_rig_passes_and_its_watchdogs_act(stepped, name):
 
 
 @pytest.mark.parametrize("name", RIGS)
-def test_without_a_motion_the_watchdogs_are_checked_at_standstill(stepped, name):
-    checked = Checked(stepped(name), move=False)
+def test_without_a_motion_the_watchdogs_are_checked_at_standstill(in_memory, name):
+    checked = Checked(in_memory(name), move=False)
     assert checked.travel < 2e-6
     assert set(checked.problems.values()) == {""}
     for drive in checked.report.drives:
@@ -174,45 +174,45 @@ def test_without_a_motion_the_watchdogs_are_checked_at_standstill(stepped, name)
         assert 0.01 < drive.watchdog_s < 0.15
 
 
-def test_a_slave_that_the_limits_hold_is_not_proven(stepped):
-    checked = Checked(stepped("serial-board", rewrite=LOW))
+def test_a_slave_that_the_limits_hold_is_not_proven(in_memory):
+    checked = Checked(in_memory("serial-board", rewrite=LOW))
     assert checked.stayed_small()
     assert "expected a slave that is free to move" in checked.problems["slave"]
 
 
-def test_a_slave_beyond_its_hard_limits_is_refused(stepped):
+def test_a_slave_beyond_its_hard_limits_is_refused(in_memory):
     beyond = rewritten("limits", soft_position_mm=[5, 25], hard_position_mm=[1, 30])
     with pytest.raises(InputError, match="slave_position is -?0 mm: expected it within hard_pos"):
-        Checked(stepped("serial-board", rewrite=beyond))
+        Checked(in_memory("serial-board", rewrite=beyond))
 
 
-def test_near_the_end_of_its_travel_the_slave_first_goes_the_other_way(stepped):
+def test_near_the_end_of_its_travel_the_slave_first_goes_the_other_way(in_memory):
     near = rewritten("limits", soft_position_mm=[0.2, 25], hard_position_mm=[-0.1, 30])
-    checked = Checked(stepped("serial-board", rewrite=near))
+    checked = Checked(in_memory("serial-board", rewrite=near))
     assert set(checked.problems.values()) == {""}
     assert checked.report.fault is None
 
 
-def test_the_boards_emergency_stop_stops_the_check(stepped):
+def test_the_boards_emergency_stop_stops_the_check(in_memory):
     def prepare(emulator: Emulator) -> None:
         step = emulator.step
 
         def press(wires: Any = None) -> None:
-            emulator.devices["board"].emergency_stop = bool(emulator.bench.driven)
+            emulator.devices["board"].emergency_stop = bool(emulator.mechanism.driven)
             step(wires)
 
         emulator.step = press
 
-    checked = Checked(stepped("serial-board", prepare=prepare))
+    checked = Checked(in_memory("serial-board", prepare=prepare))
     assert checked.report.fault["fault"] == Fault.EMERGENCY_STOP
     assert checked.travel < 2e-6
     assert not checked.driven
 
 
 @pytest.mark.parametrize("at", [0.1, 0.25, 0.6, 3.0])
-def test_a_wire_that_fails_during_the_check_is_a_stop_for_safety(stepped, at):
+def test_a_wire_that_fails_during_the_check_is_a_stop_for_safety(in_memory, at):
     faults = [PlannedFault("silence", "usb", at)]
-    checked = Checked(stepped("serial-board", faults=faults))
+    checked = Checked(in_memory("serial-board", faults=faults))
     assert checked.stayed_small()
     assert checked.report.fault["fault"] == Fault.STALE
     assert not checked.driven
@@ -266,7 +266,7 @@ def test_ctrl_c_during_the_check_ends_it_with_130(command, stepped, capsys):
         step, driven = emulator.step, itertools.count()
 
         def interrupt(wires: Any = None) -> None:
-            if emulator.bench.driven and next(driven) == 400:
+            if emulator.mechanism.driven and next(driven) == 400:
                 signal.raise_signal(signal.SIGINT)
             step(wires)
 

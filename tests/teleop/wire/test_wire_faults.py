@@ -49,7 +49,7 @@ def check_stopped(trial, emulator):
     assert not recording["commanded_slave_velocity"][fault].any()
     assert not recording["applied_slave_velocity"][fault].any()
     assert recording["mode"][-1] == Mode.FAULT
-    assert not emulator.bench.driven
+    assert not emulator.mechanism.driven
 
 
 @pytest.mark.parametrize("kind", ["drop", "double", "reorder", "truncate", "length"])

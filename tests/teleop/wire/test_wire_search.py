@@ -109,12 +109,12 @@ def test_no_sequence_of_wire_faults_and_requests_leaves_a_wired_rig_moving(stepp
                 tripped = min(tripped, clock.now())
                 assert command == STANDSTILL or clock.now() - tripped <= BOUND
                 if clock.now() - tripped > BOUND:
-                    assert not emulator.bench.driven
+                    assert not emulator.mechanism.driven
                     if rearm and not rearmed and not asked:
                         controller.rearm()
                         rearmed, tripped = True, math.inf
             elif asked and n > stop_at + 200:
-                assert not emulator.bench.driven
+                assert not emulator.mechanism.driven
             if n >= TICKS and clock.now() - tripped > BOUND + 0.05:
                 break
 

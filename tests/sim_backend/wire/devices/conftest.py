@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from sim_backend.wire.emulated import Mount
+from sim_backend.wire.emulated_device import Mount
 
 
 class Loaded(Mount):

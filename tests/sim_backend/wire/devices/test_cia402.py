@@ -14,7 +14,8 @@ import canopen
 import pytest
 from canopen.objectdictionary import ODRecord, ODVariable, datatypes
 
-from drivers.devices.cia402 import Cia402, Cia402Settings
+from drivers.devices.cia402 import Cia402
+from drivers.devices.cia402_settings import Cia402Settings
 from drivers.transports.can_bus import CanBus
 from sim_backend.wire.devices.cia402 import EmulatedCia402, State
 
@@ -271,7 +272,7 @@ def test_driver_and_drive_meet_on_a_real_can_bus(channel, served):
     bus = CanBus("can0", time.monotonic, "virtual", channel, None, {})
     driver = Cia402("drive", SETTINGS)
     bus.open()
-    bus.attach(driver)
+    bus.attach(driver.identifiers(), driver.receive)
     try:
         driver.start(bus)
         bus.wait_for(lambda: turn(bus, driver) or driver.enable(), 5.0)

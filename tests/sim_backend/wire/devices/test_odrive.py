@@ -8,7 +8,7 @@ from odrive_can import get_dbc
 
 from drivers.devices.odrive import ODriveSettings
 from sim_backend.wire.devices.odrive import EmulatedODrive
-from sim_backend.wire.emulated import Mount
+from sim_backend.wire.emulated_device import Mount
 
 DBC = {"0.5": get_dbc("odrive-cansimple-0.5.6"), "0.6": get_dbc("odrive-cansimple-0.6.10")}
 NODE = 4

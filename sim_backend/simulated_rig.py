@@ -6,13 +6,13 @@ import math
 import random
 from collections.abc import Callable
 
-from drivers import STANDSTILL, Ages, Command, Measurement, Rig
+from drivers import CHANNELS, STANDSTILL, Ages, Command, Measurement, Rig
 from sim_backend.cube import Cube
 from sim_backend.operators import ARM, Operator
 from sim_backend.plant import AT_REST, UNATTENDED, Plant, PlantParameters
 from sim_backend.sensors import Sensors
 
-FRESH = Ages(0.0, 0.0, 0.0, 0.0, 0.0)
+FRESH = Ages(*(0.0 for _ in CHANNELS))
 
 
 class SimulatedRig(Rig):

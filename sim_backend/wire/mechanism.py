@@ -1,4 +1,4 @@
-"""The bench: the simulated telemanipulator, with emulated devices mounted on it."""
+"""The simulated telemanipulator that emulated devices are mounted on."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ import math
 from collections.abc import Callable
 from typing import NamedTuple
 
-from drivers import Command, Measurement
+from drivers import AXES, Command, Measurement
 from drivers.device import sole_drive
 from drivers.rig_file import RigFile
-from sim_backend.rig import SimulatedRig
-from sim_backend.wire.emulated import Mount
+from sim_backend.simulated_rig import SimulatedRig
+from sim_backend.wire.emulated_device import Mount
 
 PUT_BACK = 1.2
 """Time after which a telemanipulator whose drives are idle is put back to its start [s]."""
@@ -26,8 +26,8 @@ class Source(NamedTuple):
     offset: float
 
 
-class Bench:
-    """The telemanipulator behind emulated devices.
+class Mechanism:
+    """The simulated telemanipulator, and where each emulated device is mounted on it.
 
     Once its drives have been idle for a while it is put back to its start, as a person would
     between trials.
@@ -50,7 +50,7 @@ class Bench:
     ) -> None:
         self._make_rig = make_rig
         self._now = now
-        self._velocities = {"master": 0.0, "slave": 0.0}
+        self._velocities = dict.fromkeys(AXES, 0.0)
         self.driven: set[str] = set()
         """The axes that are not held."""
         self._idle_since = math.inf
@@ -76,7 +76,7 @@ class Bench:
         if now - self._idle_since > PUT_BACK:
             self.rig, self._idle_since = self._fresh(), math.inf
         if self.driven:
-            self.rig.write(Command(self._velocities["master"], self._velocities["slave"]))
+            self.rig.write(Command(*self._velocities.values()))
         self.measurement = self.rig.read()
         return self.measurement
 
@@ -106,11 +106,11 @@ class Bench:
 
 
 class DeviceMount(Mount):
-    """Where one device is mounted on the bench."""
+    """Where one device is mounted on the mechanism."""
 
-    def __init__(self, bench: Bench, rate: float) -> None:
+    def __init__(self, mechanism: Mechanism, rate: float) -> None:
         self.rate = rate
-        self._bench = bench
+        self._mechanism = mechanism
         self.sources: dict[str, Source] = {}
         """The channels that it measures, by signal."""
         self.axes: dict[str, tuple[str, int]] = {}
@@ -119,19 +119,19 @@ class DeviceMount(Mount):
     def sense(self, signal: str) -> float:
         """What the signal reads: of the channel that it is for, or of the axis that it drives."""
         if source := self.sources.get(signal):
-            value: float = getattr(self._bench.measurement, source.channel)
+            value: float = getattr(self._mechanism.measurement, source.channel)
             return (value - source.offset) / source.gain
         for axis, sign in self.axes.values():
-            return sign * self._bench.state(axis, signal)
+            return sign * self._mechanism.state(axis, signal)
         return 0.0
 
     def drive(self, name: str, velocity: float) -> None:
         """Let the axis behind a drive go."""
         if name in self.axes:
             axis, sign = self.axes[name]
-            self._bench.drive(axis, sign * velocity)
+            self._mechanism.drive(axis, sign * velocity)
 
     def brake(self, name: str) -> None:
         """Hold that axis."""
         if name in self.axes:
-            self._bench.brake(self.axes[name][0])
+            self._mechanism.brake(self.axes[name][0])

@@ -1,0 +1,185 @@
+"""A device and an estimator, each in a package of its own, work in every command.
+
+The packages are those of docs/writing-a-driver.md and docs/writing-an-estimator.md.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+
+import pytest
+
+from teleop.cli import main
+
+pytestmark = pytest.mark.skipif(
+    sys.platform == "win32", reason="there are no pseudo-terminals on this system"
+)
+ATTEMPTS = 4
+"""A command in real time is repeated where the machine was taken away meanwhile."""
+
+
+@pytest.fixture(scope="module")
+def environment(third_party):
+    path = [str(third_party), os.environ.get("PYTHONPATH", "")]
+    return {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, path))}
+
+
+@pytest.fixture(scope="module")
+def emulated(environment, third_party_rig, tmp_path_factory):
+    """The rig file to run against `teleop rig emulate`, which serves the devices."""
+    out = tmp_path_factory.mktemp("emulated") / "run.toml"
+    options = ["--condition", "autonomous", "--out", out, "--json"]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "teleop", "rig", "emulate", third_party_rig, *options],
+        env=environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        document = ""
+        for line in process.stdout:
+            document += line
+            if line.rstrip() == "}":
+                break
+        assert document, process.stderr.read()
+        assert json.loads(document)["ports"].keys() == {"usb", "tip"}
+        yield out
+    finally:
+        process.send_signal(signal.SIGTERM)
+        process.communicate(timeout=10)
+    assert process.returncode == 0
+
+
+@pytest.fixture(scope="module")
+def on_the_rig(environment, emulated):
+    """Runs a command in real time on the emulated rig, and gives the document it prints."""
+
+    def run(*arguments):
+        for _ in range(ATTEMPTS):
+            done = subprocess.run(
+                [sys.executable, "-m", "teleop", *map(str, arguments), "--json"],
+                env=environment,
+                cwd=emulated.parent,
+                capture_output=True,
+                text=True,
+                timeout=60,
+                check=False,
+            )
+            if not done.returncode:
+                break
+        assert done.returncode == 0, done.stderr
+        return json.loads(done.stdout)
+
+    return run
+
+
+@pytest.fixture(scope="module")
+def recorded(on_the_rig, emulated):
+    """What `teleop run` prints with the sensor and the estimator, and the recording."""
+    options = ["--condition", "autonomous", "--duration", 1, "--estimators", "rls,nlms"]
+    summary = on_the_rig("run", "--rig", emulated, *options)
+    return summary, emulated.parent / summary["recording"]["path"]
+
+
+@pytest.fixture
+def command(third_party, monkeypatch, capsys):
+    """Runs a command in this process, which finds the packages, and gives what it prints."""
+    from estimation import registry
+
+    monkeypatch.syspath_prepend(third_party)
+    registry.offered.cache_clear()
+
+    def run(*arguments):
+        assert main([*map(str, arguments)]) == 0, capsys.readouterr().err
+        out = capsys.readouterr().out
+        return json.loads(out) if "--json" in arguments else out
+
+    yield run
+    registry.offered.cache_clear()
+    for name in ("acme", "acme_emulated", "acme_estimator"):
+        sys.modules.pop(name, None)
+
+
+def test_the_ports_are_listed(command):
+    assert isinstance(command("rig", "list", "--json")["ports"], list)
+
+
+def test_the_check_shows_the_sensors_channel(on_the_rig, emulated):
+    report = on_the_rig("rig", "check", emulated, "--seconds", 0.3)
+    channels = {channel["name"]: channel for channel in report["channels"]}
+    assert channels["contact_force"]["noise"] > 0.0
+    assert all(drive["watchdog_s"] > 0.0 for drive in report["drives"])
+
+
+def test_its_zero_is_found(command, emulated, tmp_path):
+    tare = command("rig", "tare", "--rig", emulated, "--out", tmp_path / "tare.json", "--json")
+    assert abs(tare["contact_force"]) < 0.1
+
+
+def test_a_trial_estimates_from_the_sensors_force(recorded):
+    summary, path = recorded
+    assert list(summary["estimates"]) == ["rls", "nlms"]
+    assert summary["estimates"]["nlms"]["k"] > 100.0
+    assert path.is_file()
+
+
+def test_the_recording_is_estimated_again(command, recorded):
+    summary = command("estimate", recorded[1], "--json")
+    assert summary["as_online"]
+    estimates = summary["estimates"]["nlms"], recorded[0]["estimates"]["nlms"]
+    assert estimates[0]["k"] == estimates[1]["k"]
+    other = command("estimate", recorded[1], "--estimators", "nlms,kalman", "--json")
+    assert list(other["estimates"]) == ["nlms", "kalman"]
+
+
+def test_without_the_packages_the_recording_loads_and_the_missing_estimator_is_named(
+    recorded, capsys
+):
+    assert main(["estimate", str(recorded[1])]) == 2
+    out, error = capsys.readouterr()
+    assert (out, error.count("\n")) == ("", 1)
+    assert "nlms" in error
+    assert main(["estimate", str(recorded[1]), "--estimators", "rls"]) == 0
+
+
+def test_the_report_shows_the_estimator(command, recorded, tmp_path):
+    command("report", recorded[1], "--out", tmp_path / "report.html")
+    assert "nlms" in (tmp_path / "report.html").read_text()
+
+
+@pytest.mark.parametrize("ending", [".csv", ".mat", ".h5", ".parquet"])
+def test_the_recording_is_exported_with_the_estimates(command, recorded, tmp_path, ending):
+    document = command("export", recorded[1], "--out", tmp_path / f"run{ending}", "--json")
+    assert {"contact_force", "nlms_k", "nlms_k_std"} <= set(document["columns"])
+
+
+def test_an_exported_file_is_estimated_and_gives_the_lag(command, recorded, tmp_path):
+    path = tmp_path / "run.csv"
+    command("export", recorded[1], "--out", path)
+    estimated = command("estimate", path, "--estimators", "nlms", "--json")
+    assert list(estimated["estimates"]) == ["nlms"]
+    assert abs(command("lag", path, "--json")["lag_s"]) < 0.1
+
+
+def test_a_recording_that_was_cut_off_is_recovered(command, recorded, tmp_path):
+    cut = tmp_path / "cut.mcap"
+    content = recorded[1].read_bytes()
+    cut.write_bytes(content[: len(content) * 2 // 3])
+    recovery = command("recover", cut, "--json")
+    assert recovery["ticks"] > 100
+    estimates = command("estimate", recovery["out"], "--json")["estimates"]
+    assert list(estimates) == ["rls", "nlms"]
+
+
+def test_the_paper_is_reproduced_with_the_estimator_beside_its_own(command, monkeypatch, tmp_path):
+    monkeypatch.setattr("teleop.studies.paper.trials.DURATION", 3.0)  # for a shorter test
+    monkeypatch.setattr("teleop.studies.paper.reproduction.SLOW_FREQUENCIES", (1.0,))
+    options = ["--estimators", "nlms", "--out", tmp_path / "paper", "--json"]
+    document = command("reproduce", *options)
+    assert list(document["methods"]) == ["nlms"]
+    assert "nlms" in (tmp_path / "paper" / "index.html").read_text()
