@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated
 
-from drivers import CHANNELS, Measurement
+from drivers import CHANNELS, UNITS, Measurement
 from drivers.input_file import read_input
 from teleop.errors import InputError, invalid_parts
 from teleop.files import unreadable, write_text
@@ -62,11 +62,12 @@ class Tare:
             A force or a position is too large to be a zero, or is no number, or the zeros were
             found on another rig.
         """
-        for name, value, unit, most in (
-            ("master_force", self.master_force, "N", LARGEST_ZERO),
-            ("contact_force", self.contact_force, "N", LARGEST_ZERO),
-            ("slave_position", self.slave_position, "m", FARTHEST),
+        for name, value, most in (
+            ("master_force", self.master_force, LARGEST_ZERO),
+            ("contact_force", self.contact_force, LARGEST_ZERO),
+            ("slave_position", self.slave_position, FARTHEST),
         ):
+            unit = UNITS[name]
             if not abs(value) <= most:
                 raise InputError(
                     f"tare: {name} {value:g} {unit}: expected a zero within {most:g} {unit}"

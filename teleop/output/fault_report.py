@@ -6,21 +6,14 @@ import math
 from pathlib import Path
 from typing import Any
 
+from drivers import CHANNELS
 from teleop.files import write_text
 from teleop.output.figures import fault_figure, save
 from teleop.recording.black_box import BEFORE
 from teleop.recording.recording import Recording
 from teleop.recording.timing import loop_timing
 
-CHANNELS = (
-    "master_force",
-    "master_position",
-    "slave_position",
-    "contact_force",
-    "slave_velocity",
-    "desired_slave_velocity",
-    "applied_slave_velocity",
-)
+LISTED = (*CHANNELS, "desired_slave_velocity", "applied_slave_velocity")
 """Columns that the report lists."""
 
 
@@ -56,7 +49,7 @@ def fault_text(recording: Recording, fault: dict[str, Any]) -> str:
     if at >= 0:
         lines += ["", "channels at that tick"]
         lines += [
-            f"  {name:<24} {recording[name][at]: .6g} {recording.units[name]}" for name in CHANNELS
+            f"  {name:<24} {recording[name][at]: .6g} {recording.units[name]}" for name in LISTED
         ]
     stopped = stopping_time(recording, fault)
     lines += ["", "stop", f"  commanded speed zero after {stopped * 1e3:.1f} ms"]

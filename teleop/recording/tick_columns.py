@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from drivers import CHANNELS
+from drivers import CHANNELS, UNITS
 from teleop.safety import Mode
 from teleop.safety.soft_limits import ACCELERATION, FORCE, POSITION, VELOCITY
 
@@ -28,19 +28,21 @@ WANTED = "requested by the control condition"
 LIMITED_TO = "after the safety supervisor"
 APPLIED = "as the drive applied it"
 
+CHANNEL_MEANINGS = {
+    "master_force": "of the hand on the handle",
+    "master_position": "of the handle",
+    "slave_position": "displacement from the contact datum",
+    "contact_force": "between slave and environment, positive in compression",
+    "slave_velocity": "as the drive reports it",
+}
+
 MEASURED = (
     ("time", "s", "t", "since the trial began; negative before the drives are armed"),
     ("dt", "s", "dt", "since the previous tick"),
-    ("master_force", "N", "measurement.master_force", "of the hand on the handle"),
-    ("master_position", "m", "measurement.master_position", "of the handle"),
-    ("slave_position", "m", "measurement.slave_position", "displacement from the contact datum"),
-    (
-        "contact_force",
-        "N",
-        "measurement.contact_force",
-        "between slave and environment, positive in compression",
+    *(
+        (channel, unit, f"measurement.{channel}", CHANNEL_MEANINGS[channel])
+        for channel, unit in UNITS.items()
     ),
-    ("slave_velocity", "m/s", "measurement.slave_velocity", "as the drive reports it"),
     *(
         (f"{channel}_age", "s", f"measurement.age.{channel}", "since the sample was taken")
         for channel in CHANNELS

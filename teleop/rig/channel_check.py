@@ -78,7 +78,7 @@ def listen(
     while (now := clock.now()) - start < seconds:
         clock.wait()
         measurement = rig.read()
-        values = measurement[1:6]
+        values = measurement.channels
         for log, index in sources:
             log.add(measurement.time, values[index], measurement.age[index])
         if now - shown > 0.25:

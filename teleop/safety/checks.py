@@ -27,7 +27,7 @@ def check_channels(
     for name, watch, value, age, travel in zip(
         CHANNELS,
         state.watches,
-        measurement[1:6],
+        measurement.channels,
         measurement.age,
         (0.0, master, slave, 0.0, state.accelerated),
         strict=True,

@@ -193,7 +193,7 @@ STARTS = {
 
 def unwell(m: Measurement, limits: Limits) -> bool:
     """What no mode but fault may outlive, as seen in one measurement alone."""
-    for name, value, age in zip(CHANNELS, m[1:6], m.age, strict=True):
+    for name, value, age in zip(CHANNELS, m.channels, m.age, strict=True):
         channel = limits.channels[name]
         if math.isnan(value) and not channel.required:
             continue
