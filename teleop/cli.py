@@ -21,6 +21,7 @@ from teleop.commands.report import report
 from teleop.commands.reproduce import reproduce
 from teleop.commands.rig import rig
 from teleop.commands.run import run
+from teleop.commands.series import series
 from teleop.errors import InputError, SafetyStop
 from teleop.interruption import Interruption
 from teleop.printable import complain, give_up_output
@@ -46,6 +47,7 @@ app = App(
 for command in (run, estimate, report, export, recover, lag, reproduce):
     app.command(command, help_format="markdown")
 app.command(config)
+app.command(series, help_format="markdown")
 app.command(rig)
 
 

@@ -46,7 +46,7 @@ ROOMS = {
     "output": {"safety", "control", "recording", "evaluation"},
     "trial": {"safety", "control", "recording", "output"},
     "rig": {"safety", "control", "recording", "trial"},
-    "studies": {"control", "evaluation", "output", "trial"},
+    "studies": {"safety", "control", "evaluation", "output", "trial"},
     "commands": {
         "safety",
         "control",

@@ -42,33 +42,48 @@ def read_configuration(path: Path) -> TrialSettings:
         The file cannot be read; or a setting is unknown or not as expected. All problems are
         named, a line for each.
     """
-    if path.suffix.lower() == ".mcap":
-        document: Mapping[str, Any] = load(path).settings
-    else:
-        document = read_toml(path)
+    document = load(path).settings if path.suffix.lower() == ".mcap" else read_toml(path)
     try:
-        return from_document(document)
+        return settings_from(document, path.parent)
     except InputError as error:
         lines = str(error).splitlines()
         raise InputError("\n".join(f"{path}: {line}" for line in lines)) from error
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """Return the document in a TOML file, with the files that it names."""
+    """Return the document in a TOML file; InputError if it cannot be read or is no TOML."""
     try:
-        document = tomllib.loads(read_input(path).decode())
+        return tomllib.loads(read_input(path).decode())
     except OSError as error:
         raise unreadable(path, error) from error
     except (ValueError, RecursionError) as error:
         raise InputError(f"{path}: not a TOML file: {error}") from error
-    if isinstance(document.get("rig"), str):
-        document["rig"] = load_rig_file(path.parent / document["rig"])
-    if isinstance(document.get("model"), str):
+
+
+def settings_from(document: Mapping[str, Any], folder: Path) -> TrialSettings:
+    """Return the settings in the document of a configuration file.
+
+    Parameters
+    ----------
+    document
+        Values by key.
+    folder
+        Folder to which paths in the document are relative.
+
+    Raises
+    ------
+    InputError
+        A setting is unknown or not as expected, or a file that it names cannot be read.
+    """
+    named = dict(document)
+    if isinstance(named.get("rig"), str):
+        named["rig"] = load_rig_file(folder / named["rig"])
+    if isinstance(named.get("tare"), str):
+        named["tare"] = read_tare(folder / named["tare"])
+    if isinstance(named.get("model"), str):
         with as_input_error():
-            document["model"] = model_named(document["model"])
-    if isinstance(document.get("tare"), str):
-        document["tare"] = read_tare(path.parent / document["tare"])
-    return document
+            named["model"] = model_named(named["model"])
+    return from_document(named)
 
 
 def write_configuration(settings: TrialSettings) -> str:

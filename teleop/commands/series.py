@@ -1,0 +1,92 @@
+"""`teleop series`: the trials of a plan, one after the other, in one folder."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+if TYPE_CHECKING:
+    from teleop.studies.series.conduct import Answer
+    from teleop.studies.series.plan import PlannedTrial
+
+
+def series(
+    plan: Path,
+    /,
+    *,
+    out: Path | None = None,
+    ask: bool | None = None,
+    dry_run: Annotated[bool, Parameter(negative="")] = False,
+    json: Annotated[bool, Parameter(negative="")] = False,
+) -> int:
+    """Run the trials of a plan in random or balanced order, and write a table of the results.
+
+    A series that was interrupted or killed is resumed by the same command. A trial that was
+    stopped or interrupted is repeated; its recording is kept.
+
+    Example: `teleop series paper --out paper-series`
+
+    Parameters
+    ----------
+    plan
+        Plan, TOML, or the name of a plan that comes with the package: paper, the nine trials of
+        the paper on the simulated rig.
+    out
+        Folder of the series: recordings, trials.csv with a row for each trial and estimator, and
+        journal.jsonl; by default series-NAME.
+    ask
+        Ask before each trial: Enter runs it, s skips it, r repeats the last one, q quits; text
+        after the letter is kept as a note. By default in a terminal, if a trial has a rig of
+        devices.
+    dry_run
+        Print the order of the trials, and run none.
+    json
+        Print one JSON document instead of lines.
+    """
+    from teleop.output.console import plain_console, print_json, print_table
+    from teleop.printable import complain
+    from teleop.studies.series.conduct import conduct, counts, unattended
+    from teleop.studies.series.plan import planned_trials, read_plan
+
+    read = read_plan(plan)
+    trials = planned_trials(read, plan.parent)
+    folder = out or Path(f"series-{read.name}")
+    if dry_run and json:
+        print_json({"trials": [{**trial.levels, "number": trial.number} for trial in trials]})
+        return 0
+    if dry_run:
+        headings = ["trial", *read.factors, "repetition"]
+        rows = [
+            [str(trial.number), *trial.levels.values(), str(trial.repetition)] for trial in trials
+        ]
+        print_table(plain_console(), f"{read.name}, {read.order} order", headings, rows)
+        return 0
+    if ask is None:
+        ask = sys.stdin.isatty() and any(trial.settings.rig for trial in trials)
+    journal = conduct(folder, read, trials, person if ask else unattended, report=complain)
+    summary = {"folder": str(folder), **counts(journal, trials)}
+    if json:
+        print_json(summary)
+    else:
+        plain_console().print(
+            f"{folder}: {summary['done']} of {len(trials)} trials done, {summary['skipped']} "
+            f"skipped, {summary['pending']} pending"
+        )
+    return 0
+
+
+def person(trial: PlannedTrial, prompt: str) -> tuple[Answer, str]:
+    """Ask on the terminal what to do next; the end of the input quits."""
+    answers: dict[str, Answer] = {"": "run", "s": "skip", "r": "repeat", "q": "quit"}
+    print(f"{prompt}\nEnter runs it, s skips it, r repeats the last one, q quits.", file=sys.stderr)
+    while True:
+        line = sys.stdin.readline()
+        if not line:
+            return "quit", ""
+        letter, _, note = line.strip().partition(" ")
+        if letter.lower() in answers:
+            return answers[letter.lower()], note
+        print("Expected Enter, s, r or q.", file=sys.stderr)

@@ -1,0 +1,171 @@
+"""Conduct a series: prompt, run, record and repeat the trials of a plan until all are done."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, Literal
+
+from drivers import RigError
+from teleop.errors import InputError, SafetyStop
+from teleop.files import make_folder
+from teleop.safety.events import time_text
+from teleop.studies.series.journal import LOCK, NAME, Journal, locked
+from teleop.studies.series.plan import Plan, PlannedTrial
+from teleop.studies.series.table import write_results
+from teleop.trial.result import Trial
+from teleop.trial.run import run_trial
+from teleop.trial.settings import TrialSettings
+
+Answer = Literal["run", "skip", "repeat", "quit"]
+Ask = Callable[[PlannedTrial, str], tuple[Answer, str]]
+"""Asks a person what to do next; gets the trial and its prompt, returns the answer and a note."""
+Run = Callable[[TrialSettings, Path], Trial]
+"""Runs and records a trial."""
+INTERRUPTED = "interrupted"
+ATTEMPTS = 3
+"""Attempts after which an unattended series ends with an error."""
+
+
+def unattended(trial: PlannedTrial, prompt: str) -> tuple[Answer, str]:
+    """Run every trial."""
+    return "run", ""
+
+
+def open_journal(folder: Path, plan: Plan, trials: Sequence[PlannedTrial]) -> Journal:
+    """Return the journal of a new series, or of one that is resumed.
+
+    Parameters
+    ----------
+    folder
+        Folder of the series; it exists.
+    plan
+        The plan.
+    trials
+        Its trials in their order.
+
+    Raises
+    ------
+    InputError
+        The folder has other files, or the series of another plan.
+    """
+    journal = Journal(folder)
+    document = plan.model_dump(mode="json")
+    known = next((entry["plan"] for entry in journal.entries if entry["entry"] == "plan"), None)
+    if known is None:
+        if any(path.name not in (LOCK, NAME) for path in folder.iterdir()):
+            raise InputError(f"{folder}: expected an empty folder, or that of a series")
+        journal.write("plan", plan=document, order=[trial.label for trial in trials])
+    elif known != document:
+        raise InputError(f"{folder}: has the series of another plan: expected a new folder")
+    return journal
+
+
+def conduct(
+    folder: Path,
+    plan: Plan,
+    trials: Sequence[PlannedTrial],
+    ask: Ask = unattended,
+    run: Run = run_trial,
+    report: Callable[[str], None] = print,
+) -> Journal:
+    """Run the trials that are not done yet.
+
+    A trial that was stopped for safety, interrupted or incompletely recorded is repeated. Its
+    recording is kept. The table of results is written after each trial.
+
+    Parameters
+    ----------
+    folder
+        Folder of the series.
+    plan
+        The plan.
+    trials
+        Its trials in their order.
+    ask
+        Asks a person before each trial.
+    run
+        Runs and records a trial.
+    report
+        Shows a line about the progress.
+
+    Raises
+    ------
+    InputError
+        A file cannot be written, or another series runs in the folder.
+    KeyboardInterrupt
+        Without a person, a trial was interrupted.
+    SafetyStop
+        Without a person, a trial was stopped for safety `ATTEMPTS` times.
+    """
+    make_folder(folder / NAME)
+    with locked(folder):
+        journal = open_journal(folder, plan, trials)
+        previous: PlannedTrial | None = None
+        rested = -math.inf
+        while pending := next((t for t in trials if not journal.is_finished(t.number)), None):
+            time.sleep(max(rested + plan.rest_s - time.monotonic(), 0.0))
+            answer, note = ask(pending, prompt_of(plan, pending, len(trials)))
+            if answer == "quit":
+                break
+            if answer == "skip":
+                journal.write("skipped", pending.number, note=note)
+                continue
+            trial = previous if answer == "repeat" and previous else pending
+            problem = attempt(folder, journal, trial, run, note)
+            rested, previous = time.monotonic(), trial
+            report(f"{trial.number} of {len(trials)}, {trial.label}: {problem or 'done'}")
+            write_results(folder, trials, journal)
+            if problem and ask is unattended:
+                if problem == INTERRUPTED:
+                    raise KeyboardInterrupt
+                if journal.attempts(trial.number) >= ATTEMPTS:
+                    raise SafetyStop(f"trial {trial.number}, {trial.label}: {problem}")
+    return journal
+
+
+def attempt(folder: Path, journal: Journal, trial: PlannedTrial, run: Run, note: str) -> str:
+    """Run a trial once; return why it is to be repeated, empty if it is not."""
+    number = journal.attempts(trial.number) + 1
+    path = folder / "recordings" / f"{trial.number:03d}-{trial.label}-{number}.mcap"
+    make_folder(path)
+    journal.write("started", trial.number, attempt=number, file=path.name, note=note)
+    try:
+        result = run(trial.settings, path)
+    except RigError as error:
+        journal.write("spoilt", trial.number, attempt=number, problem=str(error))
+        raise
+    problem = spoilt(result)
+    if problem:
+        journal.write("spoilt", trial.number, attempt=number, file=path.name, problem=problem)
+    else:
+        summary = result.summary()
+        journal.write("done", trial.number, attempt=number, file=path.name, summary=summary)
+    return problem
+
+
+def spoilt(trial: Trial) -> str:
+    """Return why a trial has to be repeated; empty if it has not."""
+    if trial.fault:
+        return f"stopped {time_text(trial.fault['time'])}: {trial.fault['text']}"
+    if trial.interrupted:
+        return INTERRUPTED
+    return trial.incomplete
+
+
+def prompt_of(plan: Plan, trial: PlannedTrial, count: int) -> str:
+    """Return the prompt before a trial."""
+    text = plan.prompt.replace("{trial}", trial.label)
+    for name, level in trial.levels.items():
+        text = text.replace(f"{{{name}}}", level)
+    return f"trial {trial.number} of {count}: {text}"
+
+
+def counts(journal: Journal, trials: Sequence[PlannedTrial]) -> dict[str, Any]:
+    """Return how many trials are done, skipped, and not yet run."""
+    last = [journal.last(trial.number) for trial in trials]
+    done = sum(entry is not None and entry["entry"] == "done" for entry in last)
+    skipped = sum(entry is not None and entry["entry"] == "skipped" for entry in last)
+    return {"done": done, "skipped": skipped, "pending": len(trials) - done - skipped}

@@ -1,0 +1,122 @@
+"""The journal of a series: a line for each trial that was started, done, spoilt or skipped.
+
+The journal is a text file of JSON lines that only grows, and each line is on the disk before the
+series continues. A series that was interrupted or killed is resumed from it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+from collections.abc import Iterator
+from datetime import datetime
+from pathlib import Path
+from typing import Any, Literal
+
+from teleop.errors import InputError
+from teleop.files import unwritable
+from teleop.json_documents import dumps, loads
+
+NAME, LOCK = "journal.jsonl", ".lock"
+Entry = Literal["plan", "started", "done", "spoilt", "skipped", "note"]
+
+
+class Journal:
+    """The journal in the folder of a series.
+
+    Parameters
+    ----------
+    folder
+        Folder of the series; it exists.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.path = folder / NAME
+        self.entries = [*self._read()]
+
+    def write(self, entry: Entry, trial: int = 0, **values: Any) -> None:
+        """Append a line and wait until it is on the disk.
+
+        Parameters
+        ----------
+        entry
+            What happened.
+        trial
+            Number of the trial, from 1; 0 for the series.
+        values
+            Values of JSON.
+
+        Raises
+        ------
+        InputError
+            The journal cannot be written.
+        """
+        now = datetime.now().astimezone().isoformat(timespec="seconds")
+        record = {"time": now, "entry": entry, "trial": trial, **values}
+        try:
+            with self.path.open("a", encoding="utf-8") as file:
+                file.write(dumps(record) + "\n")
+                file.flush()
+                os.fsync(file.fileno())
+        except OSError as error:
+            raise unwritable(self.path, error) from error
+        self.entries.append(json.loads(dumps(record)))
+
+    def last(self, trial: int) -> dict[str, Any] | None:
+        """Return the last entry of a trial other than notes; None for none."""
+        own = (e for e in reversed(self.entries) if e["trial"] == trial and e["entry"] != "note")
+        return next(own, None)
+
+    def attempts(self, trial: int) -> int:
+        """Return how often a trial was started."""
+        return sum(e["trial"] == trial and e["entry"] == "started" for e in self.entries)
+
+    def is_finished(self, trial: int) -> bool:
+        """Whether a trial is done or skipped, and is not to be repeated."""
+        last = self.last(trial)
+        return last is not None and last["entry"] in ("done", "skipped")
+
+    def results(self) -> Iterator[dict[str, Any]]:
+        """Yield the last entry of each trial that is done, in the order of the trials."""
+        for trial in sorted({e["trial"] for e in self.entries} - {0}):
+            last = self.last(trial)
+            if last and last["entry"] == "done":
+                yield last
+
+    def _read(self) -> Iterator[dict[str, Any]]:
+        """Yield the entries; a last line that was cut off by the end of its writer is ignored."""
+        if not self.path.exists():
+            return
+        text = self.path.read_bytes()
+        whole, _, rest = text.rpartition(b"\n")
+        if rest:
+            with self.path.open("r+b") as file:
+                file.truncate(len(whole) + 1 if whole else 0)
+        for number, line in enumerate(whole.splitlines(), start=1):
+            try:
+                yield loads(line)
+            except ValueError as error:
+                raise InputError(f"{self.path}, line {number}: expected a line of JSON") from error
+
+
+@contextlib.contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """Keep other series out of a folder within the block.
+
+    Raises
+    ------
+    InputError
+        Another series runs in the folder.
+    """
+    try:
+        import fcntl
+    except ImportError:  # a system without these locks
+        yield
+        return
+    with (folder / LOCK).open("w") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            raise InputError(f"{folder}: another series runs in this folder") from error
+        yield

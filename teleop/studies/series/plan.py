@@ -1,0 +1,180 @@
+"""The plan of a series: factors with their levels, repetitions, and the settings of the trials."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from importlib.resources import as_file, files
+from itertools import product
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError
+
+from teleop.errors import InputError, invalid_parts
+from teleop.studies.series.order import OrderName, ordered
+from teleop.trial.configuration import read_toml, settings_from
+from teleop.trial.settings import TrialSettings
+
+Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,40}$")]
+"""Name of a factor or a level; it is a part of file names."""
+MOST_TRIALS = 10_000
+
+
+class Plan(BaseModel):
+    """Plan of a series of trials.
+
+    Every combination of the levels of the factors is one trial, repeated `repetitions` times.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    name: Name
+    """Name of the series."""
+    description: str = ""
+    factors: dict[Name, list[Name]] = Field(min_length=1)
+    """Levels of each factor. A factor with the name of a setting sets this setting."""
+    blocks: list[Name] = []
+    """Factors whose levels are run one after the other, such as the subjects."""
+    repetitions: Annotated[int, Field(ge=1, le=1000)] = 1
+    """Repetitions of each combination."""
+    order: OrderName = "random"
+    """Order of the trials within each block."""
+    seed: int = 0
+    """Seed of the order. The seed of a simulated trial is that of the settings plus its number."""
+    rest_s: Annotated[float, Field(ge=0.0, le=3600.0)] = 0.0
+    """Shortest pause between two trials [s]."""
+    prompt: str = "Next: {trial}."
+    """Text before each trial; {trial} and the names of the factors are replaced."""
+    settings: dict[str, Any] = {}
+    """Settings of all trials, as in a configuration file."""
+    levels: dict[Name, dict[Name, dict[str, Any]]] = {}
+    """Settings that a level of a factor sets, by factor and level."""
+
+
+class PlannedTrial(BaseModel):
+    """One trial of a plan."""
+
+    model_config = ConfigDict(frozen=True, arbitrary_types_allowed=True)
+
+    number: int
+    """Position in the series, from 1."""
+    levels: dict[str, str]
+    """Level of each factor."""
+    repetition: int
+    """Number of the repetition, from 1."""
+    settings: TrialSettings
+
+    @property
+    def label(self) -> str:
+        """Levels and repetition as a part of a file name."""
+        return "-".join([*self.levels.values(), str(self.repetition)])
+
+
+def read_plan(path: Path) -> Plan:
+    """Return a plan.
+
+    Parameters
+    ----------
+    path
+        A TOML file, or the name of a plan that comes with the package, such as `paper`.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, or is not as expected. All problems are named.
+    """
+    packaged = files(__package__).joinpath("plans", f"{path}.toml")
+    if not path.suffix and packaged.is_file():
+        with as_file(packaged) as source:
+            document = read_toml(source)
+    else:
+        document = read_toml(path)
+    try:
+        plan = Plan.model_validate(document)
+    except ValidationError as error:
+        raise InputError(f"{path}: {invalid_parts(error)}") from error
+    problems = [*inconsistencies(plan)]
+    if problems:
+        raise InputError("\n".join(f"{path}: {problem}" for problem in problems))
+    return plan
+
+
+def inconsistencies(plan: Plan) -> Iterator[str]:
+    """Yield what does not fit together in a plan."""
+    for name in plan.blocks:
+        if name not in plan.factors:
+            yield f"blocks: {name!r}: expected one of the factors {', '.join(plan.factors)}"
+    for name, levels in plan.factors.items():
+        if not levels or len(set(levels)) < len(levels):
+            yield f"factors.{name}: expected distinct levels"
+    for name, settings in plan.levels.items():
+        if name not in plan.factors:
+            yield f"levels.{name}: expected one of the factors {', '.join(plan.factors)}"
+            continue
+        for level in settings.keys() - set(plan.factors[name]):
+            yield f"levels.{name}.{level}: expected one of {', '.join(plan.factors[name])}"
+    trials = plan.repetitions
+    for levels in plan.factors.values():
+        trials *= len(levels)
+    if trials > MOST_TRIALS:
+        yield f"{trials} trials: expected at most {MOST_TRIALS}"
+
+
+def planned_trials(plan: Plan, folder: Path) -> list[PlannedTrial]:
+    """Return the trials of a plan in their order.
+
+    Parameters
+    ----------
+    plan
+        The plan.
+    folder
+        Folder to which the paths in its settings are relative.
+
+    Raises
+    ------
+    InputError
+        Settings of a trial are not as expected. The problems of all trials are named.
+    """
+    blocked = [plan.factors[name] for name in plan.blocks]
+    inner = {name: levels for name, levels in plan.factors.items() if name not in plan.blocks}
+    cells = [
+        (dict(zip(inner, levels, strict=True)), repetition)
+        for repetition in range(1, plan.repetitions + 1)
+        for levels in product(*inner.values())
+    ]
+    trials: list[PlannedTrial] = []
+    problems: list[str] = []
+    for block, outer in enumerate(product(*blocked)):
+        for index in ordered(len(cells), plan.order, plan.seed, block):
+            levels, repetition = cells[index]
+            chosen = dict(zip(plan.blocks, outer, strict=True)) | levels
+            chosen = {name: chosen[name] for name in plan.factors}
+            number = len(trials) + 1
+            try:
+                settings = settings_from(document_of(plan, chosen, number), folder)
+            except InputError as error:
+                problems += [f"{', '.join(chosen.values())}: {line}" for line in lines(error)]
+                settings = TrialSettings()
+            trials.append(
+                PlannedTrial(number=number, levels=chosen, repetition=repetition, settings=settings)
+            )
+    if problems:
+        raise InputError("\n".join(dict.fromkeys(problems)))
+    return trials
+
+
+def document_of(plan: Plan, chosen: Mapping[str, str], number: int) -> dict[str, Any]:
+    """Return the settings of one trial as a document of a configuration file."""
+    document = dict(plan.settings)
+    for name, level in chosen.items():
+        own = plan.levels.get(name, {}).get(level)
+        if own is not None:
+            document |= own
+        elif name in ("condition", "cube"):
+            document[name] = level
+    return document | {"seed": int(document.get("seed", 0)) + number}
+
+
+def lines(error: InputError) -> list[str]:
+    """Return the problems that an error names."""
+    return str(error).splitlines()

@@ -1,0 +1,192 @@
+"""Series: prompts, repetition, interruption and resumption."""
+
+from __future__ import annotations
+
+import csv
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from teleop.cli import main
+from teleop.errors import InputError, SafetyStop
+from teleop.recording.recording import load
+from teleop.studies.series.conduct import conduct
+from teleop.studies.series.journal import Journal, locked
+from teleop.studies.series.plan import planned_trials, read_plan
+from teleop.trial.run import run_trial
+
+PLAN = """
+name = "short"
+order = "listed"
+[factors]
+condition = ["autonomous"]
+cube = ["soft", "medium", "hard"]
+[settings]
+clock = "virtual"
+duration_s = 0.5
+estimators = ["rls"]
+"""
+
+
+@pytest.fixture
+def plan(tmp_path):
+    path = tmp_path / "plan.toml"
+    path.write_text(PLAN)
+    read = read_plan(path)
+    return read, planned_trials(read, tmp_path)
+
+
+class Person:
+    """Gives prepared answers."""
+
+    def __init__(self, *answers):
+        self.answers = [*answers]
+        self.prompts = []
+
+    def __call__(self, trial, prompt):
+        self.prompts.append(prompt)
+        return self.answers.pop(0) if self.answers else "quit", "a note"
+
+
+class Spoiling:
+    """Runs trials, some of which are interrupted."""
+
+    def __init__(self, *spoilt):
+        self.calls, self.spoilt = 0, spoilt
+
+    def __call__(self, settings, path):
+        self.calls += 1
+        trial = run_trial(settings, path)
+        if self.calls in self.spoilt:
+            object.__setattr__(trial, "interrupted", True)
+        return trial
+
+
+def rows(folder):
+    with (folder / "trials.csv").open(newline="") as file:
+        return [*csv.DictReader(file)]
+
+
+def test_a_series_ends_in_a_row_for_each_trial_and_a_recording_of_each(plan, tmp_path):
+    folder = tmp_path / "out"
+    journal = conduct(folder, *plan)
+    table = rows(folder)
+    assert [row["cube"] for row in table] == ["soft", "medium", "hard"]
+    for row in table:
+        recording = load(folder / "recordings" / row["file"])
+        assert recording.settings["cube"] == row["cube"]
+        k = recording.estimated().estimates()["rls"].k.mean()
+        assert float(row["k [N/m]"]) == k
+    assert all(journal.is_finished(trial.number) for trial in plan[1])
+
+
+def test_a_person_skips_repeats_and_quits(plan, tmp_path):
+    folder = tmp_path / "out"
+    person = Person("run", "repeat", "skip", "quit")
+    journal = conduct(folder, *plan, ask=person)
+    assert journal.attempts(1) == 2
+    assert journal.last(2)["entry"] == "skipped"
+    assert journal.last(2)["note"] == "a note"
+    assert journal.last(3) is None
+    assert [row["attempt"] for row in rows(folder)] == ["2"]
+    assert person.prompts[0].startswith("trial 1 of 3: Next: autonomous-soft-1")
+    assert len([*(folder / "recordings").glob("*.mcap")]) == 2
+
+
+def test_a_spoilt_trial_is_repeated_and_its_recording_is_kept(plan, tmp_path):
+    folder = tmp_path / "out"
+    conduct(folder, *plan, ask=Person("run", "run", "run", "run"), run=Spoiling(2))
+    assert [row["attempt"] for row in rows(folder)] == ["1", "2", "1"]
+    assert len([*(folder / "recordings").glob("002-*.mcap")]) == 2
+
+
+def test_without_a_person_a_trial_that_is_always_stopped_ends_the_series(
+    plan, tmp_path, monkeypatch
+):
+    monkeypatch.setattr("teleop.studies.series.conduct.spoilt", lambda trial: "stopped at 1 s")
+    with pytest.raises(SafetyStop, match="trial 1, autonomous-soft-1: stopped at 1 s"):
+        conduct(tmp_path / "out", *plan)
+    assert Journal(tmp_path / "out").attempts(1) == 3
+
+
+def test_ctrl_c_ends_an_unattended_series_which_goes_on_from_there(plan, tmp_path):
+    folder = tmp_path / "out"
+    with pytest.raises(KeyboardInterrupt):
+        conduct(folder, *plan, run=Spoiling(2))
+    conduct(folder, *plan)
+    assert [row["attempt"] for row in rows(folder)] == ["1", "2", "1"]
+
+
+def test_a_line_that_was_cut_off_by_a_kill_is_ignored(plan, tmp_path):
+    folder = tmp_path / "out"
+    conduct(folder, *plan, ask=Person("run"))
+    journal = folder / "journal.jsonl"
+    journal.write_bytes(journal.read_bytes() + b'{"entry": "done", "tri')
+    conduct(folder, *plan)
+    assert len(rows(folder)) == 3
+
+
+def test_a_folder_with_other_files_or_another_plan_is_refused(plan, tmp_path):
+    read, trials = plan
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other" / "file").write_text("")
+    with pytest.raises(InputError, match="expected an empty folder, or that of a series"):
+        conduct(tmp_path / "other", read, trials)
+    conduct(tmp_path / "out", read, trials, ask=Person())
+    with pytest.raises(InputError, match="another plan"):
+        conduct(tmp_path / "out", read.model_copy(update={"seed": 7}), trials)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no file locks")
+def test_two_series_in_one_folder_are_refused(plan, tmp_path):
+    folder = tmp_path / "out"
+    folder.mkdir()
+    with locked(folder), pytest.raises(InputError, match="another series runs in this folder"):
+        conduct(folder, *plan)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no SIGKILL")
+def test_a_series_that_is_killed_again_and_again_completes_and_loses_nothing(plan, tmp_path):
+    command = [sys.executable, "-m", "teleop", "series", "plan.toml", "--out", "out"]
+    chance = random.Random(1)
+    kept: dict[Path, bytes] = {}
+    for _ in range(4):
+        process = subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.DEVNULL)
+        time.sleep(chance.uniform(0.8, 2.5))
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+        time.sleep(0.3)  # the recorder writes what it was sent
+        for path, content in kept.items():
+            assert path.read_bytes() == content
+        kept = {
+            path: path.read_bytes() for path in (tmp_path / "out" / "recordings").glob("*.mcap")
+        }
+    environment = os.environ | {"PYTHONWARNINGS": "error"}
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, env=environment)
+    assert done.returncode == 0, done.stderr
+    assert [row["cube"] for row in rows(tmp_path / "out")] == ["soft", "medium", "hard"]
+
+
+def test_the_command_asks_where_it_is_told_to(tmp_path, monkeypatch, capsys):
+    (tmp_path / "plan.toml").write_text(PLAN)
+    monkeypatch.chdir(tmp_path)
+    answers = iter(["x\n", "\n", "s too soft\n", ""])
+    monkeypatch.setattr("sys.stdin.readline", lambda: next(answers), raising=False)
+    assert main(["series", "plan.toml", "--ask", "--json"]) == 0
+    captured = capsys.readouterr()
+    assert '"done": 1' in captured.out
+    assert "Expected Enter, s, r or q." in captured.err
+    assert Journal(tmp_path / "series-short").last(2)["note"] == "too soft"
+
+
+def test_the_order_is_shown_without_running_anything(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["series", "paper", "--dry-run"]) == 0
+    assert "autonomous" in capsys.readouterr().out
+    assert not any(tmp_path.iterdir())

@@ -1,0 +1,100 @@
+"""Plans of series."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from teleop.errors import InputError
+from teleop.studies.series.plan import planned_trials, read_plan
+
+PLAN = """
+name = "study"
+order = "listed"
+repetitions = 2
+blocks = ["subject"]
+
+[factors]
+subject = ["s1", "s2"]
+condition = ["free", "mimic"]
+specimen = ["liver", "cyst"]
+
+[settings]
+clock = "virtual"
+duration_s = 1.0
+
+[levels.specimen.cyst]
+cube = "hard"
+depth_m = 0.001
+"""
+
+
+@pytest.fixture
+def read(tmp_path):
+    def read(text):
+        path = tmp_path / "plan.toml"
+        path.write_text(text)
+        return read_plan(path)
+
+    return read
+
+
+def test_every_combination_is_run_in_each_block_and_repetition(read):
+    trials = planned_trials(read(PLAN), Path())
+    assert len(trials) == 16
+    assert [trial.number for trial in trials] == list(range(1, 17))
+    assert {trial.levels["subject"] for trial in trials[:8]} == {"s1"}
+    assert len({trial.label for trial in trials}) == 16
+
+
+def test_factors_and_levels_set_the_settings_of_a_trial(read):
+    trials = planned_trials(read(PLAN), Path())
+    by_label = {trial.label: trial.settings for trial in trials}
+    assert by_label["s1-free-liver-1"].condition == "free"
+    assert by_label["s1-mimic-liver-1"].condition == "mimic"
+    assert by_label["s2-free-cyst-2"].cube == "hard"
+    assert by_label["s2-free-cyst-2"].depth == 0.001
+    assert by_label["s2-free-liver-2"].cube == "soft"
+    assert len({trial.settings.seed for trial in trials}) == len(trials)
+
+
+def test_all_problems_of_a_plan_are_reported_at_once(read):
+    with pytest.raises(InputError) as refused:
+        read('name = "a b"\nrepetitions = 0\nodd = 1\n[factors]\nc = []\n')
+    for part in ("name", "repetitions", "odd"):
+        assert part in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("change", "problem"),
+    [
+        (('blocks = ["subject"]', 'blocks = ["person"]'), "blocks: 'person'"),
+        (('["s1", "s2"]', '["s1", "s1"]'), "factors.subject: expected distinct levels"),
+        (("levels.specimen.cyst", "levels.specimen.stone"), "levels.specimen.stone: expected"),
+        (("repetitions = 2", "repetitions = 1000"), None),
+        (('["s1", "s2"]', str([f"s{i}" for i in range(3000)])), "24000 trials: expected at most"),
+    ],
+)
+def test_a_plan_that_does_not_fit_together_is_refused(read, change, problem):
+    if problem is None:
+        assert read(PLAN.replace(*change)).repetitions == 1000
+        return
+    with pytest.raises(InputError, match=problem):
+        read(PLAN.replace(*change))
+
+
+def test_settings_that_are_refused_are_named_with_the_trial(read):
+    with pytest.raises(InputError, match="s1, free, cyst: depth 1000 mm"):
+        planned_trials(read(PLAN.replace("depth_m = 0.001", "depth_m = 1.0")), Path())
+
+
+def test_the_plan_of_the_paper_has_its_nine_trials():
+    trials = planned_trials(read_plan(Path("paper")), Path())
+    cells = {(trial.settings.condition, trial.settings.cube) for trial in trials}
+    assert len(trials) == len(cells) == 9
+
+
+def test_a_plan_that_is_not_there_is_refused_in_one_line():
+    with pytest.raises(InputError, match="none: no such file"):
+        read_plan(Path("none"))
