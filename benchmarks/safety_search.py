@@ -36,8 +36,8 @@ from teleop.control.admittance import Admittance, AdmittanceParameters
 from teleop.control.clock import Tick
 from teleop.control.controller import Controller
 from teleop.control.coupling import Coupling
-from teleop.safety import Fault, Mode, Request, stops_at_once
-from teleop.safety.channels import Trip
+from teleop.safety import Fault, Mode, Request, stops_immediately
+from teleop.safety.channels import DetectedFault
 
 
 class SafetySearch(RuleBasedStateMachine):
@@ -67,7 +67,7 @@ class SafetySearch(RuleBasedStateMachine):
         )
         self.rig.open()
         self.arm, self.stop, self.halt, self.skipped = arm, "", False, 0
-        self.trips: tuple[Trip, ...] = ()
+        self.faults: tuple[DetectedFault, ...] = ()
         self.tripped = math.inf
         """True time at which the fault began [s]."""
         self.energised = False
@@ -115,7 +115,7 @@ class SafetySearch(RuleBasedStateMachine):
         self.rig.standing = False
         self.condition.error = None
         self.bank.__dict__.pop("update", None)
-        self.halt, self.stop, self.trips = False, "", ()
+        self.halt, self.stop, self.faults = False, "", ()
         self.tick(1)
 
     @rule(
@@ -161,7 +161,7 @@ class SafetySearch(RuleBasedStateMachine):
     )
     def request(self, arm: bool, stop: str, halt: bool, fault: Fault | None) -> None:
         self.arm, self.stop, self.halt = arm, stop, halt
-        self.trips = (Trip(fault, "key", math.nan, math.nan, math.nan),) if fault else ()
+        self.faults = (DetectedFault(fault, "key", math.nan, math.nan, math.nan),) if fault else ()
         self.tick(1)
 
     @precondition(lambda self: self.controller.mode is Mode.FAULT)
@@ -185,7 +185,7 @@ class SafetySearch(RuleBasedStateMachine):
             try:
                 record = self.controller.tick(
                     Tick(0.0, self.skipped > 0, self.skipped),
-                    Request(self.arm, self.stop, self.halt, self.trips),
+                    Request(self.arm, self.stop, self.halt, self.faults),
                 )
             except RigError:
                 if self.controller._measurement is not None:
@@ -221,7 +221,7 @@ class SafetySearch(RuleBasedStateMachine):
             assert self.arm
             assert not self.stop
             assert not self.halt
-            assert not self.trips
+            assert not self.faults
             self.energised = True
 
         # What is dangerous stops the drives in the same tick, from every mode.
@@ -230,7 +230,7 @@ class SafetySearch(RuleBasedStateMachine):
             x, f, v = m.slave_position, m.contact_force, m.slave_velocity
             dangerous = (
                 self.halt
-                or any(stops_at_once(trip.fault) for trip in self.trips)
+                or any(stops_immediately(fault.fault) for fault in self.faults)
                 or m.emergency_stop
                 or bool(m.drive_error)
                 or LIMITS.hard_force < abs(f) < math.inf

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class AdmittanceParameters:
-    """Virtual dynamics m x'' + d x' + c x = force that the master shows to the hand.
+    """Parameters of the virtual dynamics m x'' + d x' + c x = force at the master.
 
     Raises
     ------
@@ -31,21 +31,32 @@ class AdmittanceParameters:
             raise ValueError(f"centring stiffness must be >= 0, got {self.stiffness}")
 
     def force(self, position: float, velocity: float, acceleration: float) -> float:
-        """Force [N] that moves the virtual mass so."""
+        """Return the force [N] that causes this motion of the virtual mass.
+
+        Parameters
+        ----------
+        position, velocity, acceleration
+            Motion of the master, in m, m/s and m/s^2.
+        """
         return self.mass * acceleration + self.damping * velocity + self.stiffness * position
 
 
 class Admittance:
-    """The virtual dynamics, discretised exactly for a force that is held over each period.
+    """The virtual dynamics, discretised exactly for a force that is constant over each period.
+
+    Parameters
+    ----------
+    parameters
+        Mass, damping and stiffness.
 
     Attributes
     ----------
     position
         Position of the virtual mass [m].
     velocity
-        Its velocity [m/s].
+        Velocity of the virtual mass [m/s].
     centre
-        Where the virtual stiffness exerts no force [m].
+        Position at which the virtual stiffness exerts no force [m].
     """
 
     def __init__(self, parameters: AdmittanceParameters) -> None:
@@ -55,16 +66,17 @@ class Admittance:
         self.centre = 0.0
 
     def align(self, position: float) -> None:
-        """Put the virtual mass at rest at this position [m], which becomes its centre."""
+        """Set the virtual mass to rest at a position [m], which becomes the centre."""
         self.position = self.centre = position
         self.velocity = 0.0
 
     def step(self, force: float, dt: float) -> float:
-        """Let the force [N] act for dt [s]; returns the velocity [m/s] after it.
+        """Apply a force [N] for dt [s] and return the velocity afterwards [m/s].
 
         With s = d / 2m and g^2 = s^2 - c/m, the matrix exponential of the homogeneous
-        equation is e^(-s dt) (cosh(g dt) I + sinh(g dt) / g (A + s I)), and turns into
-        cosine and sine where g^2 < 0. `even` and `odd` are its two factors, decay included.
+        equation is e^(-s dt) (cosh(g dt) I + sinh(g dt) / g (A + s I)). Where g^2 < 0, cosh and
+        sinh become cos and sin. `even` and `odd` are e^(-s dt) cosh(g dt) and
+        e^(-s dt) sinh(g dt) / g.
         """
         m, d, c = self.parameters.mass, self.parameters.damping, self.parameters.stiffness
         if c == 0.0:
@@ -92,6 +104,10 @@ class Admittance:
         return self.velocity
 
     def follow(self, velocity: float, dt: float) -> None:
-        """Take note that the handle was moved at this velocity [m/s] over dt [s] instead."""
+        """Replace the last step by one with this velocity [m/s] over dt [s].
+
+        Called when the supervisor reduced the command, so that the virtual mass moves as the
+        handle does.
+        """
         self.position += (velocity - self.velocity) * dt
         self.velocity = velocity

@@ -1,8 +1,9 @@
-"""Alignment: position and force of one moment, from sensors that sample at moments of their own.
+"""Alignment: position and force at the same time, from sensors with different sampling times.
 
-The estimators relate a force to the displacement at the same time; a millisecond between the
-two is a damping error of k * 1 ms. So each force sample is paired with the position that is
-interpolated for its moment, and a slow force sensor gives few pairs, not held ones.
+The estimators relate a force to the displacement at the same time. A time difference of 1 ms
+between the two causes a damping error of k * 1 ms. Each force sample is therefore paired with the
+position, interpolated at the sampling time of the force. A slow force sensor gives fewer pairs;
+its samples are not held.
 """
 
 from __future__ import annotations
@@ -14,20 +15,20 @@ from typing import NamedTuple
 from drivers import Measurement
 
 SAME_TIME = 1e-6
-"""Moments that are closer are one [s]."""
+"""Times that differ by less are equal [s]."""
 KEPT = 128
-"""Positions that are kept to interpolate between, 0.1 s at 1 kHz."""
+"""Number of positions that are stored for interpolation, 0.13 s at 1 kHz."""
 
 
 class Pair(NamedTuple):
-    """A position and a force of the same moment."""
+    """A position and a force at the same time."""
 
     position: float
-    """[m]"""
+    """Position of the slave [m]."""
     force: float
-    """[N]"""
+    """Contact force [N]."""
     dt: float
-    """Since the pair before [s]."""
+    """Time since the previous pair [s]."""
 
 
 class Alignment:
@@ -39,9 +40,16 @@ class Alignment:
         self._seen = self._paired = -math.inf
 
     def update(self, measurement: Measurement, dt: float) -> Pair | None:
-        """The next pair, if the measurement, `dt` [s] after the last, completes one.
+        """Add a measurement, and return the next pair if it is complete.
 
-        A force sample that is newer than the position waits for the next position.
+        A force sample that is newer than the newest position has to wait for the next position.
+
+        Parameters
+        ----------
+        measurement
+            Measurement of this tick.
+        dt
+            Time since the previous tick [s]; used as the `dt` of the first pair.
         """
         now, age = measurement.time, measurement.age
         positions, forces = self._positions, self._forces
@@ -54,19 +62,19 @@ class Alignment:
             forces.append((sampled, measurement.contact_force))
         if not forces or forces[0][0] - positions[-1][0] > SAME_TIME:
             return None
-        moment, force = forces.popleft()
+        sampled, force = forces.popleft()
         if self._paired > -math.inf:
-            dt = moment - self._paired
-        self._paired = moment
-        return Pair(self._position_at(moment), force, dt)
+            dt = sampled - self._paired
+        self._paired = sampled
+        return Pair(self._position_at(sampled), force, dt)
 
-    def _position_at(self, moment: float) -> float:
-        """Position [m] at a moment that is not after the newest one."""
+    def _position_at(self, sampled: float) -> float:
+        """Return the position [m] at a time [s] that is not after the newest position."""
         after, later = self._positions[-1]
         for time, position in reversed(self._positions):
-            if time <= moment + SAME_TIME:
-                if moment - time <= SAME_TIME or after == time:
+            if time <= sampled + SAME_TIME:
+                if sampled - time <= SAME_TIME or after == time:
                     return position
-                return position + (later - position) * (moment - time) / (after - time)
+                return position + (later - position) * (sampled - time) / (after - time)
             after, later = time, position
         return later

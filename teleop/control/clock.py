@@ -1,4 +1,4 @@
-"""The loop's clock: real, paced on absolute deadlines, or virtual, as fast as it goes."""
+"""The loop's clock: real time with absolute deadlines, or virtual time as fast as possible."""
 
 from __future__ import annotations
 
@@ -8,29 +8,29 @@ from abc import ABC, abstractmethod
 from typing import NamedTuple
 
 SPIN = 200_000
-"""The last stretch before a deadline is spent polling the clock, not sleeping [ns]."""
+"""Time before a deadline during which the clock is polled instead of sleeping [ns]."""
 
 
 class Tick(NamedTuple):
     """The start of one period of the loop."""
 
     lateness: float
-    """How long after its deadline the tick began [s]."""
+    """Delay of the start of the tick after its deadline [s]."""
     overrun: bool
-    """Whether the tick before was still at work at this deadline."""
+    """Whether the previous tick had not ended at this deadline."""
     skipped: int
-    """Whole periods that it therefore left out."""
+    """Number of whole periods that were skipped because of that."""
     busy: float = 0.0
-    """How long the tick before was at work, from its start to the wait after it [s]."""
+    """Duration of the previous tick, from its start to the wait after it [s]."""
 
 
 class Clock(ABC):
-    """A clock that wakes the loop once a period.
+    """A clock that starts one tick of the loop per period.
 
     Parameters
     ----------
     rate
-        Ticks a second [Hz].
+        Ticks per second [Hz].
 
     Raises
     ------
@@ -46,41 +46,42 @@ class Clock(ABC):
 
     @abstractmethod
     def now(self) -> float:
-        """Time [s] since the clock was made."""
+        """Return the time since the clock was created [s]."""
 
     @abstractmethod
     def stopwatch(self) -> float:
-        """Time [s] by which the parts of a tick are timed."""
+        """Return a time [s] whose differences measure the parts of a tick."""
 
     @abstractmethod
     def wait(self) -> Tick:
-        """Return at the next deadline; the first call sets the first deadline to now."""
+        """Wait for the next deadline; the first call sets the first deadline to now."""
 
 
 class VirtualClock(Clock):
-    """Time that passes only from tick to tick; the same on every machine and in every run."""
+    """Virtual time that advances by one period per tick, the same in every run."""
 
     def __init__(self, rate: float) -> None:
         super().__init__(rate)
         self._tick = -1
 
     def now(self) -> float:
-        """Time [s] since the clock was made."""
+        """Return the virtual time of the present tick [s]."""
         return max(self._tick, 0) / self.rate
 
     stopwatch = now
 
     def wait(self) -> Tick:
-        """Move on to the next deadline."""
+        """Advance to the next deadline without waiting."""
         self._tick += 1
         return Tick(0.0, False, 0)
 
 
 class RealClock(Clock):
-    """The machine's monotonic clock, with deadlines at whole periods from the first tick.
+    """The machine's monotonic clock, with deadlines at whole periods after the first tick.
 
-    Deadlines are never re-anchored to the present, so lateness does not add up. A tick that
-    is late by whole periods leaves these out and keeps to the same deadlines.
+    Deadlines do not depend on when earlier ticks began, so that lateness does not accumulate. If
+    a tick is late by whole periods, these periods are skipped, and the later deadlines stay the
+    same.
     """
 
     def __init__(self, rate: float) -> None:
@@ -90,18 +91,18 @@ class RealClock(Clock):
         self._tick = -1
 
     def now(self) -> float:
-        """Time [s] since the clock was made."""
+        """Return the time since the clock was created [s]."""
         return (time.monotonic_ns() - self._origin) * 1e-9
 
     def stopwatch(self) -> float:
-        """The finest clock that there is [s]."""
+        """Return the time of the machine's clock with the highest resolution [s]."""
         return time.perf_counter()
 
     def _deadline(self, tick: int) -> int:
         return self._first + round(tick * 1e9 / self.rate)
 
     def wait(self) -> Tick:
-        """Sleep until the next deadline, the last `SPIN` of it awake."""
+        """Sleep until `SPIN` before the next deadline, then poll the clock."""
         now = time.monotonic_ns()
         if self._tick < 0:
             self._first = self._woken = now

@@ -1,4 +1,4 @@
-"""The control conditions: whose force drives the master."""
+"""The control conditions: the operator's force or the PE injector's drives the master."""
 
 from __future__ import annotations
 
@@ -13,30 +13,38 @@ CONDITIONS = get_args(ConditionName)
 
 
 class Condition(ABC):
-    """Where the force that moves the telemanipulator comes from."""
+    """Source of the force that moves the telemanipulator."""
 
-    over = False
-    """Whether there is nothing left to do, which ends the trial before its time."""
+    finished = False
+    """Whether the condition has finished; the trial then ends before its full duration."""
 
     @abstractmethod
     def drive_force(self, t: float, measurement: Measurement) -> float:
-        """Force [N] on the admittance at time t [s] of the trial."""
+        """Return the force on the admittance [N].
+
+        Parameters
+        ----------
+        t
+            Time since the drives were armed [s].
+        measurement
+            Measurement of this tick.
+        """
 
 
 class Teleoperation(Condition):
-    """The operator's hand; `free` and `mimic` differ in what the operator is asked to do."""
+    """The operator's force; `free` and `mimic` differ in the operator's task only."""
 
     def drive_force(self, t: float, measurement: Measurement) -> float:
-        """The force that the master's sensor measures."""
+        """Return the measured force on the handle [N]."""
         return measurement.master_force
 
 
 class Autonomous(Condition):
-    """The PE injector; nobody holds the handle."""
+    """The force of the PE injector; the operator does not hold the handle."""
 
     def __init__(self, injector: Injector) -> None:
         self._injector = injector
 
     def drive_force(self, t: float, measurement: Measurement) -> float:
-        """The injected force."""
+        """Return the injected force [N]."""
         return self._injector.force(t)

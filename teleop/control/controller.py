@@ -24,11 +24,11 @@ from teleop.safety import (
     Request,
     Supervision,
     Verdict,
-    activated,
+    activate,
     supervise,
 )
 from teleop.safety import rearm as rearmed
-from teleop.safety.channels import Trip
+from teleop.safety.channels import DetectedFault
 from teleop.safety.events import ACTIVE, STOPPING
 from teleop.safety.state import NO_REQUEST
 
@@ -37,21 +37,22 @@ NO_ESTIMATE = Estimate(math.nan, math.nan, math.nan, math.nan, held=False)
 
 
 class Controller:
-    """Maps force to velocity within the limits and feeds the estimators, tick by tick.
+    """Maps force to velocity within the limits and updates the estimators, at each tick.
 
-    No exception leaves a tick but KeyboardInterrupt and that of the very first reading. Each
-    becomes a fault for the supervisor, which stops the drives; the first is kept in `error`.
+    An exception within a tick becomes a fault for the supervisor, which stops the drives; the
+    first one is stored in `error`. Only KeyboardInterrupt and an exception of the first
+    measurement leave the tick.
 
     Parameters
     ----------
     rig
         The telemanipulator, opened.
     condition
-        Whose force drives the master.
+        Source of the force that drives the master.
     admittance, coupling
-        From that force to the velocities of master and slave.
+        They map that force to the velocities of master and slave.
     conditioner
-        From slave position and contact force to regressors.
+        Computes the regressors from slave position and contact force.
     bank
         The estimators.
     excitation
@@ -59,11 +60,11 @@ class Controller:
     period
         Nominal time between ticks [s]; the first tick's dt.
     limits
-        What the supervisor holds channels and commands against.
+        Limits of channels and commands for the supervisor.
     tare
-        Where force and position are zero.
+        Zeros of force and position.
     stopwatch
-        Tells the time by which the parts of a tick are timed [s].
+        Returns a time [s] whose differences measure the parts of a tick.
     """
 
     def __init__(
@@ -98,33 +99,52 @@ class Controller:
         self._lateness = 0.0
         self._energised = False
         self._silent = False
-        self._trips: list[Trip] = []
+        self._faults: list[DetectedFault] = []
         self._no_estimates = {
             name: NO_ESTIMATE._replace(further=(math.nan,) * (2 * len(e.names) - 4))
             for name, e in bank.items()
         }
         further = max(len(e.model.further) for e in bank.values())
         self._no_regressors = (math.nan,) * further
-        self.over = False
-        """Whether the condition has nothing left to do."""
+        self.finished = False
+        """Whether the condition has finished."""
         self.error: Exception | None = None
         """The first exception that a tick raised."""
 
     @property
     def mode(self) -> Mode:
-        """The supervisor's mode."""
+        """Mode of the supervisor."""
         return self._supervision.mode
 
     def rearm(self) -> None:
-        """Let a person leave the fault; ValueError if there is none."""
+        """Leave the fault mode and make the checks before arming again.
+
+        Raises
+        ------
+        ValueError
+            The mode is not fault.
+        """
         supervision = rearmed(self._supervision)
         self._rig.rearm()
         self._supervision = supervision
-        self._trips.clear()
+        self._faults.clear()
         self.error = None
 
     def tick(self, tick: Tick, request: Request = NO_REQUEST) -> Record:
-        """Read, map, limit, write, estimate."""
+        """Run one tick: read, map, limit, write, estimate.
+
+        Parameters
+        ----------
+        tick
+            Timing of the tick.
+        request
+            Requests of the person.
+
+        Returns
+        -------
+        record
+            All quantities of the tick.
+        """
         started = self._stopwatch()
         measurement, dt = self._read()
         read = self._stopwatch()
@@ -137,13 +157,13 @@ class Controller:
                 drive_force = float(self._condition.drive_force(active, measurement))
                 self._admittance.step(drive_force, dt)
                 desired = self._coupling.command(self._admittance, measurement)
-                self.over = bool(self._condition.over)
+                self.finished = bool(self._condition.finished)
             except BaseException as error:
                 self._fail(Fault.CONTROL_FAILURE, error, measurement.time)
         request = self._complete(request, tick)
         verdict = supervise(self._supervision, measurement, desired, request, self._limits)
         if verdict.arm and self._enable(measurement.time):
-            verdict = activated(verdict)
+            verdict = activate(verdict)
             self._coupling.align(self._admittance, measurement)
         self._supervision = verdict.state
         mode = verdict.state.mode
@@ -193,7 +213,7 @@ class Controller:
         )
 
     def _read(self) -> tuple[Measurement, float]:
-        """The measurement, tared, and the time since the one before."""
+        """Return the tared measurement and the time since the previous one [s]."""
         last = self._measurement
         try:
             measurement = measurement_of(self._rig.read())
@@ -211,15 +231,15 @@ class Controller:
         return measurement, measurement.time - last.time
 
     def _complete(self, request: Request, tick: Tick) -> Request:
-        """Add the timing of the loop and the failures since the last verdict to a request."""
+        """Return the request with the loop's timing and the failures since the last verdict."""
         elapsed = (1 + tick.skipped) * self._period + tick.lateness - self._lateness
         self._lateness = tick.lateness
-        trips = (*request.trips, *self._trips)
-        self._trips.clear()
+        trips = (*request.faults, *self._faults)
+        self._faults.clear()
         return Request(request.arm, request.stop, request.halt, trips, tick.skipped, elapsed)
 
     def _enable(self, now: float) -> bool:
-        """Ask the drives to get ready for commands; return whether they are."""
+        """Enable the drives; return whether they are ready for commands."""
         self._energised, self._silent = True, False
         try:
             return bool(self._rig.enable())
@@ -228,13 +248,14 @@ class Controller:
             return False
 
     def _apply(self, verdict: Verdict, now: float) -> Command:
-        """Command the drives, or take them out of operation.
+        """Command the drives, or disable them; return the applied command.
 
-        Zero is written once. While `Rig.idle` fails it is called again at each tick and nothing
-        is written, so that the drives' watchdogs stop them in any case.
+        Before the drives are disabled, zero velocity is written once. While `Rig.idle` fails, it
+        is called again at each tick and nothing is written, so that the drives' watchdogs stop
+        them in any case.
         """
         applied = STANDSTILL
-        operating = (verdict.enabled or verdict.arm) and not self._trips
+        operating = (verdict.enabled or verdict.arm) and not self._faults
         if not self._silent:
             try:
                 applied = command_of(self._rig.write(verdict.command))
@@ -248,15 +269,15 @@ class Controller:
                 self._energised = self._silent = False
                 applied = STANDSTILL
             except BaseException as error:
-                error.add_note("the drives could not be taken out of operation")
+                error.add_note("the drives could not be disabled")
                 self._fail(Fault.RIG_FAILURE, error, now)
         return applied
 
     def _fail(self, fault: Fault, error: BaseException, now: float) -> None:
-        """Report a failure to the supervisor at its next turn; Ctrl-C goes on."""
+        """Store a failure for the next verdict of the supervisor; re-raise KeyboardInterrupt."""
         if isinstance(error, KeyboardInterrupt):
             raise error
         text, exception = failure(error)
         if self.error is None:
             self.error = exception
-        self._trips.append(Trip(fault, text, math.nan, math.nan, now))
+        self._faults.append(DetectedFault(fault, text, math.nan, math.nan, now))

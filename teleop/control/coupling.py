@@ -23,9 +23,9 @@ class Coupling:
     """
 
     scale: float = 1.0
-    """Slave motion for a unit of master motion, > 0."""
+    """Ratio of slave motion to master motion, > 0."""
     position_gain: float = 0.0
-    """Rate at which the slave corrects a difference in position [1/s], >= 0."""
+    """Gain on the difference between scaled master position and slave position [1/s], >= 0."""
 
     def __post_init__(self) -> None:
         if not 0.0 < self.scale < math.inf:
@@ -34,14 +34,14 @@ class Coupling:
             raise ValueError(f"position gain must be >= 0, got {self.position_gain}")
 
     def align(self, master: Admittance, measurement: Measurement) -> None:
-        """Put the virtual mass where the position of the slave needs no correction.
+        """Set the virtual mass to the position that matches the slave's.
 
-        Called when the drives are armed, for the first time or again. Without a force on the
-        handle the command is then zero at any position of the slave.
+        Called each time the drives are armed. Without a force on the handle, the command is then
+        zero at any position of the slave.
         """
         master.align(measurement.slave_position / self.scale)
 
     def command(self, master: Admittance, measurement: Measurement) -> Command:
-        """Return the velocities for both drives."""
+        """Return the desired velocities of both drives [m/s]."""
         lag = self.scale * master.position - measurement.slave_position
         return Command(master.velocity, self.scale * master.velocity + self.position_gain * lag)

@@ -13,11 +13,13 @@ class Motion(NamedTuple):
 
     value: float
     rate: float
+    """First derivative [1/s times the unit of the value]."""
     acceleration: float
+    """Second derivative [1/s^2 times the unit of the value]."""
 
 
 class Signal(ABC):
-    """An excitation within [-1, 1]."""
+    """An excitation signal with values in [-1, 1]."""
 
     @property
     @abstractmethod
@@ -61,7 +63,7 @@ class Sine(Signal):
 
 @dataclass(frozen=True)
 class Multisine(Signal):
-    """Sum of sines of equal amplitude with Schroeder phases, which keep the crest factor low.
+    """Sum of sines of equal amplitude with Schroeder phases, which give a low crest factor.
 
     Raises
     ------
@@ -103,7 +105,7 @@ class Multisine(Signal):
 
 @dataclass(frozen=True)
 class Chirp(Signal):
-    """A sine whose frequency rises and falls smoothly between two values.
+    """A sine whose frequency increases and decreases smoothly between two values.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What a tick raised, for a fault of the supervisor and for the report at the end."""
+"""Exceptions of a tick, as a fault for the supervisor and for the report after the trial."""
 
 from __future__ import annotations
 
@@ -6,15 +6,16 @@ from teleop.printable import one_line
 
 
 def failure(error: BaseException) -> tuple[str, Exception]:
-    """The text of a failure on one line, and the exception to report.
+    """Return the text of a failure on one line, and the exception to report.
 
-    SystemExit and other exceptions outside `Exception` would end the program before anything is
-    reported, SystemExit even with the exit code of a success. They are reported as RuntimeError.
+    SystemExit and other exceptions that are not an `Exception` would end the program before the
+    failure is reported; SystemExit could even give exit code 0. They are reported as
+    RuntimeError.
 
     Parameters
     ----------
     error
-        What was raised.
+        The exception that was raised.
     """
     name = type(error).__name__
     try:

@@ -1,4 +1,4 @@
-"""The persistent-excitation (PE) injector: a force that moves the slave by a known signal."""
+"""The persistent-excitation (PE) injector: a force that moves the slave along a known signal."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from teleop.control.excitation_signals import Motion, Signal
 
 
 class Injector:
-    """Force [N] that takes the master, and with it the slave, through an excitation.
+    """Force that moves the master, and with it the slave, along an excitation signal.
 
-    The slave stays between a light touch and a depth: x(t) = ramp(t) (mean + half signal(t)).
-    The force is what the admittance needs for this motion, so contact holds whatever the
-    signal, and a sine of displacement is a sine of force.
+    The slave moves between a light touch and a depth: x(t) = ramp(t) (mean + half signal(t)).
+    The force is the one that the admittance needs for this motion. Contact is therefore kept for
+    every signal, and a sinusoidal displacement needs a sinusoidal force.
 
     Parameters
     ----------
@@ -24,13 +24,13 @@ class Injector:
     admittance
         The virtual dynamics that the force acts on.
     scale
-        Slave motion for a unit of master motion.
+        Ratio of slave motion to master motion.
     duration
-        Length of the trial [s], at the end of which the slave is back at zero.
+        Duration of the trial [s]; at its end the slave is back at zero.
     touch
-        Least displacement, as a share of the depth, 0 <= touch < 1.
+        Smallest displacement as a fraction of the depth, 0 <= touch < 1.
     ramp
-        Time to ramp in and to ramp out [s]; at most half the duration is used.
+        Duration of the ramps at start and end [s]; at most half of `duration` is used.
 
     Raises
     ------
@@ -64,7 +64,7 @@ class Injector:
         self._ramp = min(ramp, 0.5 * duration)
 
     def motion(self, t: float) -> Motion:
-        """Motion of the master at time t [s]: position [m], velocity, acceleration."""
+        """Return position [m], velocity and acceleration of the master at time t [s]."""
         in_out, sign = (t, 1.0) if 2.0 * t < self._duration else (self._duration - t, -1.0)
         u = min(max(in_out / self._ramp, 0.0), 1.0)
         ramp = u**3 * (10.0 - 15.0 * u + 6.0 * u * u)
@@ -81,5 +81,5 @@ class Injector:
         )
 
     def force(self, t: float) -> float:
-        """Force [N] on the admittance at time t [s]."""
+        """Return the force on the admittance [N] at time t [s]."""
         return self._admittance.force(*self.motion(t))

@@ -1,4 +1,4 @@
-"""What a rig returns, as plain numbers: the checks of the supervisor rely on them."""
+"""Conversion of a rig's return values to floats, on which the supervisor's checks rely."""
 
 from __future__ import annotations
 
@@ -12,14 +12,19 @@ SAMPLES, VELOCITIES = Struct("11d"), Struct("2d")
 
 
 def measurement_of(returned: Measurement) -> Measurement:
-    """The measurement that a rig returned, with each number as a float.
+    """Return the measurement of a rig with each number as a float.
+
+    Parameters
+    ----------
+    returned
+        Return value of `Rig.read`.
 
     Raises
     ------
     TypeError
-        It is no measurement, or one of its values is no number.
+        The value is not a measurement, or one of its items is not a number.
     RigError
-        Its time is infinite or no number.
+        The time of the measurement is not finite.
     """
     try:
         time, *channels, age, drive_error, emergency_stop = returned
@@ -30,20 +35,25 @@ def measurement_of(returned: Measurement) -> Measurement:
             f"Rig.read returned {one_line(repr(returned))}: expected a Measurement of numbers"
         ) from problem
     if not math.isfinite(values[0]):
-        raise RigError(f"the time of the measurement is {values[0]} s: expected a number")
+        raise RigError(f"the time of the measurement is {values[0]} s: expected a finite number")
     text = one_line(str(drive_error)) if drive_error else ""
     return Measurement._make((*values[:6], Ages._make(values[6:]), text, stop))
 
 
 def command_of(returned: Command) -> Command:
-    """The command that a rig returned as applied, with each velocity as a float.
+    """Return the command that a rig applied with each velocity as a float.
+
+    Parameters
+    ----------
+    returned
+        Return value of `Rig.write`.
 
     Raises
     ------
     TypeError
-        It is no command, or one of its velocities is no number.
+        The value is not a command, or one of its velocities is not a number.
     RigError
-        A velocity is infinite or no number.
+        A velocity is not finite.
     """
     try:
         master, slave = VELOCITIES.unpack(VELOCITIES.pack(*returned))
@@ -53,6 +63,6 @@ def command_of(returned: Command) -> Command:
         ) from problem
     if not (math.isfinite(master) and math.isfinite(slave)):
         raise RigError(
-            f"the rig applied the velocities {master} and {slave} m/s: expected finite ones"
+            f"the rig applied the velocities {master} and {slave} m/s: expected finite numbers"
         )
     return Command(master, slave)

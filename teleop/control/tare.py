@@ -1,4 +1,4 @@
-"""Tare: the zeros of force and position, their file, and their use on measurements."""
+"""Tare: the zeros of force and position, stored in a file and subtracted from measurements."""
 
 from __future__ import annotations
 
@@ -13,31 +13,31 @@ from teleop.files import unreadable, write_text
 from teleop.json_documents import dumps
 
 LARGEST_ZERO = 15.0
-"""Largest force that is accepted as the zero of a sensor [N]; beyond it the sensor is loaded."""
+"""Largest force that is accepted as a sensor's zero [N]; above it the sensor is under load."""
 FARTHEST = 1.0
-"""Greatest position that is accepted as a datum [m]."""
+"""Largest position that is accepted as the contact datum [m]."""
 LONGEST_TEXT = 1000
-"""Longest date or name of a rig that is accepted, in characters."""
+"""Largest number of characters of a date or of a rig's name."""
 
 
 @dataclass(frozen=True)
 class Tare:
-    """Zeros of the channels, subtracted from every measurement."""
+    """Zeros of the channels, which are subtracted from every measurement."""
 
     master_force: float = 0.0
-    """Reading of the handle's force sensor at no force [N]."""
+    """Reading of the handle's force sensor without load [N]."""
     contact_force: float = 0.0
-    """Reading of the contact force sensor at no force [N]."""
+    """Reading of the contact force sensor without load [N]."""
     slave_position: float = 0.0
-    """Reading of the slave's encoder where contact begins, the contact datum [m]."""
+    """Reading of the slave's encoder at which contact begins, the contact datum [m]."""
     date: str = ""
     """Date of the measurement, ISO 8601."""
     rig: str = ""
-    """Name of the rig; empty if it is not known."""
+    """Name of the rig; empty if unknown."""
 
     @property
     def zeros(self) -> dict[str, float]:
-        """Zeros other than 0, by channel, in SI units."""
+        """Nonzero zeros by channel, in SI units."""
         return {name: value for name, value in asdict(self).items() if name in CHANNELS and value}
 
     def apply(self, measurement: Measurement) -> Measurement:
@@ -49,18 +49,18 @@ class Tare:
         )
 
     def check(self, rig: str) -> None:
-        """Refuse zeros that are out of range, and those of another rig.
+        """Check that the zeros are plausible and belong to the rig.
 
         Parameters
         ----------
         rig
-            Name of the rig that they are to be applied to.
+            Name of the rig whose measurements they are applied to.
 
         Raises
         ------
         InputError
-            A force or a position is too large to be a zero, or is no number, or the zeros were
-            found on another rig.
+            A force or a position is too large for a zero, or is NaN, or the zeros were measured
+            on another rig.
         """
         for name, value, most in (
             ("master_force", self.master_force, LARGEST_ZERO),
@@ -74,8 +74,8 @@ class Tare:
                 )
         if self.rig and self.rig != rig:
             raise InputError(
-                f"tare: it was found on the rig {self.rig!r}: expected one of {rig!r}, as "
-                "teleop rig tare finds it"
+                f"tare: measured on the rig {self.rig!r}: expected a tare of the rig {rig!r}, "
+                "from teleop rig tare"
             )
 
 
@@ -83,19 +83,25 @@ NO_TARE = Tare()
 
 
 def write_tare(tare: Tare, path: Path, overwrite: bool = False) -> None:
-    """Store zeros; InputError if the file cannot be written, or exists without `overwrite`."""
+    """Write zeros to a JSON file.
+
+    Raises
+    ------
+    InputError
+        The file cannot be written, or exists and `overwrite` is False.
+    """
     write_text(path, dumps(asdict(tare), indent=2) + "\n", overwrite)
 
 
 def read_tare(path: Path) -> Tare:
     """Return the zeros in a file of `teleop rig tare`.
 
-    Files of teleop 0.1 name no rig.
+    Files of teleop 0.1 have no name of a rig.
 
     Raises
     ------
     InputError
-        The file cannot be read, or its content is not as expected.
+        The file cannot be read, or is not a file of `teleop rig tare`.
     """
     from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 

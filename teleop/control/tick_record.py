@@ -1,4 +1,4 @@
-"""Everything about one tick, as it is recorded."""
+"""All quantities of one tick, as they are recorded."""
 
 from __future__ import annotations
 
@@ -12,48 +12,54 @@ from teleop.safety import Event, Mode
 
 
 class Timing(NamedTuple):
-    """Where the time of a tick went."""
+    """Durations of the parts of a tick."""
 
     read: float
-    """Reading the rig [s]."""
+    """Time to read the rig [s]."""
     compute: float
-    """Condition, admittance, supervisor and estimators [s]."""
+    """Time of condition, admittance, supervisor and estimators [s]."""
     write: float
-    """Commanding the drives [s]."""
+    """Time to command the drives [s]."""
 
 
 class Record(NamedTuple):
-    """Everything about one tick."""
+    """All quantities of one tick."""
 
     t: float
-    """Time since the first tick that may be armed [s]; negative before it."""
+    """Time since the first tick at which the drives may be armed [s]; negative before it."""
     dt: float
-    """Time since the tick before [s]."""
+    """Time since the previous tick [s]."""
     measurement: Measurement
+    """Measurement of the rig, tared."""
     drive_force: float
     """Force on the admittance [N]."""
     desired: Command
-    """What the control condition wanted."""
+    """Command of the control condition."""
     commanded: Command
-    """What the supervisor made of it."""
+    """Command after the supervisor."""
     applied: Command
-    """What the drives made of that."""
+    """Command that the drives applied."""
     pair: Pair
-    """What the conditioning was given; NaN where position and force made no pair."""
+    """Input of the conditioning; NaN if there is no new pair of position and force."""
     x: float
-    """Displacement that the estimators were given [m]; NaN where they were given none."""
+    """Displacement passed to the estimators [m]; NaN if none."""
     v: float
-    """Velocity that the estimators were given [m/s]."""
+    """Velocity passed to the estimators [m/s]; NaN if none."""
     f: float
-    """Force that the estimators were given [N]."""
+    """Force passed to the estimators [N]; NaN if none."""
     further: tuple[float, ...]
-    """The model's regressors besides v and x."""
+    """Regressors of the model other than v and x."""
     estimates: dict[str, Estimate]
-    """NaN where the estimators were given nothing."""
+    """Estimates by the name of the estimator; NaN if the estimators were not updated."""
     excitation: float
+    """Excitation measure; 0 for no excitation, 1 for a sine of 1 Hz about zero."""
     mode: Mode
+    """Mode of the supervisor."""
     limited: int
-    """Flags of the soft limits that held the command back."""
+    """Flags of the soft limits that reduced the command."""
     tick: Tick
+    """Timing of the tick by the loop's clock."""
     timing: Timing
+    """Durations of the parts of the tick."""
     events: tuple[Event, ...]
+    """Changes of mode and faults."""

@@ -113,8 +113,8 @@ class DriveCheck(Condition):
         for name, drive in self._drives.items():
             drive.advance(self._rig.applied[AXES.index(name)], measurement, dt)
         velocity = next(self._steps, None)
-        self.over = velocity is None or bool(self.problems)
-        return 0.0 if self.over or velocity is None else self._damping * velocity
+        self.finished = velocity is None or bool(self.problems)
+        return 0.0 if self.finished or velocity is None else self._damping * velocity
 
     def _plan(self) -> Iterator[float]:
         """The velocity [m/s] at each tick."""

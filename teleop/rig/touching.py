@@ -59,8 +59,8 @@ class Touch(Condition):
             if measurement.contact_force < self._threshold:
                 return self._force
             self._touched = measurement.slave_position
-        self.over = measurement.slave_position < self._touched - self._retreat
-        return 0.0 if self.over else -self._force
+        self.finished = measurement.slave_position < self._touched - self._retreat
+        return 0.0 if self.finished else -self._force
 
 
 def touch(

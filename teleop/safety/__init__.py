@@ -1,13 +1,14 @@
-"""Safety: limits, the checks of every channel, and the supervisor between desired and applied."""
+"""Safety: limits, channel checks, and the supervisor that limits the desired command."""
 
-from teleop.safety.channels import Watch, check_channel
-from teleop.safety.events import Event, Fault, Mode, describe, stops_at_once
+from teleop.safety.channels import ChannelState, check_channel
+from teleop.safety.events import Event, Fault, Mode, describe, stops_immediately
 from teleop.safety.limits import ChannelLimits, Limits
 from teleop.safety.state import Request, Supervision, Verdict
-from teleop.safety.supervisor import activated, rearm, supervise
+from teleop.safety.supervisor import activate, rearm, supervise
 
 __all__ = [
     "ChannelLimits",
+    "ChannelState",
     "Event",
     "Fault",
     "Limits",
@@ -15,11 +16,10 @@ __all__ = [
     "Request",
     "Supervision",
     "Verdict",
-    "Watch",
-    "activated",
+    "activate",
     "check_channel",
     "describe",
     "rearm",
-    "stops_at_once",
+    "stops_immediately",
     "supervise",
 ]

@@ -8,82 +8,103 @@ from typing import NamedTuple
 from teleop.safety.events import Fault
 from teleop.safety.limits import ChannelLimits
 
-SHORTEST = 1e-3
-"""A change is judged over at least this time [s]: noise does not grow with the rate."""
+MIN_INTERVAL = 1e-3
+"""Shortest interval over which the rate of change is checked [s].
+
+Over a shorter interval, measurement noise alone would exceed `max_rate`.
+"""
 SAME_SAMPLE = 1e-6
-"""Two samples this close in time [s] are one that was read twice, which is not yet frozen."""
+"""Sampling times that differ by less [s] belong to one sample that was read twice.
+
+A sample that is read twice does not count as frozen.
+"""
 
 
-class Watch(NamedTuple):
-    """What is remembered of a channel."""
+class ChannelState(NamedTuple):
+    """State of the check of one channel, kept from tick to tick."""
 
     value: float = math.nan
+    """Last value, in the channel's SI unit; NaN before the first."""
     sampled: float = math.nan
-    """When that value was sampled [s]."""
+    """Sampling time of the last sample [s]."""
     changed: float = math.nan
-    """When the value was first seen [s]."""
+    """Time of the tick at which the value last changed [s]."""
     travel: float = 0.0
-    """How far the drive has been commanded to change it since."""
+    """Commanded change of the value since then, in the channel's SI unit."""
 
 
-class Trip(NamedTuple):
-    """A fault, and the numbers that go with it."""
+class DetectedFault(NamedTuple):
+    """A fault that was detected, with its source and the values that show it."""
 
     fault: Fault
+    """Kind of fault."""
     source: str
+    """Channel or part with the fault, or a text that describes the fault."""
     value: float
+    """Measured value, in SI units; NaN if there is none."""
     limit: float
+    """Limit that the value exceeds, in SI units; NaN if there is none."""
     since: float
+    """Time since which the fault has been present [s]."""
 
 
 def check_channel(
     name: str,
-    watch: Watch,
+    last: ChannelState,
     value: float,
     age: float,
     now: float,
     travel: float,
     limits: ChannelLimits,
-) -> tuple[Watch, Trip | None]:
-    """Hold a sample against its channel's limits.
+) -> tuple[ChannelState, DetectedFault | None]:
+    """Check a sample against the limits of its channel.
 
     Parameters
     ----------
     name
-        The channel.
-    watch
-        What is remembered of it.
+        Name of the channel.
+    last
+        State of the check after the previous tick.
     value, age
-        The sample and its age [s].
+        The sample, in the channel's SI unit, and its age [s].
     now
         Time of the tick [s].
     travel
-        How far the drive was commanded to change the channel since the last tick.
+        Commanded change of the value since the previous tick, in the channel's SI unit.
     limits
-        What is healthy.
+        Limits of the channel.
+
+    Returns
+    -------
+    state
+        State of the check after this tick.
+    fault
+        The fault that was detected, or None.
     """
     if not limits.low <= value <= limits.high:
         if value != value:
-            if not limits.required and math.isnan(watch.value):
-                return watch, None
-            return watch, Trip(Fault.NOT_A_NUMBER, name, value, math.nan, now)
+            if not limits.required and math.isnan(last.value):
+                return last, None
+            return last, DetectedFault(Fault.NOT_A_NUMBER, name, value, math.nan, now)
         if math.isinf(value):
-            return watch, Trip(Fault.INFINITE, name, value, math.nan, now)
+            return last, DetectedFault(Fault.INFINITE, name, value, math.nan, now)
         limit = limits.high if value > limits.high else limits.low
-        return watch, Trip(Fault.OUT_OF_RANGE, name, value, limit, now)
+        return last, DetectedFault(Fault.OUT_OF_RANGE, name, value, limit, now)
     if not abs(age) <= limits.max_age:
-        return watch, Trip(Fault.STALE, name, age, limits.max_age, now - age)
+        return last, DetectedFault(Fault.STALE, name, age, limits.max_age, now - age)
     sampled = now - age
-    if value != watch.value:
-        step = abs(value - watch.value)
-        possible = limits.max_rate * max(sampled - watch.sampled, SHORTEST)
+    if value != last.value:
+        step = abs(value - last.value)
+        possible = limits.max_rate * max(sampled - last.sampled, MIN_INTERVAL)
         if step > possible:
-            return watch, Trip(Fault.JUMP, name, step, possible, now)
-        return Watch(value, sampled, now), None
-    travel += watch.travel
-    if sampled - watch.sampled > SAME_SAMPLE:
-        if now - watch.changed > limits.frozen_time:
-            return watch, Trip(Fault.FROZEN, name, value, limits.frozen_time, watch.changed)
+            return last, DetectedFault(Fault.JUMP, name, step, possible, now)
+        return ChannelState(value, sampled, now), None
+    travel += last.travel
+    if sampled - last.sampled > SAME_SAMPLE:
+        if now - last.changed > limits.frozen_time:
+            return last, DetectedFault(Fault.FROZEN, name, value, limits.frozen_time, last.changed)
         if travel > limits.frozen_travel:
-            return watch, Trip(Fault.FROZEN, name, value, limits.frozen_travel, watch.changed)
-    return Watch(value, sampled, watch.changed, travel), None
+            return last, DetectedFault(
+                Fault.FROZEN, name, value, limits.frozen_travel, last.changed
+            )
+    return ChannelState(value, sampled, last.changed, travel), None

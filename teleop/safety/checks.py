@@ -1,157 +1,218 @@
-"""The supervisor's checks of a tick."""
+"""The checks that the supervisor makes at each tick."""
 
 from __future__ import annotations
 
 import math
 
 from drivers import CHANNELS, Command, Measurement
-from teleop.safety.channels import Trip, Watch, check_channel
+from teleop.safety.channels import ChannelState, DetectedFault, check_channel
 from teleop.safety.events import DISCONNECTED, Fault
 from teleop.safety.limits import Limits
 from teleop.safety.state import Request, Supervision
 
 CONTACT_FORCE = CHANNELS.index("contact_force")
 GAIN_ERROR = 0.05
-"""Share of the commanded travel by which a drive may be permanently off."""
-MEMORY = 1.0
-"""Time over which skipped periods and the drift of the rig's clock are judged [s]."""
+"""Gain error of a drive that is tolerated, as a fraction of the commanded travel."""
+AVERAGING_TIME = 1.0
+"""Time over which skipped periods and the drift of the rig's clock are averaged [s]."""
 
 
 def check_channels(
     state: Supervision, measurement: Measurement, dt: float, limits: Limits
-) -> tuple[tuple[Watch, ...], list[Trip]]:
-    """Check every channel; its memory, and the faults found."""
+) -> tuple[tuple[ChannelState, ...], list[DetectedFault]]:
+    """Check every channel.
+
+    Parameters
+    ----------
+    state
+        State of the supervisor after the previous tick.
+    measurement
+        Measurement of this tick.
+    dt
+        Time since the previous tick [s].
+    limits
+        Limits of rig and channels.
+
+    Returns
+    -------
+    channel_states
+        State of each channel's check, in the order of `CHANNELS`.
+    faults
+        The faults that were detected.
+    """
     master, slave = abs(state.applied[0]) * dt, abs(state.applied[1]) * dt
-    trips = []
-    watches = []
-    for name, watch, value, age, travel in zip(
+    faults = []
+    channel_states = []
+    for name, last, value, age, travel in zip(
         CHANNELS,
-        state.watches,
+        state.channel_states,
         measurement.channels,
         measurement.age,
-        (0.0, master, slave, 0.0, state.accelerated),
+        (0.0, master, slave, 0.0, state.velocity_change),
         strict=True,
     ):
-        watch, trip = check_channel(
-            name, watch, value, age, measurement.time, travel, limits.channels[name]
+        channel_state, fault = check_channel(
+            name, last, value, age, measurement.time, travel, limits.channels[name]
         )
-        watches.append(watch)
-        if trip:
-            trips.append(trip)
-    return tuple(watches), trips
+        channel_states.append(channel_state)
+        if fault:
+            faults.append(fault)
+    return tuple(channel_states), faults
 
 
 def check_motion(
-    measurement: Measurement, dt: float, behind: float, lost: float, drift: float, limits: Limits
-) -> list[Trip]:
-    """Check everything that makes a moving slave stop at once."""
-    trips = check_rig(measurement)
-    trips += check_loop(measurement.time, dt, lost, drift, limits)
-    trips += check_limits(measurement, behind, limits)
-    return trips
+    measurement: Measurement,
+    dt: float,
+    following_error: float,
+    skipped_fraction: float,
+    drift: float,
+    limits: Limits,
+) -> list[DetectedFault]:
+    """Check for the faults that stop a moving slave without a ramp.
+
+    Parameters
+    ----------
+    measurement
+        Measurement of this tick.
+    dt
+        Time since the previous tick [s].
+    following_error
+        Following error of the slave [m].
+    skipped_fraction
+        Fraction of periods that the loop has skipped, averaged over about `AVERAGING_TIME`.
+    drift
+        Time by which the rig's clock is behind the loop's [s].
+    limits
+        Limits of rig and channels.
+    """
+    faults = check_rig(measurement)
+    faults += check_loop(measurement.time, dt, skipped_fraction, drift, limits)
+    faults += check_limits(measurement, following_error, limits)
+    return faults
 
 
-def check_rig(measurement: Measurement) -> list[Trip]:
-    """Check what the rig reports of itself."""
-    trips, now = [], measurement.time
+def check_rig(measurement: Measurement) -> list[DetectedFault]:
+    """Check for an emergency stop and for drive errors that the rig reports."""
+    faults, now = [], measurement.time
     if measurement.emergency_stop:
-        trips.append(Trip(Fault.EMERGENCY_STOP, "input", math.nan, math.nan, now))
+        faults.append(DetectedFault(Fault.EMERGENCY_STOP, "input", math.nan, math.nan, now))
     if measurement.drive_error:
-        trips.append(Trip(Fault.DRIVE_ERROR, measurement.drive_error, math.nan, math.nan, now))
-    return trips
+        faults.append(
+            DetectedFault(Fault.DRIVE_ERROR, measurement.drive_error, math.nan, math.nan, now)
+        )
+    return faults
 
 
-def check_loop(now: float, dt: float, lost: float, drift: float, limits: Limits) -> list[Trip]:
+def check_loop(
+    now: float, dt: float, skipped_fraction: float, drift: float, limits: Limits
+) -> list[DetectedFault]:
     """Check the timing of the loop and of the measurements."""
-    trips = []
+    faults = []
     if not dt >= 0.0:
-        source = f"time went from {now - dt} s to {now} s: expected it to rise"
-        trips.append(Trip(Fault.RIG_FAILURE, source, dt, 0.0, now - dt))
+        source = f"the rig's time went from {now - dt} s to {now} s: expected it to increase"
+        faults.append(DetectedFault(Fault.RIG_FAILURE, source, dt, 0.0, now - dt))
     if drift > limits.max_gap:
         source = (
-            f"the rig's time fell {drift * 1e3:.0f} ms behind the loop's: expected it to rise "
+            f"the rig's time is {drift * 1e3:.0f} ms behind the loop's: expected it to increase "
             "with each measurement"
         )
-        trips.append(Trip(Fault.RIG_FAILURE, source, drift, limits.max_gap, now))
+        faults.append(DetectedFault(Fault.RIG_FAILURE, source, drift, limits.max_gap, now))
     if dt > limits.max_gap:
         source = f"{dt * 1e3:.0f} ms between two ticks, at most {limits.max_gap * 1e3:g} ms"
-        trips.append(Trip(Fault.OVERRUN, source, dt, limits.max_gap, now - dt))
-    if lost > limits.max_lost:
-        source = f"{lost:.0%} of the periods skipped, at most {limits.max_lost:.0%}"
-        trips.append(Trip(Fault.OVERRUN, source, lost, limits.max_lost, now))
-    return trips
+        faults.append(DetectedFault(Fault.OVERRUN, source, dt, limits.max_gap, now - dt))
+    if skipped_fraction > limits.max_skipped_fraction:
+        source = (
+            f"{skipped_fraction:.0%} of the periods skipped, "
+            f"at most {limits.max_skipped_fraction:.0%}"
+        )
+        faults.append(
+            DetectedFault(Fault.OVERRUN, source, skipped_fraction, limits.max_skipped_fraction, now)
+        )
+    return faults
 
 
-def check_limits(measurement: Measurement, behind: float, limits: Limits) -> list[Trip]:
+def check_limits(
+    measurement: Measurement, following_error: float, limits: Limits
+) -> list[DetectedFault]:
     """Check contact force and motion of the slave against the hard limits.
 
-    A sample that is infinite or no number is a fault of its channel.
+    Samples that are infinite or NaN are skipped here: `check_channels` detects them.
     """
-    trips = []
+    faults = []
     now, x, f = measurement.time, measurement.slave_position, measurement.contact_force
     speed, fastest = measurement.slave_velocity, 2.0 * limits.max_velocity
     low, high = limits.hard_position
     if limits.hard_force < abs(f) < math.inf:
-        trips.append(Trip(Fault.FORCE_LIMIT, "contact_force", f, limits.hard_force, now))
+        faults.append(DetectedFault(Fault.FORCE_LIMIT, "contact_force", f, limits.hard_force, now))
     if not low <= x <= high and math.isfinite(x):
         limit = high if x > high else low
-        trips.append(Trip(Fault.POSITION_LIMIT, "slave_position", x, limit, now))
+        faults.append(DetectedFault(Fault.POSITION_LIMIT, "slave_position", x, limit, now))
     if fastest < abs(speed) < math.inf:
-        trips.append(Trip(Fault.VELOCITY_LIMIT, "slave_velocity", speed, fastest, now))
-    if limits.following_error < abs(behind) < math.inf:
+        faults.append(DetectedFault(Fault.VELOCITY_LIMIT, "slave_velocity", speed, fastest, now))
+    if limits.following_error < abs(following_error) < math.inf:
         limit = limits.following_error
-        trips.append(Trip(Fault.NOT_FOLLOWING, "slave_position", behind, limit, now))
-    return trips
+        faults.append(
+            DetectedFault(Fault.NOT_FOLLOWING, "slave_position", following_error, limit, now)
+        )
+    return faults
 
 
-def check_command(desired: Command, now: float) -> list[Trip]:
+def check_command(desired: Command, now: float) -> list[DetectedFault]:
     """Check that the desired command is finite."""
     if math.isfinite(desired[0]) and math.isfinite(desired[1]):
         return []
     source = f"the desired velocities are {desired[0]} and {desired[1]} m/s"
-    return [Trip(Fault.CONTROL_FAILURE, source, math.nan, math.nan, now)]
+    return [DetectedFault(Fault.CONTROL_FAILURE, source, math.nan, math.nan, now)]
 
 
-def check_rest(measurement: Measurement, limits: Limits) -> Trip | None:
-    """Check that slave and handle are at rest, as a start requires."""
+def check_rest(measurement: Measurement, limits: Limits) -> DetectedFault | None:
+    """Check that slave and handle are at rest, which is required to arm the drives."""
     now, speed, handle = measurement.time, measurement.slave_velocity, measurement.master_force
     if abs(speed) > limits.rest_velocity:
-        return Trip(Fault.NOT_AT_REST, "slave_velocity", speed, limits.rest_velocity, now)
+        return DetectedFault(Fault.NOT_AT_REST, "slave_velocity", speed, limits.rest_velocity, now)
     if abs(handle) > limits.rest_master_force:
-        return Trip(Fault.NOT_AT_REST, "master_force", handle, limits.rest_master_force, now)
+        return DetectedFault(
+            Fault.NOT_AT_REST, "master_force", handle, limits.rest_master_force, now
+        )
     return None
 
 
-def departure(state: Supervision, measurement: Measurement, dt: float, limits: Limits) -> float:
-    """Departure of the slave from its command, less what its drive explains [m].
+def update_following_error(
+    state: Supervision, measurement: Measurement, dt: float, limits: Limits
+) -> float:
+    """Return the following error of the slave [m].
 
-    A time step that `check_loop` refuses is left out: the command during it is not known.
+    This is commanded travel minus measured travel, less the part that the compliance and the
+    gain error of the drive explain. A time step for which `check_loop` detects a fault is left
+    out, because the command during it is not known.
     """
     if math.isnan(state.position):
         return 0.0
     if not 0.0 <= dt <= limits.max_gap:
-        return state.behind
+        return state.following_error
     travel = state.applied.slave_velocity * dt
-    behind = state.behind + travel - (measurement.slave_position - state.position)
-    pressed = measurement.contact_force - state.watches[CONTACT_FORCE].value
+    error = state.following_error + travel - (measurement.slave_position - state.position)
+    pressed = measurement.contact_force - state.channel_states[CONTACT_FORCE].value
     if pressed == pressed:
-        behind -= limits.drive_compliance * pressed
-    forgiven = min(GAIN_ERROR * abs(travel), abs(behind))
-    return behind - math.copysign(forgiven, behind)
+        error -= limits.drive_compliance * pressed
+    tolerated = min(GAIN_ERROR * abs(travel), abs(error))
+    return error - math.copysign(tolerated, error)
 
 
-def share_lost(state: Supervision, request: Request, dt: float) -> float:
-    """Share of periods that the loop has skipped in about the last `MEMORY`."""
-    share = request.skipped / (request.skipped + 1.0)
-    return state.lost + (share - state.lost) * min(max(dt, 0.0) / MEMORY, 1.0)
+def update_skipped_fraction(state: Supervision, request: Request, dt: float) -> float:
+    """Return the fraction of skipped periods, averaged over about `AVERAGING_TIME`."""
+    fraction = request.skipped / (request.skipped + 1.0)
+    weight = min(max(dt, 0.0) / AVERAGING_TIME, 1.0)
+    return state.skipped_fraction + (fraction - state.skipped_fraction) * weight
 
 
-def clock_drift(state: Supervision, request: Request, dt: float, limits: Limits) -> float:
-    """Time by which the measurements' clock fell behind the loop's, in about `MEMORY` [s].
+def update_clock_drift(state: Supervision, request: Request, dt: float, limits: Limits) -> float:
+    """Return the delay of the rig's clock behind the loop's, over about `AVERAGING_TIME` [s].
 
-    A jump ahead counts for no more than the longest gap, so that it hides no standstill.
+    A jump forward of the rig's clock counts at most `max_gap`, so that it cannot hide a clock
+    that stands still afterwards.
     """
     if state.mode is DISCONNECTED:
         return 0.0
-    kept = 1.0 - min(request.elapsed / MEMORY, 1.0)
+    kept = 1.0 - min(request.elapsed / AVERAGING_TIME, 1.0)
     return max(state.drift * kept + request.elapsed - dt, -limits.max_gap)

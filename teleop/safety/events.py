@@ -1,4 +1,4 @@
-"""What the supervisor has to say: its modes, what can trip it, and the events that it tells."""
+"""Modes of the supervisor, kinds of fault, and events."""
 
 from __future__ import annotations
 
@@ -7,31 +7,31 @@ from typing import NamedTuple
 
 
 class Mode(IntEnum):
-    """What the telemanipulator is doing, as far as safety is concerned."""
+    """Mode of the safety supervisor."""
 
     DISCONNECTED = 0
-    """Nothing has been read yet."""
+    """No measurement has been read yet."""
     IDLE = 1
-    """Drives out of operation."""
+    """The drives are disabled."""
     READY = 2
-    """All channels are well and the slave rests where it should; may be armed."""
+    """All checks have passed and the slave is at rest; the drives may be armed."""
     ACTIVE = 3
-    """Armed: drives follow the command within the limits."""
+    """Armed: the drives follow the command within the limits."""
     STOPPING = 4
-    """On the way to standstill, and then to idle."""
+    """The command ramps to zero; the next mode is idle."""
     FAULT = 5
-    """Stopped by a fault; stays until a person re-arms."""
+    """Stopped by a fault; remains until a person re-arms."""
 
 
 DISCONNECTED, IDLE, READY, ACTIVE, STOPPING, FAULT = Mode
-"""The modes by themselves: `Mode.IDLE` takes 90 ns to look up in Python 3.11, this 7."""
+"""The modes as module constants: `Mode.IDLE` takes 90 ns to look up in Python 3.11, these 7."""
 
 
 class Fault(StrEnum):
-    """What can trip the supervisor, the most severe first.
+    """Kinds of fault, the most severe first.
 
-    Where several are found at one tick, they are reported in this order. A value that is no
-    number comes before the failure of the condition that it causes.
+    Faults that are detected at the same tick are reported in this order. A value that is not a
+    number comes before the control failure that it causes.
     """
 
     EMERGENCY_STOP = "emergency stop"
@@ -55,65 +55,83 @@ class Fault(StrEnum):
 
 SEVERITY = {fault: rank for rank, fault in enumerate(Fault)}
 """Rank of each fault; 0 is the most severe."""
-LAST_AT_ONCE = SEVERITY[Fault.NOT_AT_REST]
+LAST_IMMEDIATE = SEVERITY[Fault.NOT_AT_REST]
+"""Rank of the least severe fault that stops the drives without a ramp."""
 
 
-def stops_at_once(fault: Fault) -> bool:
-    """Whether a fault idles the drives without a ramp (stop category 0 of IEC 60204-1).
+def stops_immediately(fault: Fault) -> bool:
+    """Return whether a fault disables the drives without a ramp (stop category 0, IEC 60204-1).
 
-    At all others the command ramps to zero first (category 1): the drives can still be
-    commanded.
+    After every other fault the command ramps to zero first (category 1), because the drives can
+    still be commanded.
     """
-    return SEVERITY[fault] <= LAST_AT_ONCE
+    return SEVERITY[fault] <= LAST_IMMEDIATE
 
 
 class Event(NamedTuple):
-    """Something that happened at a tick: a change of mode, or a fault."""
+    """A change of mode or a fault, at one tick."""
 
     time: float
-    """[s] of the trial."""
+    """Time of the trial [s]."""
     mode: Mode
-    """The mode from then on."""
+    """Mode after the event."""
     text: str
-    """What happened, for a person."""
+    """Description in one line."""
     fault: Fault | None = None
-    """What tripped; None for a mere change of mode."""
+    """Kind of fault; None for a change of mode without a fault."""
     source: str = ""
-    """Channel or part that it came from."""
+    """Channel or part with the fault, or a text that describes the fault."""
     value: float = float("nan")
-    """What was seen, in SI units."""
+    """Measured value, in SI units."""
     limit: float = float("nan")
-    """What it was held against."""
+    """Limit that the value exceeds, in SI units."""
     since: float = float("nan")
-    """Since when it had been so [s]."""
+    """Time since which the fault has been present [s]."""
 
 
 def time_text(time: float) -> str:
-    """Return the time of a fault [s] as a part of a sentence."""
+    """Return the time of a fault [s] as text, for use within a sentence."""
     return f"at {time:.3f} s" if time >= 0.0 else "before the drives were armed"
 
 
 UNITS = {"force": "N", "position": "m", "velocity": "m/s", "": ""}
+"""SI unit of each quantity."""
 
 
 def unit_of(source: str) -> str:
-    """Unit of a channel."""
+    """Return the SI unit of a channel; empty for a source that is not a channel."""
     return UNITS.get(source.rpartition("_")[2], "")
 
 
 def describe(fault: Fault, source: str, value: float, limit: float) -> str:
-    """One line for a person: what was seen where, and what was expected."""
+    """Return one line that names a fault, its source, the value and the limit.
+
+    Parameters
+    ----------
+    fault
+        Kind of fault.
+    source
+        Channel or part with the fault, or a text that describes the fault.
+    value, limit
+        Measured value and the limit that it exceeds, in SI units.
+    """
     name, unit = source.replace("_", " "), unit_of(source)
     if fault is Fault.NOT_A_NUMBER or fault is Fault.INFINITE:
         return f"{name} is {value}: expected a number"
     if fault is Fault.STALE:
-        return f"{name} is stale: last sample {value * 1e3:.1f} ms old, at most {limit * 1e3:g} ms"
+        return (
+            f"{name} is stale: last sample {value * 1e3:.1f} ms old, expected at most "
+            f"{limit * 1e3:g} ms"
+        )
     if fault is Fault.OUT_OF_RANGE:
-        return f"{name} is out of range: {value:.4g} {unit}, the sensor ends at {limit:.4g} {unit}"
+        return (
+            f"{name} is out of range: {value:.4g} {unit}, the sensor's range ends at "
+            f"{limit:.4g} {unit}"
+        )
     if fault is Fault.JUMP:
         return (
-            f"{name} jumped by {value:.4g} {unit} in one tick: at most {limit:.4g} {unit} "
-            "is possible"
+            f"{name} jumped by {value:.4g} {unit} between two samples: at most "
+            f"{limit:.4g} {unit} is possible"
         )
     if fault is Fault.FROZEN:
         return f"{name} is frozen at {value:.6g} {unit}"

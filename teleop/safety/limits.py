@@ -1,4 +1,4 @@
-"""Limits: what each channel may read, and what the telemanipulator may do."""
+"""Limits of each channel's samples and of the telemanipulator's motion and force."""
 
 from __future__ import annotations
 
@@ -11,7 +11,9 @@ from drivers import CHANNELS
 
 @dataclass(frozen=True)
 class ChannelLimits:
-    """What a healthy channel reads, in its SI unit.
+    """Limits of a channel's samples, in its SI unit.
+
+    A sample outside these limits is a fault.
 
     Raises
     ------
@@ -20,18 +22,19 @@ class ChannelLimits:
     """
 
     low: float
+    """Lower end of the sensor's range."""
     high: float
-    """Ends of the sensor's range."""
+    """Upper end of the sensor's range."""
     max_rate: float = math.inf
-    """Fastest change that is possible [unit/s]."""
+    """Greatest rate of change that is possible [unit/s]."""
     max_age: float = 0.02
-    """Oldest sample that is taken [s]."""
+    """Greatest age of a sample [s]."""
     frozen_time: float = math.inf
-    """Longest time for which a live sensor repeats one value to the bit [s]."""
+    """Longest time for which a working sensor repeats exactly the same value [s]."""
     frozen_travel: float = math.inf
-    """Farthest that the drive is commanded to change the value without any change [unit]."""
+    """Greatest change that may be commanded while the value does not change [unit]."""
     required: bool = True
-    """Whether the rig must have it: one that is not required may read NaN from the start on."""
+    """Whether the rig must have the channel. If not, it may be NaN from the start on."""
 
     def __post_init__(self) -> None:
         if not -math.inf < self.low < self.high < math.inf:
@@ -41,12 +44,17 @@ class ChannelLimits:
                 raise ValueError(f"{name} must be positive, got {getattr(self, name)}")
 
     def shifted(self, zero: float) -> ChannelLimits:
-        """The limits of a channel from whose samples this zero is subtracted.
+        """Return the limits for samples from which a zero is subtracted.
+
+        Parameters
+        ----------
+        zero
+            Value that is subtracted from each sample, in the channel's SI unit.
 
         Raises
         ------
         ValueError
-            The zero is not a value that the sensor can read.
+            The zero is outside the sensor's range.
         """
         if not self.low <= zero <= self.high:
             raise ValueError(
@@ -56,8 +64,8 @@ class ChannelLimits:
         return replace(self, low=self.low - zero, high=self.high - zero)
 
 
-def usual_channels() -> dict[str, ChannelLimits]:
-    """Channels of a laboratory's linear actuator with a contact force sensor of 1 kN."""
+def default_channel_limits() -> dict[str, ChannelLimits]:
+    """Return limits for a linear laboratory actuator with a contact force sensor of 1 kN."""
     return {
         "master_force": ChannelLimits(-200.0, 200.0, max_rate=2e4, frozen_time=0.05),
         "master_position": ChannelLimits(
@@ -73,10 +81,10 @@ def usual_channels() -> dict[str, ChannelLimits]:
 
 @dataclass(frozen=True)
 class Limits:
-    """What the telemanipulator may do.
+    """Limits of the telemanipulator.
 
-    Soft limits hold the command back and let it move away from the limit; beyond a hard limit
-    the supervisor trips.
+    Soft limits reduce the command; motion away from the limit stays possible. Beyond a hard
+    limit the supervisor enters the fault mode and stops the drives.
 
     Raises
     ------
@@ -85,46 +93,52 @@ class Limits:
     """
 
     max_velocity: float = 0.2
-    """Soft: greatest commanded speed of the slave [m/s]; the measured one may be twice that."""
+    """Soft limit: greatest commanded speed of the slave [m/s].
+
+    The hard limit of the measured speed is twice this value.
+    """
     max_acceleration: float = 10.0
-    """Soft: greatest change of the slave's commanded velocity [m/s^2]; that of every ramp."""
+    """Soft limit: greatest commanded acceleration of the slave [m/s^2], also of every ramp."""
     max_master_velocity: float = 0.5
-    """Soft: greatest commanded speed of the master [m/s]."""
+    """Soft limit: greatest commanded speed of the master [m/s]."""
     max_master_acceleration: float = 25.0
-    """Soft: greatest change of the master's commanded velocity [m/s^2]."""
+    """Soft limit: greatest commanded acceleration of the master [m/s^2]."""
     soft_position: tuple[float, float] = (-20e-3, 20e-3)
-    """Where the slave is braked [m]."""
+    """Soft limits of the slave's position, lower and upper [m]; the slave brakes before them."""
     hard_position: tuple[float, float] = (-25e-3, 25e-3)
-    """Where the slave may not be [m]."""
+    """Hard limits of the slave's position, lower and upper [m]."""
     soft_force: float = 60.0
-    """Size of the contact force at which the slave moves no further against it [N]."""
+    """Magnitude of the contact force above which the slave does not press further [N]."""
     hard_force: float = 80.0
-    """Greatest size of the contact force [N]."""
+    """Greatest magnitude of the contact force [N]."""
     following_error: float = 2e-3
-    """Farthest that the slave may depart from its command [m]."""
+    """Greatest difference between commanded and measured travel of the slave [m]."""
     drive_compliance: float = 0.0
-    """How far the slave's drive gives way to the contact force [m/N]."""
+    """Compliance of the slave's drive under the contact force [m/N]."""
     rest_velocity: float = 2e-3
     """Greatest speed of the slave that counts as rest [m/s]."""
     rest_master_force: float = 5.0
-    """Greatest force on the handle with which the master may be armed [N]."""
+    """Greatest force on the handle at which the drives may be armed [N]."""
     preflight: float = 0.05
-    """Time for which all must be well before the supervisor is ready [s]."""
+    """Time for which all checks must pass before the mode becomes ready [s]."""
     start_ramp: float = 0.1
-    """Time in which the limits of velocity open after arming [s]."""
+    """Time in which the velocity limits rise from zero after arming [s]."""
     max_gap: float = 0.08
     """Longest time between two ticks [s]; less than the drives' watchdogs."""
-    max_lost: float = 0.25
-    """Greatest share of periods that the loop may skip, over about a second."""
-    channels: dict[str, ChannelLimits] = field(default_factory=usual_channels)
+    max_skipped_fraction: float = 0.25
+    """Greatest fraction of periods that the loop may skip, averaged over about one second."""
+    channels: dict[str, ChannelLimits] = field(default_factory=default_channel_limits)
+    """Limits of each channel, by its name."""
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
             least = 0.0 if name == "drive_compliance" else math.ulp(0.0)
             if isinstance(value, float | int) and not least <= value < math.inf:
                 raise ValueError(f"{name} must be positive, got {value}")
-        if self.max_lost >= 1.0:
-            raise ValueError(f"max_lost must be a share below 1, got {self.max_lost}")
+        if self.max_skipped_fraction >= 1.0:
+            raise ValueError(
+                f"max_skipped_fraction must be a fraction below 1, got {self.max_skipped_fraction}"
+            )
         (hard_low, hard_high), (low, high) = self.hard_position, self.soft_position
         if not -math.inf < hard_low <= low < high <= hard_high < math.inf:
             raise ValueError(
@@ -140,20 +154,20 @@ class Limits:
             raise ValueError(f"expected limits for the channels {', '.join(CHANNELS)}")
 
     def shifted(self, zeros: Mapping[str, float]) -> Limits:
-        """These limits for measurements from whose channels the given zeros are subtracted.
+        """Return the limits for measurements from which zeros are subtracted.
 
-        The ranges of the sensors are shifted, so that a sample is held against what the sensor
-        itself can read. All other limits count from the zeros.
+        The ranges of the sensors are shifted, so that each sample is still compared with the
+        range of the sensor itself. All other limits are relative to the zeros.
 
         Parameters
         ----------
         zeros
-            What is subtracted from each channel, in its SI unit.
+            Value that is subtracted from each channel, in its SI unit, by the channel's name.
 
         Raises
         ------
         ValueError
-            A zero is not a value that its sensor can read; the message names the channel.
+            A zero is outside its sensor's range; the message names the channel.
         """
         channels = dict(self.channels)
         for name, zero in zeros.items():

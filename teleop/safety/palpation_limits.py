@@ -1,48 +1,56 @@
-"""Limits for a palpation, scaled from its depth and from what is palpated."""
+"""Limits for a palpation, scaled from its depth and from the cube."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
 from sim_backend import Cube
-from teleop.safety.limits import Limits, usual_channels
+from teleop.safety.limits import Limits, default_channel_limits
 
 SOFT, HARD = 1.5, 1.8
-"""Position and force limits, as a share of depth and of the force there."""
+"""Depth of the soft and hard position limits, as multiples of the palpation depth.
+
+The force limits are the cube's forces at these depths.
+"""
 SPEED = 14.0
-"""Greatest speed, in depths a second; a sine of 2 Hz takes 6.3."""
+"""Greatest speed, in depths per second; a sine of 2 Hz needs 6.3."""
 STOPPING = 0.015
-"""Time in which the greatest speed is brought to zero [s]."""
-LIVELY = 26.0
-"""Greatest acceleration, in depths times the square of the frequency; a sine takes 19.7."""
+"""Time in which the slave brakes from the greatest speed to zero [s]."""
+ACCELERATION = 26.0
+"""Greatest acceleration, in depths times the frequency squared; a sine needs 19.7."""
 FOLLOWING, FROZEN = 0.15, 0.03
-"""Following error and the commanded travel that shows a frozen encoder, as a share of depth."""
+"""Following error, and commanded travel of a frozen encoder, as fractions of the depth."""
 FROZEN_SPEED = 0.1
-"""The commanded change of velocity that shows a frozen one, as a share of the greatest speed."""
+"""Commanded change of a frozen velocity channel, as a fraction of the greatest speed."""
 
 
 def palpation_limits(
     cube: Cube, depth: float, scale: float, fastest: float, compliance: float
 ) -> Limits:
-    """Limits of a palpation on the simulated rig.
+    """Return the limits for a palpation on the simulated rig.
 
     Parameters
     ----------
     cube
-        What is palpated.
+        The cube that is palpated.
     depth
-        Depth that is aimed for [m].
+        Intended depth of the palpation [m].
     scale
-        Slave motion for a unit of master motion.
+        Ratio of slave motion to master motion.
     fastest
         Highest frequency of the excitation [Hz].
     compliance
-        Of the slave's drive [m/N].
+        Compliance of the slave's drive [m/N].
+
+    Raises
+    ------
+    ValueError
+        The depth is not positive and finite.
     """
     velocity = max(SPEED, 5.0 * fastest) * depth
-    acceleration = max(velocity / STOPPING, LIVELY * fastest**2 * depth)
+    acceleration = max(velocity / STOPPING, ACCELERATION * fastest**2 * depth)
     frozen = FROZEN * depth
-    channels = usual_channels()
+    channels = default_channel_limits()
     travels = {
         "master_position": frozen / scale,
         "slave_position": frozen,

@@ -1,15 +1,15 @@
-"""Limits of a rig of devices, as its rig file gives them."""
+"""Limits from a rig file, converted to SI units."""
 
 from __future__ import annotations
 
 from typing import Any
 
 from drivers.rig_sections import ForceSettings, PositionSettings, RigSections, VelocitySettings
-from teleop.safety.limits import ChannelLimits, Limits, usual_channels
+from teleop.safety.limits import ChannelLimits, Limits, default_channel_limits
 
 
 def rig_limits(rig: RigSections) -> Limits:
-    """What the safety supervisor holds the rig to, in SI units.
+    """Return the limits of a rig file in SI units.
 
     Raises
     ------
@@ -17,7 +17,7 @@ def rig_limits(rig: RigSections) -> Limits:
         A hard limit lies inside its soft limit, or a range is empty.
     """
     given = rig.limits
-    channels = {name: absent(limits) for name, limits in usual_channels().items()}
+    channels = {name: optional_limits(limits) for name, limits in default_channel_limits().items()}
     for name, channel in rig.channels.items():
         try:
             channels[name] = channel_limits(channel)
@@ -29,8 +29,8 @@ def rig_limits(rig: RigSections) -> Limits:
             max_acceleration=given.max_acceleration_m_per_s2,
             max_master_velocity=given.max_master_velocity_mm_per_s * 1e-3,
             max_master_acceleration=given.max_master_acceleration_m_per_s2,
-            soft_position=metres(given.soft_position_mm),
-            hard_position=metres(given.hard_position_mm),
+            soft_position=to_metres(given.soft_position_mm),
+            hard_position=to_metres(given.hard_position_mm),
             soft_force=given.soft_force_n,
             hard_force=given.hard_force_n,
             following_error=given.following_error_mm * 1e-3,
@@ -43,13 +43,19 @@ def rig_limits(rig: RigSections) -> Limits:
         raise ValueError(f"limits: {error}") from error
 
 
-def absent(limits: ChannelLimits) -> ChannelLimits:
-    """The limits of a channel that the rig does not have: it reads NaN."""
+def optional_limits(limits: ChannelLimits) -> ChannelLimits:
+    """Return the limits of a channel that the rig does not have, and that is always NaN."""
     return ChannelLimits(limits.low, limits.high, required=False)
 
 
 def channel_limits(channel: ForceSettings | PositionSettings | VelocitySettings) -> ChannelLimits:
-    """What is healthy on a channel."""
+    """Return the limits of one channel of a rig file in SI units.
+
+    Raises
+    ------
+    ValueError
+        The range is empty, or a bound is not positive.
+    """
     common: dict[str, Any] = {"max_age": channel.max_age_ms * 1e-3}
     match channel:
         case ForceSettings():
@@ -57,21 +63,21 @@ def channel_limits(channel: ForceSettings | PositionSettings | VelocitySettings)
             common["max_rate"] = channel.max_rate_n_per_s
             common["frozen_time"] = channel.frozen_ms and channel.frozen_ms * 1e-3
         case PositionSettings():
-            low, high = metres(channel.range_mm)
-            common["max_rate"] = scaled(channel.max_rate_mm_per_s)
-            common["frozen_travel"] = scaled(channel.frozen_travel_mm)
+            low, high = to_metres(channel.range_mm)
+            common["max_rate"] = optional_to_metres(channel.max_rate_mm_per_s)
+            common["frozen_travel"] = optional_to_metres(channel.frozen_travel_mm)
         case VelocitySettings():
-            low, high = metres(channel.range_mm_per_s)
-            common["max_rate"] = scaled(channel.max_rate_mm_per_s2)
-            common["frozen_travel"] = scaled(channel.frozen_travel_mm_per_s)
+            low, high = to_metres(channel.range_mm_per_s)
+            common["max_rate"] = optional_to_metres(channel.max_rate_mm_per_s2)
+            common["frozen_travel"] = optional_to_metres(channel.frozen_travel_mm_per_s)
     return ChannelLimits(low, high, **{name: v for name, v in common.items() if v is not None})
 
 
-def scaled(value: float | None) -> float | None:
-    """From mm to m."""
+def optional_to_metres(value: float | None) -> float | None:
+    """Convert a value from mm to m; None stays None."""
     return None if value is None else value * 1e-3
 
 
-def metres(ends: tuple[float, float]) -> tuple[float, float]:
-    """From mm to m."""
+def to_metres(ends: tuple[float, float]) -> tuple[float, float]:
+    """Convert a range from mm to m."""
     return ends[0] * 1e-3, ends[1] * 1e-3

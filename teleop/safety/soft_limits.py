@@ -1,4 +1,4 @@
-"""The soft limits: they hold a command back, and let the slave move away from them."""
+"""The soft limits reduce a command; motion away from a limit stays possible."""
 
 from __future__ import annotations
 
@@ -9,16 +9,38 @@ from teleop.safety.limits import Limits
 from teleop.safety.state import Supervision
 
 VELOCITY, ACCELERATION, POSITION, FORCE = 1, 2, 4, 8
-"""Flags of the soft limits that held a command back."""
+"""Flags of the soft limits that reduced a command."""
 
 
-def slowed(command: Command, dt: float, limits: Limits) -> Command:
-    """The command a tick later on the ramp to zero."""
-    return towards(STANDSTILL, command, dt, limits)
+def ramp_down(command: Command, dt: float, limits: Limits) -> Command:
+    """Return the command of the next tick on the ramp to zero.
+
+    Parameters
+    ----------
+    command
+        Command of the previous tick.
+    dt
+        Time since the previous tick [s].
+    limits
+        Limits, of which the greatest accelerations are used.
+    """
+    return limit_acceleration(STANDSTILL, command, dt, limits)
 
 
-def towards(wanted: Command, last: Command, dt: float, limits: Limits) -> Command:
-    """As near to the wanted command as the accelerations allow."""
+def limit_acceleration(wanted: Command, last: Command, dt: float, limits: Limits) -> Command:
+    """Return the command nearest to the wanted one that the greatest accelerations allow.
+
+    Parameters
+    ----------
+    wanted
+        Command to approach.
+    last
+        Command of the previous tick.
+    dt
+        Time since the previous tick [s].
+    limits
+        Limits, of which the greatest accelerations are used.
+    """
     master, slave = limits.max_master_acceleration * dt, limits.max_acceleration * dt
     return Command(
         min(max(wanted[0], last[0] - master), last[0] + master),
@@ -26,7 +48,7 @@ def towards(wanted: Command, last: Command, dt: float, limits: Limits) -> Comman
     )
 
 
-def limit(
+def limit_command(
     desired: Command,
     measurement: Measurement,
     active: float,
@@ -34,33 +56,56 @@ def limit(
     state: Supervision,
     limits: Limits,
 ) -> tuple[Command, int]:
-    """The desired command within the soft limits, and the flags of those that held it back.
+    """Apply the soft limits to the desired command.
 
-    Master and slave are slowed in the same proportion, so that the operator's hand feels what
-    holds the slave. Towards a soft position limit the slave may go as fast as half of its
-    deceleration can still brake; against a contact force beyond the soft limit not at all.
+    Master and slave are slowed by the same factor, so that the operator's hand feels the limit
+    of the slave. Towards a soft position limit, the speed is at most that from which half of the
+    greatest deceleration stops the slave at the limit. Against a contact force above the soft
+    force limit the slave does not move.
+
+    Parameters
+    ----------
+    desired
+        Command of the control condition.
+    measurement
+        Measurement of this tick.
+    active
+        Time since the drives were armed [s].
+    dt
+        Time since the previous tick [s].
+    state
+        State of the supervisor after the previous tick.
+    limits
+        Limits of rig and channels.
+
+    Returns
+    -------
+    command
+        Command within the soft limits.
+    flags
+        Flags of the soft limits that reduced the command.
     """
     master, slave = desired
-    opening = min(active / limits.start_ramp, 1.0)
-    share, flags = 1.0, 0
-    for velocity, most in (
-        (slave, limits.max_velocity * opening),
-        (master, limits.max_master_velocity * opening),
+    ramp = min(active / limits.start_ramp, 1.0)
+    factor, flags = 1.0, 0
+    for velocity, maximum in (
+        (slave, limits.max_velocity * ramp),
+        (master, limits.max_master_velocity * ramp),
     ):
-        if abs(velocity) * share > most:
-            share, flags = most / abs(velocity), VELOCITY
+        if abs(velocity) * factor > maximum:
+            factor, flags = maximum / abs(velocity), VELOCITY
     low, high = limits.soft_position
     x, f = measurement.slave_position, measurement.contact_force
-    room = high - x if slave > 0.0 else x - low
-    braking = math.sqrt(limits.max_acceleration * room) if room > 0.0 else 0.0
-    if abs(slave) * share > braking:
-        share = braking / abs(slave)
+    distance = high - x if slave > 0.0 else x - low
+    braking = math.sqrt(limits.max_acceleration * distance) if distance > 0.0 else 0.0
+    if abs(slave) * factor > braking:
+        factor = braking / abs(slave)
         flags |= POSITION
     if slave * f > 0.0 and abs(f) > limits.soft_force:
-        share = 0.0
+        factor = 0.0
         flags |= FORCE
-    wanted = Command(master * share, slave * share) if share < 1.0 else desired
-    command = towards(wanted, state.applied, dt, limits)
+    wanted = Command(master * factor, slave * factor) if factor < 1.0 else desired
+    command = limit_acceleration(wanted, state.applied, dt, limits)
     if command != wanted:
         flags |= ACCELERATION
     return command, flags

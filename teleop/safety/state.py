@@ -6,78 +6,82 @@ import math
 from typing import NamedTuple
 
 from drivers import CHANNELS, STANDSTILL, Command
-from teleop.safety.channels import Trip, Watch
-from teleop.safety.events import ACTIVE, STOPPING, Event, Mode, stops_at_once
+from teleop.safety.channels import ChannelState, DetectedFault
+from teleop.safety.events import ACTIVE, STOPPING, Event, Mode, stops_immediately
 
 
 class Request(NamedTuple):
-    """What the person and the loop ask of the supervisor at a tick."""
+    """Requests of the person and input of the loop to the supervisor at a tick."""
 
     arm: bool = False
-    """Go from ready to active."""
+    """Whether to go from ready to active."""
     stop: str = ""
-    """Reason for an orderly stop; empty to go on."""
+    """Reason for a stop with a ramp; empty to continue."""
     halt: bool = False
     """Whether to stop without a ramp."""
-    trips: tuple[Trip, ...] = ()
-    """Faults found outside the supervisor: exceptions, the emergency-stop key."""
+    faults: tuple[DetectedFault, ...] = ()
+    """Faults detected outside the supervisor: exceptions, the emergency-stop key."""
     skipped: int = 0
-    """Whole periods that the loop left out before this tick."""
+    """Number of whole periods that the loop skipped before this tick."""
     elapsed: float = 0.0
-    """Time since the tick before [s] by the loop's own clock."""
+    """Time since the previous tick by the loop's own clock [s]."""
 
 
 NO_REQUEST = Request()
+"""A tick without any request."""
 
 
 class Supervision(NamedTuple):
-    """State of the supervisor."""
+    """State of the supervisor, kept from tick to tick."""
 
     mode: Mode = Mode.DISCONNECTED
+    """Mode after the tick."""
     since: float = math.nan
-    """When the mode was entered [s]."""
+    """Time at which the mode was entered [s]."""
     time: float = math.nan
-    """Time of the tick before [s]."""
+    """Time of the tick [s]."""
     applied: Command = STANDSTILL
-    """The last command."""
-    accelerated: float = 0.0
-    """Change of the slave's velocity in the last command [m/s]."""
+    """Command of the tick."""
+    velocity_change: float = 0.0
+    """Magnitude of the change of the slave's commanded velocity at the tick [m/s]."""
     position: float = math.nan
-    """Last position of the slave [m]."""
-    behind: float = 0.0
-    """Departure of the slave from its command [m].
+    """Position of the slave [m]."""
+    following_error: float = 0.0
+    """Following error: commanded travel minus measured travel of the slave [m].
 
-    The drive's compliance and gain error are deducted.
+    The part that the drive's compliance and gain error explain is subtracted.
     """
-    lost: float = 0.0
-    """Share of periods that the loop has skipped in about the last second."""
+    skipped_fraction: float = 0.0
+    """Fraction of periods that the loop has skipped, averaged over about one second."""
     drift: float = 0.0
-    """Time by which the measurements' clock fell behind the loop's in about the last second [s]."""
-    watches: tuple[Watch, ...] = (Watch(),) * len(CHANNELS)
-    """Memory of each channel's check."""
-    causes: tuple[Trip, ...] = ()
-    """The fault that tripped, then each other kind of fault since; empty unless in fault."""
+    """Delay of the rig's clock behind the loop's, over about the last second [s]."""
+    channel_states: tuple[ChannelState, ...] = (ChannelState(),) * len(CHANNELS)
+    """State of each channel's check, in the order of `CHANNELS`."""
+    causes: tuple[DetectedFault, ...] = ()
+    """The first fault, then each other kind of fault since; empty unless in fault mode."""
 
     @property
-    def at_once(self) -> bool:
-        """Whether any of the causes stops without a ramp."""
-        return any(stops_at_once(cause.fault) for cause in self.causes)
+    def immediate(self) -> bool:
+        """Whether any of the causes stops the drives without a ramp."""
+        return any(stops_immediately(cause.fault) for cause in self.causes)
 
 
 class Verdict(NamedTuple):
     """Decision of the supervisor at a tick."""
 
     state: Supervision
+    """State of the supervisor after this tick."""
     command: Command
     """The command to apply."""
     limited: int = 0
     """Flags of the soft limits that reduced the command."""
     events: tuple[Event, ...] = ()
+    """Changes of mode and faults of this tick."""
     arm: bool = False
-    """Whether the drives may be enabled now; once they are, `activated` gives the verdict."""
+    """Whether the drives may be enabled now; `activate` returns the verdict when they are."""
 
     @property
     def enabled(self) -> bool:
-        """Whether the drives are to be in operation."""
+        """Whether the drives have to be enabled."""
         mode = self.state.mode
         return mode is ACTIVE or mode is STOPPING or self.command != STANDSTILL

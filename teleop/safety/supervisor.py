@@ -2,9 +2,9 @@
 
     supervise(state, measurement, desired, request, limits) -> state, command, events
 
-It opens no file, reads no clock and keeps nothing: all memory, that of faults included, is in the
-state that the loop passes back at the next tick. Every behaviour of docs/safety.md is tested
-without a rig.
+The function opens no file, reads no clock and has no memory of its own. Everything that lasts
+longer than a tick, including faults, is in the state, which the loop passes back at the next tick.
+Every behaviour in docs/safety.md is therefore tested without a rig.
 """
 
 from __future__ import annotations
@@ -12,15 +12,15 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from drivers import STANDSTILL, Command, Measurement
-from teleop.safety.channels import Trip
+from teleop.safety.channels import DetectedFault
 from teleop.safety.checks import (
     check_channels,
     check_command,
     check_motion,
     check_rest,
-    clock_drift,
-    departure,
-    share_lost,
+    update_clock_drift,
+    update_following_error,
+    update_skipped_fraction,
 )
 from teleop.safety.events import (
     ACTIVE,
@@ -34,11 +34,11 @@ from teleop.safety.events import (
     describe,
 )
 from teleop.safety.limits import Limits
-from teleop.safety.soft_limits import limit, slowed
+from teleop.safety.soft_limits import limit_command, ramp_down
 from teleop.safety.state import Request, Supervision, Verdict
 
-EARLY = 1e-6
-"""Rounding of times [s]."""
+ROUNDING = 1e-6
+"""Tolerance for rounding errors of times [s]."""
 
 
 def supervise(
@@ -48,114 +48,164 @@ def supervise(
     request: Request,
     limits: Limits,
 ) -> Verdict:
-    """Decide what is applied at this tick.
+    """Check a tick and return the command to apply.
 
     Parameters
     ----------
     state
-        State that the supervisor returned at the tick before.
+        State that the supervisor returned at the previous tick.
     measurement
         Measurement of the rig.
     desired
-        Command that the control condition wants; counts in active mode alone.
+        Command of the control condition; used in active mode only.
     request
-        Requests of person and loop.
+        Requests of the person and input of the loop.
     limits
         Limits of rig and channels.
     """
     now = measurement.time
     dt = now - state.time if state.time == state.time else 0.0 * now
-    behind = departure(state, measurement, dt, limits)
-    lost = share_lost(state, request, dt)
-    drift = clock_drift(state, request, dt, limits)
+    following_error = update_following_error(state, measurement, dt, limits)
+    skipped_fraction = update_skipped_fraction(state, request, dt)
+    drift = update_clock_drift(state, request, dt, limits)
     position = measurement.slave_position
     if state.mode is FAULT:
-        state = state._replace(time=now, position=position, behind=behind, lost=lost, drift=drift)
-        found = list(request.trips)
-        if state.applied != STANDSTILL:
-            found += check_motion(measurement, dt, behind, lost, drift, limits)
-        return stopped(state, found, dt, request.halt, limits)
-
-    watches, found = check_channels(state, measurement, dt, limits)
-    found += check_motion(measurement, dt, behind, lost, drift, limits)
-    found += request.trips
-    if state.mode is ACTIVE:
-        found += check_command(desired, now)
-    restless = state.mode < ACTIVE and check_rest(measurement, limits)
-    if restless and request.arm:
-        found.append(restless)
-    if found:
-        state = Supervision(
-            FAULT, now, now, state.applied, 0.0, position, behind, lost, drift, watches
+        state = state._replace(
+            time=now,
+            position=position,
+            following_error=following_error,
+            skipped_fraction=skipped_fraction,
+            drift=drift,
         )
-        return stopped(state, found, dt, request.halt, limits)
+        faults = list(request.faults)
+        if state.applied != STANDSTILL:
+            faults += check_motion(
+                measurement, dt, following_error, skipped_fraction, drift, limits
+            )
+        return stop_for_faults(state, faults, dt, request.halt, limits)
+
+    channel_states, faults = check_channels(state, measurement, dt, limits)
+    faults += check_motion(measurement, dt, following_error, skipped_fraction, drift, limits)
+    faults += request.faults
+    if state.mode is ACTIVE:
+        faults += check_command(desired, now)
+    not_at_rest = state.mode < ACTIVE and check_rest(measurement, limits)
+    if not_at_rest and request.arm:
+        faults.append(not_at_rest)
+    if faults:
+        state = Supervision(
+            FAULT,
+            now,
+            now,
+            state.applied,
+            0.0,
+            position,
+            following_error,
+            skipped_fraction,
+            drift,
+            channel_states,
+        )
+        return stop_for_faults(state, faults, dt, request.halt, limits)
 
     mode, command, limited, text = state.mode, STANDSTILL, 0, ""
     if mode is ACTIVE and not request.stop:
-        command, limited = limit(desired, measurement, now - state.since, dt, state, limits)
+        command, limited = limit_command(desired, measurement, now - state.since, dt, state, limits)
     elif mode is ACTIVE:
         mode, text = STOPPING, request.stop
-        command = slowed(state.applied, dt, limits)
+        command = ramp_down(state.applied, dt, limits)
     elif mode is STOPPING:
-        command = slowed(state.applied, dt, limits)
+        command = ramp_down(state.applied, dt, limits)
         if command == STANDSTILL:
             mode, text = IDLE, "at standstill"
     elif mode is DISCONNECTED:
         mode, text = IDLE, "connected"
     elif request.stop:
         mode, text = IDLE, request.stop
-    elif restless:
+    elif not_at_rest:
         mode, text = IDLE, "not at rest"
-    elif mode is IDLE and now - state.since >= limits.preflight - EARLY:
+    elif mode is IDLE and now - state.since >= limits.preflight - ROUNDING:
         mode, text = READY, "ready"
     arm = mode is READY and state.mode is READY and request.arm and not request.halt
     if request.halt and mode is not READY:
         mode, command, limited, text = IDLE, STANDSTILL, 0, text or "stopped at once"
 
     events = (Event(now, mode, text),) if mode is not state.mode else ()
-    since = state.since if mode is state.mode and not restless else now
-    accelerated = abs(command[1] - state.applied[1])
+    since = state.since if mode is state.mode and not not_at_rest else now
+    velocity_change = abs(command[1] - state.applied[1])
     state = Supervision(
-        mode, since, now, command, accelerated, position, behind, lost, drift, watches
+        mode,
+        since,
+        now,
+        command,
+        velocity_change,
+        position,
+        following_error,
+        skipped_fraction,
+        drift,
+        channel_states,
     )
     return Verdict(state, command, limited, events, arm)
 
 
-def activated(verdict: Verdict) -> Verdict:
-    """The verdict at the tick at which the drives, which it allows to be armed, are enabled."""
+def activate(verdict: Verdict) -> Verdict:
+    """Return the verdict of the same tick after the drives were enabled: the mode is active.
+
+    Parameters
+    ----------
+    verdict
+        Verdict that allows the drives to be armed.
+    """
     now = verdict.state.time
-    state = verdict.state._replace(mode=ACTIVE, since=now, behind=0.0)
+    state = verdict.state._replace(mode=ACTIVE, since=now, following_error=0.0)
     return Verdict(state, STANDSTILL, events=(Event(now, ACTIVE, "armed"),))
 
 
-def stopped(
-    state: Supervision, found: Iterable[Trip], dt: float, halt: bool, limits: Limits
+def stop_for_faults(
+    state: Supervision, faults: Iterable[DetectedFault], dt: float, halt: bool, limits: Limits
 ) -> Verdict:
-    """In fault, ramp to zero, or stand still at once if any of its causes demands it.
+    """Return the verdict in fault mode: ramp to zero, or stop immediately if a fault requires it.
 
-    Each kind of fault is kept and reported once, of those found at one tick the most severe first.
+    Each kind of fault is stored and reported once. Faults that are detected at the same tick are
+    ordered by severity, the most severe first.
+
+    Parameters
+    ----------
+    state
+        State of the supervisor, in fault mode.
+    faults
+        Faults that were detected at this tick.
+    dt
+        Time since the previous tick [s].
+    halt
+        Whether a stop without a ramp was requested.
+    limits
+        Limits of rig and channels.
     """
     known = {cause.fault for cause in state.causes}
     events: list[Event] = []
-    for trip in sorted(found, key=lambda trip: SEVERITY[trip.fault]):
-        if trip.fault not in known:
-            known.add(trip.fault)
-            text = describe(trip.fault, trip.source, trip.value, trip.limit)
-            events.append(Event(state.time, FAULT, text, *trip))
-            state = state._replace(causes=(*state.causes, trip))
-    ramp = dt >= 0.0 and not halt and not state.at_once
-    command = slowed(state.applied, dt, limits) if ramp else STANDSTILL
+    for detected in sorted(faults, key=lambda detected: SEVERITY[detected.fault]):
+        if detected.fault not in known:
+            known.add(detected.fault)
+            text = describe(detected.fault, detected.source, detected.value, detected.limit)
+            events.append(Event(state.time, FAULT, text, *detected))
+            state = state._replace(causes=(*state.causes, detected))
+    ramp = dt >= 0.0 and not halt and not state.immediate
+    command = ramp_down(state.applied, dt, limits) if ramp else STANDSTILL
     return Verdict(state._replace(applied=command), command, events=tuple(events))
 
 
 def rearm(state: Supervision) -> Supervision:
-    """Let a person leave the fault: back to the start, through the preflight again.
+    """Return the initial state, so that the checks before arming are made again.
+
+    Called when a person re-arms the rig after a fault.
 
     Raises
     ------
     ValueError
-        There is no fault.
+        The mode is not fault.
     """
     if state.mode is not FAULT:
-        raise ValueError(f"only a fault is re-armed, the mode is {state.mode.name.lower()}")
+        raise ValueError(
+            f"re-arming is possible in mode fault only: the mode is {state.mode.name.lower()}"
+        )
     return Supervision()

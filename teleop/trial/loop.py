@@ -98,7 +98,7 @@ class Loop:
                 self._armed = True
             elif event.mode is FAULT:
                 self._leave = self._elapsed + AFTER * self._clock.rate
-        if record.t >= self._last or self.controller.over:
+        if record.t >= self._last or self.controller.finished:
             self._end = END
         if record.mode is not IDLE or self.error:
             return self._elapsed < self._leave

@@ -7,12 +7,12 @@ import math
 
 from teleop.interruption import Interruption
 from teleop.safety import Fault, Request
-from teleop.safety.channels import Trip
+from teleop.safety.channels import DetectedFault
 from teleop.safety.state import NO_REQUEST
 from teleop.trial.stop_key import StopKey
 
 ARM = Request(arm=True)
-KEY = Trip(Fault.EMERGENCY_STOP, "key", math.nan, math.nan, math.nan)
+KEY = DetectedFault(Fault.EMERGENCY_STOP, "key", math.nan, math.nan, math.nan)
 ANSWER = 0.1
 """Time in which a loop that runs answers a signal [s]."""
 

@@ -21,13 +21,13 @@ from teleop.control.tare import NO_TARE, Tare
 from teleop.recording.message import Layout
 from teleop.recording.recording import from_messages
 from teleop.safety import Fault, Limits, Mode, Request
-from teleop.safety.channels import Trip
-from teleop.safety.limits import usual_channels
+from teleop.safety.channels import DetectedFault
+from teleop.safety.limits import default_channel_limits
 from teleop.trial.assembly import make_controller
 from teleop.trial.settings import TrialSettings
 
 PERIOD = 1e-3
-FAILED = Request(trips=(Trip(Fault.EMERGENCY_STOP, "key", math.nan, math.nan, math.nan),))
+FAILED = Request(faults=(DetectedFault(Fault.EMERGENCY_STOP, "key", math.nan, math.nan, math.nan),))
 WIDE = Limits(
     max_velocity=10.0,
     max_acceleration=1e6,
@@ -39,7 +39,7 @@ WIDE = Limits(
     preflight=10e-3,
     channels={
         name: replace(channel, max_rate=math.inf, high=10.0 if "velocity" in name else 1e3)
-        for name, channel in usual_channels().items()
+        for name, channel in default_channel_limits().items()
     },
 )
 """Limits that never bite: the supervisor's own are tested in tests/teleop/safety."""
@@ -387,7 +387,7 @@ def test_a_drive_that_refuses_to_get_ready_is_a_rig_failure():
     [
         Request(arm=True, stop="Ctrl-C"),
         Request(arm=True, halt=True),
-        Request(arm=True, trips=(Trip(Fault.EMERGENCY_STOP, "key", 0.0, 0.0, 0.0),)),
+        Request(arm=True, faults=(DetectedFault(Fault.EMERGENCY_STOP, "key", 0.0, 0.0, 0.0),)),
     ],
     ids=["stop", "halt", "key"],
 )

@@ -56,8 +56,8 @@ class Odd(Condition):
 
     def drive_force(self, t, measurement):
         late = next(self._calls) >= AT
-        if late and "over" in self._odd:
-            self.over = self._odd["over"]
+        if late and "finished" in self._odd:
+            self.finished = self._odd["finished"]
         return self._odd["force"] if late and "force" in self._odd else 0.5
 
 
@@ -178,7 +178,7 @@ def test_a_force_that_is_no_number_is_a_control_failure(force, tmp_path):
 
 def test_a_condition_whose_end_is_no_truth_value_is_a_control_failure(tmp_path):
     with pytest.raises(ValueError, match="ambiguous"):
-        OddTrial(other=Odd(over=np.zeros(2))).run(tmp_path / "odd.mcap")
+        OddTrial(other=Odd(finished=np.zeros(2))).run(tmp_path / "odd.mcap")
     assert "control failure" in (tmp_path / "odd.fault" / "cause.txt").read_text()
 
 

@@ -77,13 +77,13 @@ def test_the_account_names_cause_limit_value_time_and_timing(stopped):
         "value     5000",
         f"limit     {trial.settings.limits.hard_force:.6g}",
         "since     6.95",
-        "also      contact force is out of range: 5000 N, the sensor ends at 1000 N",
+        "also      contact force is out of range: 5000 N, the sensor's range ends at 1000 N",
         "  contact_force             5000 N",
         "loop in the 5.0 s before",
         "  1000.0 Hz, 0 overruns, 0 periods skipped",
     ):
         assert f"{line}\n" in text
-    out_of_range = "contact force is out of range: 5000 N, the sensor ends at 1000 N"
+    out_of_range = "contact force is out of range: 5000 N, the sensor's range ends at 1000 N"
     assert out_of_range in trial.summary()["safety"]["further_faults"]
     assert "commanded speed zero after" in text
     drawing = ElementTree.parse(trial.black_box / "channels.svg")

@@ -14,7 +14,7 @@ from teleop.safety import (
     Mode,
     Request,
     Supervision,
-    activated,
+    activate,
     supervise,
 )
 
@@ -57,7 +57,7 @@ class Bench:
         ages = dict.fromkeys(CHANNELS, 0.0) | {self.name: age}
         measurement = Measurement(self.ticks * DT, **values, age=Ages(**ages))
         verdict = supervise(self.state, measurement, desired, Request(arm=arm), self.limits)
-        verdict = activated(verdict) if verdict.arm else verdict
+        verdict = activate(verdict) if verdict.arm else verdict
         self.state = verdict.state
         self.ticks += periods
         return verdict

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from drivers import CHANNELS
 from teleop.safety import ChannelLimits, Limits
-from teleop.safety.limits import usual_channels
+from teleop.safety.limits import default_channel_limits
 
 NUMBERS = [
     field.name
@@ -23,7 +23,9 @@ BOUNDS = ["max_rate", "max_age", "frozen_time", "frozen_travel"]
 
 def test_every_number_is_among_the_cases():
     assert len(NUMBERS) == len(fields(Limits)) - 4
-    assert {"max_velocity", "hard_force", "preflight", "max_gap", "max_lost"} <= set(NUMBERS)
+    assert {"max_velocity", "hard_force", "preflight", "max_gap", "max_skipped_fraction"} <= set(
+        NUMBERS
+    )
 
 
 @pytest.mark.parametrize("name", NUMBERS)
@@ -97,14 +99,14 @@ def test_a_soft_force_above_the_hard_one_is_refused():
 
 def test_limits_of_every_channel_are_needed():
     for name in CHANNELS:
-        channels = usual_channels()
+        channels = default_channel_limits()
         del channels[name]
         with pytest.raises(ValueError, match=name):
             Limits(channels=channels)
 
 
 def test_limits_of_an_unknown_channel_are_refused():
-    channels = usual_channels() | {"contact_temperature": ChannelLimits(0.0, 1.0)}
+    channels = default_channel_limits() | {"contact_temperature": ChannelLimits(0.0, 1.0)}
     with pytest.raises(ValueError, match="channels"):
         Limits(channels=channels)
 
@@ -112,7 +114,7 @@ def test_limits_of_an_unknown_channel_are_refused():
 def test_each_limits_have_channels_of_their_own():
     first, second = Limits(), Limits()
     first.channels["contact_force"] = ChannelLimits(-1.0, 1.0)
-    assert second.channels == usual_channels()
+    assert second.channels == default_channel_limits()
 
 
 def test_limits_cannot_be_changed():

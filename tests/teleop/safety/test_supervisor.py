@@ -18,13 +18,13 @@ from teleop.safety import (
     Mode,
     Request,
     Supervision,
-    activated,
+    activate,
     rearm,
-    stops_at_once,
+    stops_immediately,
     supervise,
 )
-from teleop.safety.channels import Trip
-from teleop.safety.limits import usual_channels
+from teleop.safety.channels import DetectedFault
+from teleop.safety.limits import default_channel_limits
 from teleop.safety.soft_limits import ACCELERATION, FORCE, POSITION, VELOCITY
 
 LIMITS = Limits()
@@ -39,7 +39,7 @@ NEARLY = 1.0 + 1e-9
 def decide(*inputs):
     """The verdict, on a rig whose drives are ready as soon as they are asked."""
     verdict = supervise(*inputs)
-    return activated(verdict) if verdict.arm else verdict
+    return activate(verdict) if verdict.arm else verdict
 
 
 class Bench:
@@ -105,7 +105,7 @@ class Bench:
         event = verdict.events[0]
         assert event.fault is fault
         assert (event.source, event.limit) == (event.source, event.limit)
-        if stops_at_once(fault):
+        if stops_immediately(fault):
             assert verdict.command == STANDSTILL
             assert not verdict.enabled
         return event
@@ -126,7 +126,7 @@ WILD = st.sampled_from(
     [math.nan, math.inf, -math.inf, 1e308, -1e308, 5e-324, 0.1, -0.03, 0.3, 70.0]
 )
 TRIPS = st.builds(
-    Trip, st.sampled_from(list(Fault)), st.sampled_from(["key", "loop"]), ANY, ANY, ANY
+    DetectedFault, st.sampled_from(list(Fault)), st.sampled_from(["key", "loop"]), ANY, ANY, ANY
 )
 REQUESTS = st.one_of(
     st.just(Request(arm=True)),
@@ -135,7 +135,7 @@ REQUESTS = st.one_of(
         arm=st.booleans(),
         stop=st.sampled_from(["", "", "", "Ctrl-C"]),
         halt=st.sampled_from([False, False, False, True]),
-        trips=st.one_of(
+        faults=st.one_of(
             st.just(()), st.just(()), st.just(()), st.tuples(TRIPS), st.tuples(TRIPS, TRIPS)
         ),
         skipped=st.sampled_from([0, 0, 0, 1, 50]),
@@ -180,7 +180,9 @@ def bench_at(stage: str, limits: Limits) -> Bench:
         if stage == "stopping":
             bench.tick(request=Request(stop="enough"))
         elif stage in TRIPPED:
-            bench.tick(request=Request(trips=(Trip(Fault[stage], "loop", 0.0, 0.0, 0.0),)))
+            bench.tick(
+                request=Request(faults=(DetectedFault(Fault[stage], "loop", 0.0, 0.0, 0.0),))
+            )
     return bench
 
 
@@ -217,7 +219,7 @@ def stops_now(before: Supervision, m: Measurement, request: Request, limits: Lim
     dt = m.time - before.time if before.time == before.time else 0.0
     return (
         request.halt
-        or any(stops_at_once(trip.fault) for trip in request.trips)
+        or any(stops_immediately(fault.fault) for fault in request.faults)
         or m.emergency_stop
         or bool(m.drive_error)
         or -math.inf < m.slave_position < low
@@ -250,7 +252,7 @@ def check_tick(before: Supervision, m, desired, request, limits, verdict):
         assert command == STANDSTILL
         assert not verdict.enabled
     at_once = command == STANDSTILL and (
-        (mode is Mode.FAULT and (state.at_once or dangerous))
+        (mode is Mode.FAULT and (state.immediate or dangerous))
         or (mode is Mode.IDLE and request.halt)
     )
     for new, old, a in zip(command, before.applied, pull, strict=True):
@@ -259,7 +261,7 @@ def check_tick(before: Supervision, m, desired, request, limits, verdict):
     assert state.time == now
 
     assert verdict.enabled or command == STANDSTILL
-    ramping = mode is Mode.FAULT and not state.at_once and command != STANDSTILL
+    ramping = mode is Mode.FAULT and not state.immediate and command != STANDSTILL
     assert verdict.enabled == (mode in (Mode.ACTIVE, Mode.STOPPING) or ramping)
     assert mode in (Mode.ACTIVE, Mode.STOPPING, Mode.FAULT) or command == STANDSTILL
     assert not verdict.limited or before.mode is Mode.ACTIVE
@@ -285,16 +287,16 @@ def check_tick(before: Supervision, m, desired, request, limits, verdict):
 
     if before.mode is Mode.FAULT:
         assert mode is Mode.FAULT
-        assert {trip.fault for trip in request.trips} <= set(kinds)
+        assert {fault.fault for fault in request.faults} <= set(kinds)
         assert all(abs(new) <= abs(old) for new, old in zip(command, before.applied, strict=True))
         ramp = max(top / a for top, a in zip(most, pull, strict=True))
         assert now - state.since <= ramp + 1e-9 or command == STANDSTILL
         return
     if mode is Mode.FAULT:
         assert kinds == sorted(kinds, key=list(Fault).index)
-        assert {trip.fault for trip in request.trips} <= set(kinds)
+        assert {fault.fault for fault in request.faults} <= set(kinds)
         return
-    assert not request.trips
+    assert not request.faults
     assert not unwell(m, limits)
     assert dt <= limits.max_gap
     if mode is Mode.ACTIVE:
@@ -338,7 +340,7 @@ def test_laws_hold_over_arbitrary_ticks(stage, limits, ticks):
 def test_laws_hold_when_every_channel_is_arbitrary(ticks):
     wide = {
         name: replace(channel, low=-1e9, high=1e9, max_rate=math.inf, required=False)
-        for name, channel in usual_channels().items()
+        for name, channel in default_channel_limits().items()
     }
     limits = replace(GENTLE, channels=wide)
     state = STARTS["fast", GENTLE.max_acceleration].state
@@ -353,7 +355,7 @@ def test_laws_hold_when_every_channel_is_arbitrary(ticks):
 
 @settings(max_examples=30)
 @given(
-    st.sampled_from([fault for fault in Fault if not stops_at_once(fault)]),
+    st.sampled_from([fault for fault in Fault if not stops_immediately(fault)]),
     st.lists(
         st.tuples(CHANGES, DESIRED, REQUESTS, st.floats(1e-4, 0.05)), min_size=20, max_size=30
     ),
@@ -361,7 +363,7 @@ def test_laws_hold_when_every_channel_is_arbitrary(ticks):
 def test_a_ramping_fault_only_slows_down_whatever_happens(fault, ticks):
     bench = copy.copy(STARTS["fast", GENTLE.max_acceleration])
     bench.verdicts = []
-    bench.tick(request=Request(trips=(Trip(fault, "loop", 0.0, 0.0, 0.0),)))
+    bench.tick(request=Request(faults=(DetectedFault(fault, "loop", 0.0, 0.0, 0.0),)))
     assert bench.state.applied != STANDSTILL
     for changes, desired, request, dt in ticks:
         before = bench.state
@@ -567,7 +569,7 @@ def test_only_a_fault_is_rearmed(mode):
 
 
 def test_the_faults_that_ramp_are_those_of_sensors_and_software():
-    assert {fault for fault in Fault if not stops_at_once(fault)} == {
+    assert {fault for fault in Fault if not stops_immediately(fault)} == {
         Fault.NOT_A_NUMBER,
         Fault.INFINITE,
         Fault.STALE,
@@ -584,11 +586,11 @@ def test_the_faults_that_ramp_are_those_of_sensors_and_software():
 def test_a_fault_that_the_loop_found_stops_as_its_kind_demands(fault, stage):
     bench = copy.copy(STARTS[stage, GENTLE.max_acceleration])
     last = bench.state.applied
-    found = Trip(fault, "loop", 1.0, 2.0, 3.0)
-    event = bench.trips(fault, EASY, request=Request(trips=(found,)))
+    found = DetectedFault(fault, "loop", 1.0, 2.0, 3.0)
+    event = bench.trips(fault, EASY, request=Request(faults=(found,)))
     assert (event.source, event.value, event.limit, event.since) == ("loop", 1.0, 2.0, 3.0)
     assert bench.state.causes == (found,)
-    if not stops_at_once(fault) and last != STANDSTILL:
+    if not stops_immediately(fault) and last != STANDSTILL:
         assert last[0] - bench.state.applied[0] == pytest.approx(2.5 * DT)
         assert bench.verdicts[-1].enabled
     else:
@@ -596,7 +598,7 @@ def test_a_fault_that_the_loop_found_stops_as_its_kind_demands(fault, stage):
 
 
 def loop_found(*faults: Fault) -> Request:
-    return Request(trips=tuple(Trip(fault, "loop", 0.0, 0.0, 0.0) for fault in faults))
+    return Request(faults=tuple(DetectedFault(fault, "loop", 0.0, 0.0, 0.0) for fault in faults))
 
 
 def test_of_several_faults_at_one_tick_the_most_severe_is_reported():
@@ -633,11 +635,11 @@ def moving_again(fault: Fault, worse: Fault | None = None, **sensed):
     return bench.tick(EASY, request=loop_found(*[worse] if worse else []), **sensed)
 
 
-RAMPING = [fault for fault in Fault if not stops_at_once(fault)]
+RAMPING = [fault for fault in Fault if not stops_immediately(fault)]
 
 
 @pytest.mark.parametrize("first", RAMPING)
-@pytest.mark.parametrize("worse", [fault for fault in Fault if stops_at_once(fault)])
+@pytest.mark.parametrize("worse", [fault for fault in Fault if stops_immediately(fault)])
 def test_a_worse_fault_of_the_loop_ends_the_ramp_whatever_came_first(first, worse):
     verdict = moving_again(first, worse)
     assert verdict.command == STANDSTILL
@@ -669,7 +671,7 @@ def test_what_the_rig_says_of_itself_trips(stage):
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 @pytest.mark.parametrize("stage", [Mode.IDLE, Mode.READY, Mode.ACTIVE])
 def test_position_force_and_velocity_beyond_their_hard_limits_trip(sign, stage):
-    channels = {name: replace(c, max_rate=math.inf) for name, c in usual_channels().items()}
+    channels = {name: replace(c, max_rate=math.inf) for name, c in default_channel_limits().items()}
     limits = replace(LIMITS, channels=channels, following_error=1.0, rest_velocity=1.0)
     for name, fault, limit in (
         ("contact_force", Fault.FORCE_LIMIT, 80.0),
@@ -812,7 +814,7 @@ def test_a_drive_that_gives_way_to_the_contact_force_follows():
 
 
 def test_a_runaway_trips_without_a_channel_of_contact_force():
-    channels = usual_channels()
+    channels = default_channel_limits()
     channels["contact_force"] = replace(channels["contact_force"], required=False)
     bench = Bench(replace(LIMITS, channels=channels))
     for _ in range(100):
@@ -1041,7 +1043,7 @@ def test_towards_the_soft_limit_half_of_the_deceleration_is_kept_in_hand(side, r
 def test_beyond_the_soft_force_there_is_no_motion_against_it_and_free_motion_away(
     side, force, speed
 ):
-    channels = {name: replace(c, max_rate=math.inf) for name, c in usual_channels().items()}
+    channels = {name: replace(c, max_rate=math.inf) for name, c in default_channel_limits().items()}
     bench = Bench(replace(LIMITS, channels=channels)).moving(Command(side * speed, side * speed))
     last = side * speed
     for tick in range(30):
@@ -1062,7 +1064,7 @@ def test_beyond_the_soft_force_there_is_no_motion_against_it_and_free_motion_awa
 
 
 def test_at_the_soft_force_motion_against_it_goes_on():
-    channels = {name: replace(c, max_rate=math.inf) for name, c in usual_channels().items()}
+    channels = {name: replace(c, max_rate=math.inf) for name, c in default_channel_limits().items()}
     bench = Bench(replace(LIMITS, channels=channels)).moving()
     for force in (60.0, 59.9):
         verdict = bench.tick(EASY, contact_force=force)

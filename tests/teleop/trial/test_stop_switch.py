@@ -57,7 +57,7 @@ def test_the_end_of_the_trial_is_a_stop_that_nobody_asked_for():
 def test_the_key_trips_the_emergency_stop():
     switch = StopSwitch()
     switch.key.pressed = True
-    assert switch.request(False).trips[0].fault is Fault.EMERGENCY_STOP
+    assert switch.request(False).faults[0].fault is Fault.EMERGENCY_STOP
 
 
 def test_the_loss_of_the_key_ramps_down_once_and_counts_as_interrupted():

@@ -20,7 +20,7 @@ from drivers.rig_sections import CanSettings
 from sim_backend.wire.emulator import ACTIONS, PlannedFault
 from sim_backend.wire.wire_faults import FAULTS, ON_CAN
 from teleop.safety import Fault, Mode, Request
-from teleop.safety.channels import Trip
+from teleop.safety.channels import DetectedFault
 from teleop.trial.assembly import make_clock, make_controller
 
 TRIALS = int(os.environ.get("WIRE_SEARCH_TRIALS", "3"))
@@ -28,8 +28,8 @@ TICKS = 450
 BOUND = 0.3
 """Time from a fault until no drive is in operation [s]: 84 ms until a fault shows, the ramp, and
 the slowest watchdog of the three rigs, 100 ms."""
-KEY = Trip(Fault.EMERGENCY_STOP, "key", math.nan, math.nan, math.nan)
-STOPS = {"Ctrl-C": {"stop": "Ctrl-C"}, "twice": {"halt": True}, "key": {"trips": (KEY,)}}
+KEY = DetectedFault(Fault.EMERGENCY_STOP, "key", math.nan, math.nan, math.nan)
+STOPS = {"Ctrl-C": {"stop": "Ctrl-C"}, "twice": {"halt": True}, "key": {"faults": (KEY,)}}
 
 
 @st.composite
