@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pytest
+from cyclopts import App
 
 from teleop.cli import app
 
@@ -79,25 +80,35 @@ def test_commands_that_are_not_run_exist_with_their_options(page):
                 assert all(f'"{word}"' in script for word in arguments if word.startswith("--"))
 
 
-def options() -> set[str]:
-    """Every option of every command, and of every benchmark."""
-    found = {"--help", "--version"}
-    for name in ("run", "estimate", "report", "export", "recover", "lag", "reproduce"):
-        for argument in app[name].assemble_argument_collection():
-            found.update(argument.names)
-    for name in ("list", "check", "tare", "emulate"):
-        for argument in app["rig"][name].assemble_argument_collection():
-            found.update(argument.names)
-    for script in (ROOT / "benchmarks").glob("*.py"):
-        found.update(re.findall(r'"(--[a-z-]+)"', script.read_text(encoding="utf-8")))
+def commands(parent: App, path: tuple[str, ...] = ()) -> dict[tuple[str, ...], set[str]]:
+    """Options of every command, by the words that call it."""
+    found = {}
+    for name, command in parent.resolved_commands().items():
+        if name.startswith("-"):
+            continue
+        if command.default_command:
+            arguments = command.assemble_argument_collection()
+            found[(*path, name)] = {n for argument in arguments for n in argument.names}
+        found |= commands(command, (*path, name))
     return found
+
+
+COMMANDS = commands(app)
+SCRIPTS = "".join(path.read_text(encoding="utf-8") for path in ROOT.glob("benchmarks/*.py"))
+OPTIONS = {"--help"}.union(*COMMANDS.values(), re.findall(r'"(--[a-z-]+)"', SCRIPTS))
+"""Every option of every command, and of every benchmark."""
 
 
 @pytest.mark.parametrize("page", [*PAGES, *GUIDES], ids=lambda page: page.stem)
 def test_options_in_the_text_exist(page):
     text = FENCE.sub("", page.read_text(encoding="utf-8"))
-    named = {o for code in re.findall(r"`([^`]+)`", text) for o in re.findall(r"--[a-z-]+", code)}
-    assert named <= options()
+    for code in re.findall(r"`([^`]+)`", text):
+        named = set(re.findall(r"--[a-z-]+", code))
+        assert named <= OPTIONS, code
+        words = tuple(code.removeprefix("teleop ").split())
+        for path, known in COMMANDS.items():
+            if words[: len(path)] == path:
+                assert named <= known | {"--help"}, code
 
 
 @pytest.mark.parametrize("page", [*PAGES, *GUIDES], ids=lambda page: page.stem)
