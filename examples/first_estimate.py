@@ -1,30 +1,33 @@
-"""A first estimate: position and force in, stiffness with its interval out.
+"""
+A first estimate: position and force in, stiffness and damping out
+==================================================================
 
-`identify` conditions the two signals and runs estimators with settings scaled from the data, so
-nothing has to be tuned. Its result has every number after every sample, as a data frame and as a
-figure, each with the standard deviation to trust it by.
+:func:`estimation.identify` filters the two signals and runs estimators whose settings are scaled
+from the data, so that nothing has to be tuned. The result has the estimates after every sample,
+each with its standard deviation, as arrays and as a data frame.
 """
 
 # %%
-import sys
-from pathlib import Path
-
+# The recording
+# -------------
+# A simulated palpation of a body of 2100 N/m and 15 N s/m for five seconds, sampled at 1 kHz. The
+# encoder has a resolution of 1 um, and the force sensor has noise of 0.2 N.
+import matplotlib.pyplot as plt
 import numpy as np
 
 from estimation import identify
 
-ARGUMENTS = [] if "ipykernel" in sys.modules else sys.argv[1:]  # [folder for the figure]
-FOLDER = Path(*ARGUMENTS[:1])
-
-# %% A recording: palpation of a body of 2100 N/m and 15 N s/m for five seconds, at 1 kHz.
 rng = np.random.default_rng(0)
 dt = 1e-3  # [s]
 t = np.arange(0.0, 5.0, dt)
 depth = 5e-3 - 3e-3 * np.cos(2 * np.pi * t) + 1e-3 * np.sin(2 * np.pi * 2.6 * t)  # [m]
-position = np.round(depth, 6)  # by an encoder that counts microns
+position = np.round(depth, 6)  # [m]
 force = 2100.0 * depth + 15.0 * np.gradient(depth, dt) + rng.normal(0.0, 0.2, t.size)  # [N]
 
-# %% Arrays in, estimates out.
+# %%
+# The estimates
+# -------------
+# Arrays in SI units in, estimates out. The last estimate with its 95 % interval:
 found = identify(position, force, dt, ["rls", "me"])
 for name, e in found.estimates.items():
     print(
@@ -32,12 +35,28 @@ for name, e in found.estimates.items():
         f"b = {e.b[-1]:.1f} ± {1.96 * e.b_std[-1]:.1f} N s/m (95 %)"
     )
 
-# %% Everything as a data frame, a row for each sample.
+# %%
+# As a data frame with one row for each sample, here averaged over the last second:
 frame = found.to_dataframe()
 print(frame.loc[4.0:, ["rls_k", "rls_k_std", "rls_b", "rls_b_std"]].mean().round(2).to_string())
 
-# %% And as a figure.
-figure = found.plot()
-for axes, truth in zip(figure.axes, (2100.0, 15.0), strict=True):
-    axes.axhline(truth, color="black", linewidth=0.8, linestyle="--")
-figure.savefig(FOLDER / "first_estimate.png", dpi=150)
+# %%
+# As a figure
+# -----------
+# The shaded bands are the 95 % intervals, the dashed lines the true values. ``found.plot()`` makes
+# a similar figure in one call.
+figure, panels = plt.subplots(2, 1, figsize=(8.0, 5.0), sharex=True, layout="constrained")
+for axes, parameter, truth, limits, unit in (
+    (panels[0], "k", 2100.0, (2000.0, 2200.0), "N/m"),
+    (panels[1], "b", 15.0, (0.0, 30.0), "N s/m"),
+):
+    for name in found.estimates:
+        value, std = frame[f"{name}_{parameter}"], frame[f"{name}_{parameter}_std"]
+        (line,) = axes.plot(t, value, linewidth=1.2, label=name)
+        low, high = value - 1.96 * std, value + 1.96 * std
+        axes.fill_between(t, low, high, color=line.get_color(), alpha=0.2, lw=0)
+    axes.axhline(truth, color="black", linewidth=0.8, linestyle="--", label="truth")
+    axes.set(ylabel=f"{parameter} [{unit}]", ylim=limits, xlim=(0.0, 5.0))
+panels[0].legend(ncols=3, frameon=False)
+panels[1].set_xlabel("time [s]")
+plt.show()

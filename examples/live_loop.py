@@ -1,33 +1,36 @@
-"""A live loop: one sample in, one estimate out, and a gate that knows when to hold.
+"""
+A live loop: one sample in, one estimate out, and a gate
+========================================================
 
-The loop reads a rig, moves it, conditions the sample and updates the bank. Out of contact and at
-rest a sample tells nothing of the tissue and the gate is shut: a gated estimator holds and says
-so, while the paper's RLS, which has no gate, takes air for a body without stiffness.
+The loop reads a rig, moves it, filters the sample and updates a bank of estimators. Without contact
+or without motion, a sample contains no information on the tissue, and the gate is shut: a gated
+estimator then holds its last value and reports that it holds. The paper's RLS has no gate. It takes
+the time without contact for contact with a body that has no stiffness.
 """
 
 # %%
-import sys
+# The motion
+# ----------
+# To and fro in the air, in contact, at rest in contact, in contact again, and in the air again.
 from dataclasses import replace
-from pathlib import Path
 
+import matplotlib.pyplot as plt
 import numpy as np
-from matplotlib.figure import Figure
 
 from drivers import Command
 from estimation import MatchedFilter, paper_preset
 from sim_backend import Cube, SimulatedRig
 from teleop.control.clock import VirtualClock
 
-ARGUMENTS = [] if "ipykernel" in sys.modules else sys.argv[1:]  # [folder for the figure]
-FOLDER = Path(*ARGUMENTS[:1])
-
-# %% Where the slave is to go: to and fro in the air, in contact, at rest, in contact, in the air.
 t = np.arange(0.0, 12.0, 1e-3)
 middle = np.interp(t, (1.5, 2.0, 9.5, 10.0), (-6e-3, 6e-3, 6e-3, -6e-3))
 swing = np.interp(t, (5.0, 5.5, 7.5, 8.0), (4e-3, 0.0, 0.0, 4e-3))
 wanted = middle + swing * np.sin(2.0 * np.pi * t)  # [m]
 
-# %% The loop, in virtual time; with a `RealClock` and a rig of devices it is the same.
+# %%
+# The loop
+# --------
+# The clock is virtual here. With a ``RealClock`` and a rig of devices the loop is the same.
 clock, conditioner = VirtualClock(rate=1000.0), MatchedFilter(bandwidth=20.0)
 bank = replace(
     paper_preset("soft"),
@@ -45,15 +48,18 @@ with SimulatedRig(Cube(k1=2100.0, k3=0.0, b=15.0, glued=False), clock.now, start
         estimates = bank.update(x, v, f, clock.period)
         rls, kalman = estimates["rls"], estimates["kalman"]
         if not log or kalman.held != log[-1][-1]:
-            doing = "holds" if kalman.held else "learns"
-            print(f"{sample.time:6.3f} s: {doing}, {kalman.k:.0f} N/m")
+            state = "holds" if kalman.held else "learns"
+            print(f"{sample.time:6.3f} s: {state}, {kalman.k:.0f} N/m")
         log.append((x, f, rls.k, kalman.k, kalman.held))
 
 # %%
+# What happened
+# -------------
 x, f, rls, k, held = np.array(log).T
 print(f"in the air again: kalman has {k[-1]:.0f} N/m, rls has {rls[-1]:.0f} N/m")
-figure = Figure(figsize=(8.0, 5.0), layout="constrained")
-signals, stiffness = figure.subplots(2, 1, sharex=True)
+figure, (signals, stiffness) = plt.subplots(
+    2, 1, figsize=(8.0, 5.0), sharex=True, layout="constrained"
+)
 signals.plot(t, np.column_stack((x * 1e3, f)), label=("displacement [mm]", "force [N]"))
 stiffness.plot(t, np.column_stack((rls, k)), label=("rls, not gated", "kalman, gated"))
 signals.set(ylim=(-12.0, 32.0), xlim=(0.0, 12.0))
@@ -62,4 +68,4 @@ for axes in (signals, stiffness):
     across = axes.get_xaxis_transform()
     axes.fill_between(t, 0, 1, held > 0, transform=across, fc="0.93", ec="0.6", label="held")
     axes.legend(ncols=3, frameon=False, loc="upper right")
-figure.savefig(FOLDER / "live_loop.png", dpi=150)
+plt.show()

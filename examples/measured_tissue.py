@@ -1,36 +1,41 @@
-"""Measured tissue: one damping for each frequency, none for all of them.
+"""
+Measured tissue: one damping for each frequency, none for all of them
+=====================================================================
 
-A testing machine indented a preloaded soft specimen at 0.2, 0.5 and 1 Hz. Each recording alone
-fits f = b v + k x; together they do not, and `PooledSegments.misfit` tells, since b falls about
-as 1/f. Of the models here one that relaxes, the standard linear solid, comes closest.
+A testing machine indented a preloaded soft specimen at 0.2, 0.5 and 1 Hz. The model f = b v + k x
+fits each recording alone, but not all of them with the same b and k: b falls about as 1/frequency.
+``PooledSegments.misfit`` reports this. Of the models here, one that relaxes, the standard linear
+solid, comes closest.
 """
 
 # %%
-import sys
+# The data
+# --------
+# Displacement [m] and force [N] about the preload, without one second of rest at either end. The
+# source and the licence of the data are in ``examples/data/mach1``.
 from pathlib import Path
 
+import matplotlib.pyplot as plt
 import numpy as np
-from matplotlib.figure import Figure
 
 from estimation import MODELS, MatchedFilter, PooledSegments, identify
 
-ARGUMENTS = [] if "ipykernel" in sys.modules else sys.argv[1:]  # [figure's folder [data's folder]]
-FOLDER = Path(*ARGUMENTS[:1])
-HERE = Path(globals().get("__file__", "measured_tissue.py")).resolve()  # a notebook has no file
-DATA = Path(*ARGUMENTS[1:2] or [HERE.parents[2] / "shared" / "data" / "mach1"])
+HERE = Path(globals().get("__file__", "measured_tissue.py")).resolve().parent
+DATA = HERE / "data" / "mach1"
 MM, GF = 1e-3, 9.80665e-3  # [m], [N]
 DT, BANDWIDTH = 0.01, 5.0  # [s], [Hz]
 
-# %% Displacement [m] and force [N] about the preload, less a second of rest at either end.
 recordings = {}
 for frequency in (0.2, 0.5, 1.0):
     path = DATA / f"sinusoid_{frequency:g}Hz.csv"
     _, x, f = np.loadtxt(path, delimiter=",", skiprows=1).T[:, 100:-100]
     recordings[frequency] = (x - x.mean()) * MM, (f - f.mean()) * GF
 
-# %% Each frequency alone, and its segments pooled with those of the others.
-figure = Figure(figsize=(9.0, 4.0), layout="constrained")
-loops, damping = figure.subplots(1, 2)
+# %%
+# Each frequency alone, and all together
+# --------------------------------------
+# Each recording is estimated alone. Its segments are then pooled with those of the others.
+figure, (loops, damping) = plt.subplots(1, 2, figsize=(9.0, 4.0), layout="constrained")
 pooled = PooledSegments(2.0, MatchedFilter(BANDWIDTH).correlation(DT))
 for frequency, (x, f) in recordings.items():
     alone = identify(x, f, DT, ["segments"], bandwidth=BANDWIDTH)
@@ -42,16 +47,6 @@ for frequency, (x, f) in recordings.items():
     damping.errorbar(frequency, b * MM, 1.96 * b_std * MM, fmt="o", label=f"{frequency:g} Hz")
 print(f"together: {pooled.note(together)}")
 
-# %% Which model explains the three together: what least squares leaves of the force.
-for name, model in MODELS.items():
-    parts = [MatchedFilter(BANDWIDTH, model=model).run(x, f, DT) for x, f in recordings.values()]
-    phi = np.vstack([np.column_stack((part.v, part.x, part.further)) for part in parts])
-    phi /= np.sqrt(np.mean(phi**2, axis=0))
-    f = np.concatenate([part.f for part in parts])
-    left = f - phi @ np.linalg.lstsq(phi, f)[0]
-    print(f"{name}: leaves {np.sqrt(np.mean(left**2)):.2f} N rms")
-
-# %% The loops are as wide at every frequency: what a cycle loses does not depend on its speed.
 b, std = together.b[-1] * MM, together.b_std[-1] * MM
 damping.axhspan(b - 1.96 * std, b + 1.96 * std, color="0.9", label="together, 95 %")
 hertz = np.linspace(0.15, 1.1, 100)
@@ -60,4 +55,21 @@ damping.set(xlabel="frequency [Hz]", ylabel="b [N s/mm]", xlim=(0.1, 1.1), ylim=
 damping.legend(frameon=False)
 loops.set(xlabel="displacement [mm]", ylabel="force about the preload [N]")
 loops.legend(frameon=False)
-figure.savefig(FOLDER / "measured_tissue.png", dpi=150)
+plt.show()
+
+# %%
+# The hysteresis loops are equally wide at every frequency: the energy that a cycle dissipates does
+# not depend on the speed of the motion. A damper would dissipate more at higher speed.
+
+# %%
+# Which model explains the three together
+# ---------------------------------------
+# The root mean square of the force that remains after a least-squares fit of each model to all
+# three recordings:
+for name, model in MODELS.items():
+    parts = [MatchedFilter(BANDWIDTH, model=model).run(x, f, DT) for x, f in recordings.values()]
+    phi = np.vstack([np.column_stack((part.v, part.x, part.further)) for part in parts])
+    phi /= np.sqrt(np.mean(phi**2, axis=0))
+    f = np.concatenate([part.f for part in parts])
+    residual = f - phi @ np.linalg.lstsq(phi, f)[0]
+    print(f"{name}: residual {np.sqrt(np.mean(residual**2)):.2f} N rms")

@@ -1,26 +1,26 @@
-"""Which model: the error of a one-step prediction tells, the estimates alone do not.
+"""
+Which model: compare the error of the force predicted one sample ahead
+======================================================================
 
-The same motion palpates five bodies, one of each kind in `MODELS`, and recursive least squares
-follows each with each model. Whatever forgets finds some b and k for anything, but the force
-that it predicts for the next sample is down to the noise with the right model alone; where
-several are, as all five on the simplest body, take the smallest.
+The same motion palpates five bodies, one of each kind in ``MODELS``, and recursive least squares is
+run on each body with each model. An estimator that forgets finds some b and k for any body, so the
+estimates do not show whether the model is right. The force predicted for the next sample does: its
+error is as small as the noise only with the right model. Where several models are equally good,
+take the one with the fewest parameters.
 """
 
 # %%
-import sys
-from pathlib import Path
-
+# Five bodies
+# -----------
+# All move alike, sampled at 250 Hz. The motion has two frequencies, since a single sine cannot
+# separate stiffness from inertia.
+import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.colors import LogNorm
-from matplotlib.figure import Figure
 
 from estimation import MODELS, identify, predicted_force
 from estimation.filters import Lag
 
-ARGUMENTS = [] if "ipykernel" in sys.modules else sys.argv[1:]  # [folder for the figure]
-FOLDER = Path(*ARGUMENTS[:1])
-
-# %% Five bodies under the same motion, at 250 Hz. One sine could not tell k from inertia.
 dt = 4e-3  # [s]
 t = np.arange(0.0, 8.0, dt)
 x = 6e-3 + 4e-3 * np.sin(2 * np.pi * 0.7 * t) + 1e-3 * np.sin(2 * np.pi * 2.3 * t)  # [m]
@@ -36,8 +36,11 @@ bodies = {
 }
 noise = np.random.default_rng(0).normal(0.0, 0.02, t.size)
 
-# %% Each with each model: root mean square of the one-step error [mN], the start left out. That of
-# sls stays above the noise, since one of its regressors, the rate of the force, is noisy itself.
+# %%
+# Every body with every model
+# ---------------------------
+# Root mean square of the one-step error [mN], without the first two seconds. The error of ``sls``
+# stays above the noise, because one of its regressors, the rate of the force, is noisy itself.
 errors = np.empty((len(bodies), len(MODELS)))
 for row, (body, force) in enumerate(bodies.items()):
     for column, model in enumerate(MODELS):
@@ -48,8 +51,9 @@ for row, (body, force) in enumerate(bodies.items()):
     print(f"{body}: {errors[row, smallest]:.1f} mN with {[*MODELS][smallest]}")
 
 # %%
-figure = Figure(figsize=(7.0, 5.0), layout="constrained")
-axes = figure.add_subplot()
+# As a table in colour
+# --------------------
+figure, axes = plt.subplots(figsize=(7.0, 5.0), layout="constrained")
 image = axes.imshow(errors, norm=LogNorm(), cmap="viridis_r")
 for (row, column), error in np.ndenumerate(errors):
     colour = "white" if error > 50.0 else "black"
@@ -58,4 +62,4 @@ axes.set_xticks(range(len(MODELS)), MODELS)
 axes.set_yticks(range(len(bodies)), bodies)
 axes.set(xlabel="model that is fitted", ylabel="body that is palpated")
 figure.colorbar(image, label="one-step error, rms [mN]")
-figure.savefig(FOLDER / "which_model.png", dpi=150)
+plt.show()

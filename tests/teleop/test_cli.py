@@ -7,6 +7,7 @@ import re
 import signal
 import subprocess
 import sys
+from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
@@ -206,7 +207,7 @@ def test_help_has_an_example(capsys, command):
 
 def test_version_is_the_packages(capsys):
     assert main(["--version"]) == 0
-    assert capsys.readouterr().out.strip() == "0.1.0"
+    assert capsys.readouterr().out.strip() == version("teleop")
 
 
 def test_help_imports_nothing_heavy():

@@ -12,7 +12,7 @@ from estimation import METHODS
 from estimation.registry import PAPER
 from teleop.cli import main
 
-MEASURED = Path(__file__).parents[4] / "shared" / "data" / "mach1"
+MEASURED = Path(__file__).parents[3] / "examples" / "data" / "mach1"
 RUN = ["run", "--clock", "virtual", "--duration", "0.6", "--condition", "autonomous"]
 
 
@@ -174,8 +174,6 @@ def test_files_for_one_recording_are_refused_for_several(capsys, tmp_path):
 
 
 def test_on_measured_tissue_the_best_beats_batch_and_the_set_is_told_apart(capsys):
-    if not MEASURED.is_dir():
-        pytest.skip("needs ../shared/data/mach1, which is not here")
     files = sorted(MEASURED.glob("*.csv"))
     assert len(files) == 3
     document = run_json(capsys, "estimate", *files, "--estimators", "rls,observer,window")

@@ -11,9 +11,7 @@ from teleop.evaluation.datum import moving_part
 from teleop.evaluation.evaluation import EstimateSettings, evaluate
 from teleop.evaluation.formats.delimited import Signals, periods, read_signals
 
-VENDORED = Path(__file__).parents[2] / "data" / "mach1"
-SHARED = Path(__file__).parents[4] / "shared" / "data" / "mach1"
-MACH1 = SHARED if SHARED.is_dir() else VENDORED
+MACH1 = Path(__file__).parents[3] / "examples" / "data" / "mach1"
 BATCH = {"0.2Hz": (940_800, 66_400), "0.5Hz": (980_000, 23_000), "1Hz": (1_007_800, 10_400)}
 """Batch least squares (k, b), from the README beside the data."""
 
@@ -32,8 +30,6 @@ def preloaded(b=20.0, k=2000.0, f0=7.0, x0=3e-3, name="Position", jitter=0.0):
 @pytest.mark.parametrize("frequency", BATCH)
 def test_measured_indentation_agrees_with_batch_least_squares(frequency):
     path = MACH1 / f"sinusoid_{frequency}.csv"
-    if not path.is_file():
-        pytest.skip("needs ../shared/data/mach1, which is not here")
     k, b = BATCH[frequency]
     evaluation = evaluate(read_signals(path), EstimateSettings())
     summary = evaluation.summary()

@@ -1,0 +1,186 @@
+"""What the site shows exists: commands, options, files, and the code that the build does not run.
+
+The build of the site runs all other commands and code blocks, see `docs/_ext/blocks.py`.
+"""
+
+from __future__ import annotations
+
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+from cyclopts import App
+
+from teleop.cli import app
+
+ROOT = Path(__file__).parents[1]
+PAGES = sorted((ROOT / "docs").glob("*.md"))
+GUIDES = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "benchmarks/README.md")]
+TESTED = ("writing-a-driver", "writing-an-estimator")
+"""Pages whose Python blocks have a test of their own."""
+KINDS = ("hardware", "emulator", "setup", "long")
+FENCE = re.compile(r"^( *)(`{3,}|:{3,})(\S*) *([^\n]*)\n(.*?)^\1\2 *$", re.MULTILINE | re.DOTALL)
+
+
+class Block(NamedTuple):
+    """A fenced block of a page."""
+
+    kind: str
+    argument: str
+    text: str
+
+    @property
+    def commands(self) -> list[str]:
+        """Its command lines, without the prompt."""
+        lines = (line.strip() for line in self.text.splitlines())
+        return [line.removeprefix("$ ") for line in lines if line.startswith("$ ")]
+
+
+def blocks(page: Path) -> list[Block]:
+    """All fenced blocks of a page, those within others as well."""
+    found = []
+    for _, _, kind, argument, text in FENCE.findall(page.read_text(encoding="utf-8")):
+        found.append(Block(kind, argument, text))
+        found += [Block(*inner[2:]) for inner in FENCE.findall(text)]
+    return found
+
+
+def not_run(page: Path) -> list[str]:
+    """The commands of a page that the build does not run."""
+    return [c for b in blocks(page) if b.kind in ("{commands}", "console") for c in b.commands]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_code_is_run_or_says_why_not(page):
+    for block in blocks(page):
+        if block.kind == "{commands}":
+            assert block.argument in KINDS
+        plain = ("console", "sh", "bash", "shell")
+        assert block.kind not in plain, "use {run}, or {commands} with the reason"
+        if page.stem not in TESTED:
+            assert block.kind != "python", "use {run-python}"
+    assert not re.search(r"^    (\$ )?teleop ", page.read_text(encoding="utf-8"), re.MULTILINE)
+
+
+@pytest.mark.parametrize("page", [*PAGES, *GUIDES], ids=lambda page: page.stem)
+def test_commands_that_are_not_run_exist_with_their_options(page):
+    for line in not_run(page):
+        for command in re.split(r" (?:&&|\|) ", line):
+            program, *arguments = shlex.split(command)
+            if Path(program).name == "teleop":
+                app.parse_args(arguments, exit_on_error=False, print_error=False)
+            elif Path(program).name == "python" and arguments[0].endswith(".py"):
+                script = (ROOT / arguments[0]).read_text(encoding="utf-8")
+                assert all(f'"{word}"' in script for word in arguments if word.startswith("--"))
+
+
+def commands(parent: App, path: tuple[str, ...] = ()) -> dict[tuple[str, ...], set[str]]:
+    """Options of every command, by the words that call it."""
+    found = {}
+    for name, command in parent.resolved_commands().items():
+        if name.startswith("-"):
+            continue
+        if command.default_command:
+            arguments = command.assemble_argument_collection()
+            found[(*path, name)] = {n for argument in arguments for n in argument.names}
+        found |= commands(command, (*path, name))
+    return found
+
+
+COMMANDS = commands(app)
+SCRIPTS = "".join(path.read_text(encoding="utf-8") for path in ROOT.glob("benchmarks/*.py"))
+OPTIONS = {"--help"}.union(*COMMANDS.values(), re.findall(r'"(--[a-z-]+)"', SCRIPTS))
+"""Every option of every command, and of every benchmark."""
+
+
+@pytest.mark.parametrize("page", [*PAGES, *GUIDES], ids=lambda page: page.stem)
+def test_options_in_the_text_exist(page):
+    text = FENCE.sub("", page.read_text(encoding="utf-8"))
+    for code in re.findall(r"`([^`]+)`", text):
+        named = set(re.findall(r"--[a-z-]+", code))
+        assert named <= OPTIONS, code
+        words = tuple(code.removeprefix("teleop ").split())
+        for path, known in COMMANDS.items():
+            if words[: len(path)] == path:
+                assert named <= known | {"--help"}, code
+
+
+@pytest.mark.parametrize("page", [*PAGES, *GUIDES], ids=lambda page: page.stem)
+def test_files_in_the_text_exist(page):
+    text = FENCE.sub("", page.read_text(encoding="utf-8"))
+    folders = "estimation|drivers|sim_backend|teleop|tests|docs|examples|rigs|benchmarks"
+    for path in re.findall(rf"`((?:{folders})/(?:[\w.-]+/)*(?:[\w-]+\.\w+)?)`", text):
+        assert path.startswith("docs/_build") or (ROOT / path).exists(), path
+
+
+def test_every_benchmark_and_every_result_is_listed():
+    listed = (ROOT / "benchmarks" / "README.md").read_text(encoding="utf-8")
+    for path in [*(ROOT / "benchmarks").glob("*.py"), *(ROOT / "benchmarks/results").iterdir()]:
+        assert f"`{path.name}`" in listed
+
+
+def test_every_estimator_has_a_section_with_a_figure():
+    from estimation.registry import BUILT_IN
+
+    text = "".join(page.read_text(encoding="utf-8") for page in PAGES)
+    for name in BUILT_IN:
+        assert f"({name})=\n## `{name}`" in text
+        assert f"```{{estimator-figure}} {name}\n" in text
+
+
+def emulator_commands() -> list[str]:
+    """The commands of the page on the emulated board, each emulator with those that follow it."""
+    return [
+        command
+        for block in blocks(ROOT / "docs" / "first-hour-board.md")
+        if (block.kind, block.argument) == ("{commands}", "emulator")
+        for command in block.commands
+    ]
+
+
+def test_the_first_hour_with_a_board_works(tmp_path):
+    pytest.importorskip("pty", reason="there are no pseudo-terminals on this system")
+    shutil.copytree(ROOT / "rigs", tmp_path / "rigs")
+    emulator = None
+    try:
+        for line in emulator_commands():
+            command = [sys.executable, "-m", *shlex.split(line)]
+            if "emulate" in command:
+                end(emulator)
+                emulator = subprocess.Popen(
+                    command, cwd=tmp_path, stdout=subprocess.PIPE, text=True
+                )
+                assert "emulated" in emulator.stdout.readline()
+            else:
+                assert works(command, tmp_path), line
+    finally:
+        end(emulator)
+
+
+def end(emulator: subprocess.Popen[str] | None) -> None:
+    """Stop an emulator, if there is one."""
+    if emulator:
+        emulator.terminate()
+        emulator.communicate(timeout=10)
+        assert emulator.returncode == 0
+
+
+def works(command: list[str], folder: Path) -> bool:
+    """Run a command of real time, briefly; again if the machine was too slow for the rig."""
+    if "run" in command:
+        command = [*command, "--duration", "1"]
+    elif "check" in command:
+        command = [*command, "--seconds", "0.5"]
+    for _ in range(4):
+        if "run" in command or "--move" in command:
+            time.sleep(1.3)  # until the plant is back at its start
+        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+        if done.returncode == 0:
+            return True
+    return False
