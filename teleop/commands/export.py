@@ -35,7 +35,7 @@ def export(
     """
     from teleop.files import check_outputs
     from teleop.output import console
-    from teleop.printable import complain
+    from teleop.printable import print_error
     from teleop.recording.export_formats import export_recording, format_of
     from teleop.recording.gaps import gap_rows, missing_text
     from teleop.recording.recording import load
@@ -59,5 +59,5 @@ def export(
     else:
         console.plain_console().print(str(out))
         if recording.gaps:
-            complain(f"{file}: {missing_text(recording.gaps)}")
+            print_error(f"{file}: {missing_text(recording.gaps)}")
     return 0

@@ -50,7 +50,7 @@ def recover(
         )
     elif recovery.damage:
         console.plain_console().print(
-            f"{out}: {recovery.ticks} ticks, {recovery.duration:.3f} s, {recovery.lost}"
+            f"{out}: {recovery.ticks} ticks, {recovery.duration:.3f} s, {recovery.loss}"
         )
     else:
         console.plain_console().print(

@@ -123,7 +123,7 @@ def run(
     from teleop.files import check_outputs, make_folder
     from teleop.output import console
     from teleop.output.trial_tables import print_trial
-    from teleop.printable import complain, give_up_output
+    from teleop.printable import discard_output, print_error
     from teleop.rig.loading import load_rig_file
     from teleop.safety.events import time_text
     from teleop.trial.run import run_trial
@@ -180,7 +180,7 @@ def run(
             except InputError as error:
                 problems.append(str(error))
         elif plot:
-            complain(f"{plot}: not drawn: nothing was estimated")
+            print_error(f"{plot}: not drawn: nothing was estimated")
         try:
             if json:
                 console.print_json(trial.summary())
@@ -189,10 +189,10 @@ def run(
         except OSError as error:
             if not (trial.fault or problems):
                 raise
-            problems.append(give_up_output(error))
+            problems.append(discard_output(error))
     if trial.fault:
         for problem in problems:
-            complain(problem)
+            print_error(problem)
         raise SafetyStop(f"stopped {time_text(trial.fault['time'])}: {trial.fault['text']}")
     if problems:
         raise InputError("; ".join(problems))

@@ -28,9 +28,9 @@ NAMES = {
 
 
 def to_document(settings: TrialSettings) -> dict[str, Any]:
-    """Return the settings as values of JSON, together with values that follow from them.
+    """Return the settings as values of JSON, together with values derived from them.
 
-    An infinite number is the text `Infinity`, so that `from_document` restores it.
+    An infinite number becomes the text `Infinity`, which `from_document` converts back.
     """
     stated = {field.name: getattr(settings, field.name) for field in fields(settings)}
     if rig := settings.rig:
@@ -53,9 +53,9 @@ def from_document(document: Mapping[str, Any]) -> TrialSettings:
     Raises
     ------
     InputError
-        A setting is missing or not as expected, as in the documents of teleop 0.1.
+        A setting is missing or invalid, as in the documents of teleop 0.1.
     """
-    given = {name: document.get(NAMES.get(name, name), MISSING) for name in known()}
+    given = {name: document.get(NAMES.get(name, name), MISSING) for name in setting_names()}
     missing = [NAMES.get(name, name) for name, value in given.items() if value is MISSING]
     if missing:
         raise InputError(f"settings of a trial: no {', '.join(missing)}")
@@ -68,21 +68,28 @@ def from_document(document: Mapping[str, Any]) -> TrialSettings:
 
 
 MISSING = object()
+"""Stands for a setting that a document does not have."""
 
 
-def known() -> list[str]:
+def setting_names() -> list[str]:
     """Return the names of all settings."""
     return [field.name for field in fields(TrialSettings)]
 
 
 @cache
 def adapter() -> TypeAdapter[TrialSettings]:
-    """Return what makes settings from values of JSON."""
+    """Return the pydantic adapter that creates settings from values of JSON."""
     return TypeAdapter(TrialSettings)
 
 
 def rig_file(document: Any) -> RigFile:
-    """Return the rig file whose text stands in a document; InputError if it is not as expected."""
+    """Return the rig file whose path and text a document contains.
+
+    Raises
+    ------
+    InputError
+        The path or the text is missing, or the text is not a valid rig file.
+    """
     try:
         return parse_rig_file(Path(document["path"]), document["toml"])
     except (TypeError, KeyError) as error:

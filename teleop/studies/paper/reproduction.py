@@ -140,7 +140,7 @@ def check_folder(folder: Path, overwrite: bool) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except FileExistsError as error:
-        raise InputError(f"{folder}: expected a folder, this is a file") from error
+        raise InputError(f"{folder}: is a file: expected a folder") from error
     except OSError as error:
         raise unwritable(folder, error) from error
     drawings = (f"{name}{ending}" for name in CAPTIONS for ending in (".png", ".svg"))
