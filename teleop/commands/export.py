@@ -1,4 +1,4 @@
-"""`teleop export`: a recording for other programs."""
+"""`teleop export`: a recording as CSV, HDF5, MATLAB or Parquet."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ def export(
     overwrite: Overwrite = False,
     json: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
-    """Write a recording as CSV, HDF5, MATLAB or Parquet, every number with all of its digits.
+    """Convert a recording to CSV, HDF5, MATLAB or Parquet, with all digits of every number.
 
     Example: `teleop export trial.mcap --out trial.mat`
 
     Parameters
     ----------
     file
-        A recording of teleop run (.mcap).
+        Recording of teleop run (.mcap).
     out
-        The file to write; its ending, of .csv, .h5, .mat and .parquet, tells the format. By
-        default beside the recording, with the ending .csv. HDF5 and Parquet need
+        File to write; its ending .csv, .h5, .mat or .parquet selects the format. Default: the
+        name of the recording with the ending .csv. HDF5 and Parquet need
         `pip install '.[export]'`.
     json
-        Print one JSON document instead of the file's name.
+        Print one JSON document instead of the file name.
     """
     from teleop.files import check_outputs
     from teleop.output import console

@@ -151,7 +151,7 @@ def test_estimate_prints_the_estimators_beside_batch_least_squares(capsys, recor
             [__file__, "is a file: expected a folder"],
         ),
         (["run", "--record", "run.csv"], ["run.csv", "ending in .mcap"]),
-        (["run", "--record", "a.mcap", "--no-record"], ["expected one of them"]),
+        (["run", "--record", "a.mcap", "--no-record"], ["expected at most one of them"]),
         (["run", "--tare", "nothing.json"], ["nothing.json: no such file"]),
         (["run", "--realtime", "maybe"], ["maybe", "require"]),
         (["run", "--plot", "run.xyz"], ["run.xyz", ".png"]),

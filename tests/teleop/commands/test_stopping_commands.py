@@ -95,7 +95,7 @@ def test_a_run_that_is_stopped_before_arming_is_not_drawn_and_says_so(monkeypatc
     monkeypatch.setattr("teleop.trial.stop_switch.StopSwitch.request", request)
     arguments = ["run", "--clock", "virtual", "--no-record", "--plot", "a.png"]
     assert main(arguments) == 130
-    assert "a.png: not drawn: nothing was estimated" in capsys.readouterr().err
+    assert "a.png: not drawn: there are no estimates" in capsys.readouterr().err
     assert not Path("a.png").exists()
 
 
