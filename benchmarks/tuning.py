@@ -1,8 +1,11 @@
-"""Each constant of `estimation/tuning.py` and its multiples: `python benchmarks/tuning.py`.
+"""Effect of each constant of `estimation/tuning.py` and its multiples.
 
-For a value and its multiples: the longest time until k is and stays within 5 % of a cube that was
-swapped, 2000 to 20 000 N/m and back, over several phases of a motion of 3 Hz, and the deviation of
-k that noise makes while the cube stays. The time allowed is 0.3 s, as in `benchmarks/swap.py`.
+    python benchmarks/tuning.py
+
+For each value, two numbers are printed. The first is the longest time until k stays within 5 %
+after a change of the cube from 2000 to 20 000 N/m or back, over several phases of a motion of 3 Hz.
+The second is the standard deviation of k from noise while the cube does not change. The allowed
+time is 0.3 s, as in `benchmarks/swap.py`.
 """
 
 from __future__ import annotations
@@ -44,13 +47,13 @@ METHOD_OF = {
 FACTORS = (0.5, 0.8, 1.0, 1.25, 2.0)
 PHASES = 8
 LASTING = 2.0
-"""How long each of soft, hard and soft again is there [s]."""
+"""Duration of each of the three phases soft, hard and soft [s]."""
 SOFT, HARD = 2000.0, 20_000.0
 FREQUENCY = 3.0
 
 
 def case(name: str, phase: float) -> tuple[float, float]:
-    """Seconds until k is within 5 % for good, and the deviation of k from noise, as a share."""
+    """Return the time until k stays within 5 % [s], and the relative deviation of k from noise."""
     t = np.arange(round(3 * LASTING * RATE)) / RATE
     omega = 2.0 * math.pi * FREQUENCY
     x = DEPTH + 3e-3 * np.sin(omega * t + phase)
