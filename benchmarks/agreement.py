@@ -1,12 +1,13 @@
-"""Trials over the wire beside the simulated rig in one process: do the estimates agree?
+"""Compares the estimates of trials on emulated rigs with those on the simulated rig.
 
     python benchmarks/agreement.py             # three rigs, three conditions, 10 s each
     python benchmarks/agreement.py --rigs serial-board --seconds 4
 
-Each rig's devices are emulated in another process, behind pseudo-terminals; operator and cube are
-the same, down to the seed. A percentage is the difference from the estimate of `teleop run` without
-wires, each the mean over its trial. Damping is k times whatever time is lost between force and
-position: 1 N s/m of it is half a millisecond on the soft cube.
+The devices of each rig are emulated in another process and connected by pseudo-terminals. The
+simulated operator, the cube and the seed are the same as on the simulated rig, which runs within
+one process. A percentage is the difference of the mean estimate over the trial from that on the
+simulated rig. A delay between force and position changes the damping by k times the delay: half a
+millisecond changes it by 1 N s/m on the soft cube.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ CONDITIONS = ("free", "mimic", "autonomous")
 
 
 def run(condition: str, seconds: float, *arguments: str | Path) -> dict[str, Any]:
-    """A trial's summary."""
+    """Run a trial and return its summary."""
     command = [sys.executable, "-m", "teleop", "run", "--condition", condition, "--no-record",
                "--duration", str(seconds), "--json", *map(str, arguments)]  # fmt: skip
     done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=False)
@@ -51,7 +52,7 @@ def main() -> None:
 
 
 def row(condition: str, name: str, wired: dict[str, Any], plain: dict[str, Any]) -> None:
-    """One line of the table."""
+    """Print one line of the table."""
     cells = ""
     for estimator, truth in plain["estimates"].items():
         found = wired["estimates"].get(estimator, {"k": float("nan"), "b": float("nan")})

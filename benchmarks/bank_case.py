@@ -1,4 +1,4 @@
-"""What the benchmarks of the bank share: signals, every method's bank, tables."""
+"""Signals, banks of estimators and tables that several benchmarks of the estimators use."""
 
 from __future__ import annotations
 
@@ -12,28 +12,28 @@ from rich.table import Table
 from estimation import METHODS, Axis, Bank, Gate, Grid, Preset, compiled, paper_preset
 
 compiled.WORTH_COMPILING = 0
-"""However few samples, `run` is compiled here."""
+"""`run` is compiled for any number of samples."""
 
 RATE = 1000.0
-"""Samples a second [Hz]."""
+"""Samples per second [Hz]."""
 NOISE = 0.02
 """Standard deviation of the force [N]."""
 B, K = 20.0, 2100.0
-"""The Kelvin-Voigt plant, [N s/m] and [N/m]."""
+"""Damping [N s/m] and stiffness [N/m] of the Kelvin-Voigt plant."""
 EXPONENT = 1.3
-"""n of the Hunt-Crossley plant, whose b and k at `DEPTH` are those of the Kelvin-Voigt plant."""
+"""Exponent n of the Hunt-Crossley plant; its b and k at `DEPTH` are those of Kelvin-Voigt."""
 DEPTH = 5e-3
 """Mean displacement [m]."""
 
 
 def fine_preset() -> Preset:
-    """The paper's for the soft cube, with a multi-estimator's grid that is finer than noise."""
+    """Return the paper's preset for the soft cube, with a grid step below the effect of noise."""
     grid = Grid(b=Axis(-500.0, 500.0, 100_001), k=Axis(0.0, 40_000.0, 1_000_001))
     return replace(paper_preset("soft"), grid=grid)
 
 
 def bank_of(names: Sequence[str], gated: bool = False) -> Bank:
-    """A fresh bank of these methods, behind the preset's gate or without one."""
+    """Return a new bank of estimators, with the preset's gate or without one."""
     preset = fine_preset()
     gate = Gate(preset.gate) if gated and preset.gate else None
     return Bank({name: METHODS[name](preset) for name in names}, gate)
@@ -44,13 +44,13 @@ def hunt_crossley(name: str) -> bool:
 
 
 def excitation(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Persistently exciting displacement [m] and its exact derivative [m/s]."""
+    """Return a persistently exciting displacement [m] and its exact derivative [m/s]."""
     x = DEPTH + 3e-3 * np.sin(8.0 * t) + 0.5e-3 * np.sin(31.0 * t)
     return x, 24e-3 * np.cos(8.0 * t) + 15.5e-3 * np.cos(31.0 * t)
 
 
 def hunt_crossley_force(x: np.ndarray, v: np.ndarray, b: float, k: np.ndarray | float):
-    """K x^n + B x^n v, with the damping b and the stiffness k at `DEPTH`."""
+    """Return K x^n + B x^n v [N], with damping b and stiffness k at `DEPTH`."""
     relative = (x / DEPTH) ** EXPONENT
     return relative * (k * DEPTH + b * v)
 

@@ -1,4 +1,4 @@
-"""What others have of our methods, each to be run over the same samples."""
+"""Implementations of the estimators in other libraries, run on the same samples."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from statsmodels.regression.rolling import RollingOLS
 from estimation import paper_preset
 
 Peer = tuple[str, Callable[[], object]]
-"""Name of our method of the same equations, or nearly, and the peer's run."""
+"""Name of the estimator with the same or similar equations, and a function that runs the peer."""
 
 
 def peers(x: np.ndarray, v: np.ndarray, f: np.ndarray) -> dict[str, Peer]:
-    """The peers by name; all but those of statsmodels take sample by sample."""
+    """Return the peers by name; all except those of statsmodels process one sample at a time."""
     phi = np.column_stack((v, x))
     rows = [row.reshape(1, 2) for row in phi]
     named = [{"v": a, "x": b} for a, b in phi.tolist()]

@@ -1,8 +1,9 @@
-"""Signal conditioning chosen by parameter error: `python benchmarks/conditioning.py`.
+"""Parameter errors with each signal conditioning: `python benchmarks/conditioning.py`.
 
-The nine trials of the paper's rig, on linear cubes with the encoder's counts and the force
-noise but without lag, so that the true b and k are known exactly. RLS has the paper's
-settings. Each figure is the root mean square over the nine trials.
+The motions are those of the nine trials of the paper. The cubes are linear, so that the true b and
+k are known exactly. The signals have the quantisation of the encoder and the noise of the force
+sensor, but no lag. RLS has the paper's settings. Each number is the root mean square over the nine
+trials.
 """
 
 from __future__ import annotations
@@ -37,11 +38,11 @@ CONDITIONERS: dict[str, Conditioner] = {
     "matched, 50 Hz": MatchedFilter(50.0),
 }
 SETTLED = slice(1500, 9400)
-"""After the start and before the autonomous condition ramps out."""
+"""Samples after the start and before the final ramp of the autonomous condition."""
 
 
 def signals(condition: str, cube: str) -> tuple[Cube, np.ndarray, np.ndarray, np.ndarray]:
-    """A linear cube, and position, true velocity and force of the trial's motion on it."""
+    """Return a linear cube, and position, true velocity and force for the motion of a trial."""
     trial = run_trial(TrialSettings(condition=condition, cube=cube, clock="virtual"))
     linear = replace(CUBES[cube], k3=0.0)
     plant = Plant(linear, PlantParameters(contact_force_lag=1e-6))

@@ -1,4 +1,4 @@
-"""An example rig's devices, emulated in another process."""
+"""Emulation of an example rig in another process."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ RIGS = Path(__file__).parents[1] / "rigs"
 
 @contextmanager
 def emulated(name: str, condition: str = "autonomous") -> Iterator[Path]:
-    """An example rig in another process; the rig file to use against it."""
+    """Emulate an example rig in another process; yield the rig file for runs with it."""
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "run.toml"
         process = subprocess.Popen(

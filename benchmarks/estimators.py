@@ -1,8 +1,8 @@
-"""Cost of a sample, the whole bank's and peers', in one run: `python benchmarks/estimators.py`.
+"""Time per sample of each estimator, of the bank and of peers: `python benchmarks/estimators.py`.
 
-Each figure is the fastest of many short repeats, since the machine is shared. All methods together
-shall take less than 1 us a sample compiled, and less than 60 us interpreted. Needs the extras
-`fast`, `test` and `dev`.
+Each number is the shortest time of many short repetitions, because the machine is shared. All
+estimators together should take less than 1 us per sample compiled, and less than 60 us
+interpreted. Requires the extras `fast`, `test` and `dev`.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ from estimation.compiled import compiled_sweep, interpreted_sweep
 
 RATE = 1000.0
 ROUNDS = 3
-"""How often each method has its turn: what else the machine does comes and goes."""
+"""Repetitions of the whole series, because the load of the machine varies."""
 Costs = Mapping[str, tuple[float, float, float]]
-"""Compiled, interpreted, and by `update`, each in seconds a sample."""
+"""Time per sample compiled, interpreted, and by `update` [s], by the name of the estimator."""
 
 
 def palpation(samples: int) -> tuple[np.ndarray, ...]:
-    """Pokes of a second on a soft cube, with noise: x, v, f."""
+    """Return x, v and f of one palpation per second on a soft cube, with noise."""
     rng = np.random.default_rng(0)
     t = np.arange(samples) / RATE
     x = 5e-3 - 4e-3 * np.cos(2 * np.pi * t) + 0.05e-3 * np.sin(2 * np.pi * 9.7 * t)
@@ -39,7 +39,7 @@ def palpation(samples: int) -> tuple[np.ndarray, ...]:
 
 
 def per_sample(run: Callable[[], object], samples: int, repeats: int = 9) -> float:
-    """Seconds a sample, the fastest of several repeats after one to warm up."""
+    """Return the shortest time per sample of several repetitions [s], after one unmeasured run."""
     run()
     best = math.inf
     for _ in range(repeats):
@@ -52,14 +52,14 @@ def per_sample(run: Callable[[], object], samples: int, repeats: int = 9) -> flo
 def swept(
     sweep: Callable[..., object], estimator: Estimator, samples: int, repeats: int = 9
 ) -> float:
-    """Cost of a sweep, from the estimator's present state each time."""
+    """Return the time per sample of a sweep, which starts from the same state each time."""
     given = estimator.as_taken(checked_samples(*palpation(samples), 1.0 / RATE))
     law, state = estimator.law, estimator.state
     return per_sample(lambda: sweep(law, deepcopy(state), given), samples, repeats)
 
 
 def updated(update: Callable[..., object], samples: int = 600) -> float:
-    """Cost of `update`, sample by sample."""
+    """Return the time of one call of `update`."""
     rows = np.column_stack((*palpation(samples), np.full(samples, 1.0 / RATE))).tolist()
 
     def run() -> None:
@@ -78,7 +78,7 @@ def costs(estimator: Estimator) -> tuple[float, float, float]:
 
 
 def bank_costs(bank: Bank, samples: int = 50_000) -> tuple[float, float]:
-    """Of `Bank.run` and of `Bank.update`."""
+    """Return the time per sample of `Bank.run` and of `Bank.update`."""
     x, v, f = palpation(samples)
     run = per_sample(lambda: bank.run(x, v, f, 1.0 / RATE), samples)
     return run, updated(bank.update)

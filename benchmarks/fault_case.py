@@ -1,4 +1,4 @@
-"""A trial in which a fault is to set in: its clock can lose time, its recorder can die."""
+"""A trial into which a fault is injected: its clock can skip periods, its recorder can end."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ FLUSHED = 80
 
 
 class CampaignClock(VirtualClock):
-    """Virtual time that can be lost."""
+    """Virtual time of which periods can be skipped."""
 
     def __init__(self, rate: float) -> None:
         super().__init__(rate)
@@ -37,7 +37,7 @@ class CampaignClock(VirtualClock):
 
 
 class FileSink(Sink):
-    """The recorder's file without its process: flushed as often, killed without being closed."""
+    """The file of the recorder in the same process: with the same flushes, and never closed."""
 
     def __init__(self, path: Path, layout: Layout, columns: Any) -> None:
         self.path = path
@@ -58,7 +58,7 @@ class FileSink(Sink):
             self._file.event(event_record(event))
 
     def kill(self) -> None:
-        """As SIGKILL: nothing more reaches the file, not even what was taken in."""
+        """Have the effect of SIGKILL: nothing is written any more, not even buffered data."""
         self.alive = False
         rest = self.path.with_suffix(".killed.mcap")
         rest.write_bytes(self.path.read_bytes())
@@ -66,7 +66,7 @@ class FileSink(Sink):
         self.path = rest
 
     def fill(self) -> None:
-        """As a disk that is full."""
+        """Have the effect of a full disk."""
 
         def refuse(data: bytes) -> int:
             self._file._disk.error = OSError(28, "No space left on device")
@@ -80,7 +80,7 @@ class FileSink(Sink):
 
 
 class Case:
-    """One trial with a fault to come."""
+    """One trial into which a fault will be injected."""
 
     def __init__(self, settings: TrialSettings, rig: FaultyRig, clock: Any) -> None:
         self.settings, self.rig, self.clock = settings, rig, clock
@@ -102,12 +102,12 @@ class Case:
 
     @property
     def speed(self) -> float:
-        """What the slave's drive is told, truly [m/s]."""
+        """Velocity command at the simulated slave drive [m/s]."""
         return self.sim._applied.slave_velocity
 
     @property
     def force(self) -> float:
-        """The true contact force [N]."""
+        """True contact force [N]."""
         return self.sim.plant.slave.force
 
     @property

@@ -1,4 +1,4 @@
-"""The kinds of fault of the campaign: how each sets in, what it may be called, its bound."""
+"""Kinds of fault of the campaign: how each is injected, its allowed names, and its time limit."""
 
 from __future__ import annotations
 
@@ -30,7 +30,8 @@ WATCHDOG = 0.1
 
 Inject = Callable[[Case], Any]
 Evidence = Callable[[Case, float, float], bool]
-"""Of the case, the travel commanded so far [m] and the change of velocity commanded [m/s]."""
+"""Whether a fault can be detected, from the case and the commanded travel [m] and change of
+velocity [m/s] since the injection."""
 
 
 def at_once(case: Case, travel: float, change: float) -> bool:
@@ -43,15 +44,15 @@ class Kind:
 
     inject: Inject
     faults: frozenset[Fault | None]
-    """What it may be called; None where the run must go on."""
+    """Faults that may be reported; None if the run must continue."""
     bound: float
-    """Time from the fault's evidence to a commanded speed of zero [s]."""
+    """Longest time from when the fault can be detected to a commanded speed of zero [s]."""
     source: str = ""
-    """Where it must be said to come from."""
+    """Source that must be reported; empty for any."""
     evidence: Evidence = at_once
-    """Whether it can be known yet."""
+    """Whether the fault can be detected yet."""
     ends: bool = False
-    """Whether the run must come to an orderly end."""
+    """Whether the run must end with a stop that is not a fault."""
 
 
 def rig_fault(make: Callable[[Case], RigFault]) -> Inject:
@@ -59,12 +60,12 @@ def rig_fault(make: Callable[[Case], RigFault]) -> Inject:
 
 
 def moved(case: Case, travel: float, change: float) -> bool:
-    """A frozen encoder shows once its drive has travelled."""
+    """Return whether the drive has moved far enough to detect a frozen encoder."""
     return travel > FROZEN * case.settings.setup.depth
 
 
 def accelerated(case: Case, travel: float, change: float) -> bool:
-    """A frozen velocity shows once another one has been commanded."""
+    """Return whether the commanded velocity has changed enough to detect a frozen one."""
     return change > FROZEN_SPEED * case.limits.max_velocity
 
 
@@ -81,12 +82,12 @@ def break_condition(case: Case) -> None:
 
 
 def runaway(case: Case) -> RigFault:
-    most = case.limits.max_velocity
-    return Runaway(case.random.choice((-1.0, 1.0)) * case.random.uniform(0.3, 1.0) * most)
+    fastest = case.limits.max_velocity
+    return Runaway(case.random.choice((-1.0, 1.0)) * case.random.uniform(0.3, 1.0) * fastest)
 
 
 class Shove:
-    """An operator who pushes on to three times the depth, at half of the greatest speed."""
+    """An operator who pushes to three times the depth, at half of the greatest speed."""
 
     def __init__(self, case: Case) -> None:
         self.before, self.start = case.sim._operator, case.clock.now() - case.sim._start
@@ -107,7 +108,7 @@ def shove(case: Case) -> None:
 
 
 class Inclusion(Cube):
-    """A cube with something ten times as stiff inside, from the present depth on."""
+    """A cube with a part that is ten times as stiff, from the present depth on."""
 
     def force(self, x: float, v: float) -> float:
         hard = max(x - self.surface, 0.0) * self.stiffness  # type: ignore[attr-defined]
@@ -123,7 +124,7 @@ def include(case: Case) -> None:
 
 
 def back(case: Case, travel: float, change: float) -> bool:
-    """A loop that stalled finds out once it is back; until then the drives' watchdog acts."""
+    """Return True: a stalled loop detects it at its next tick; until then the watchdogs act."""
     return True
 
 
@@ -132,10 +133,10 @@ def over_force(case: Case, travel: float, change: float) -> bool:
 
 
 def interrupt(times: int) -> Inject:
-    def ask(case: Case) -> None:
+    def signal(case: Case) -> None:
         case.switch.count, case.switch.reason = times, "Ctrl-C"
 
-    return ask
+    return signal
 
 
 def press(case: Case) -> None:
@@ -187,7 +188,10 @@ def sensor_kinds() -> dict[str, Kind]:
 
 
 def late_jumps() -> None:
-    """A jump seen late in real time may be possible, and then passes a limit instead."""
+    """Allow a limit fault for a jump in real time.
+
+    If the next tick is late, the jump may be a possible change, and then exceeds a limit instead.
+    """
     for channel, fault in (
         ("contact_force", Fault.FORCE_LIMIT),
         ("slave_position", Fault.POSITION_LIMIT),
@@ -208,7 +212,7 @@ def die(case: Case) -> None:
     case.killed = True
 
 
-GOES_ON: frozenset[Fault | None] = frozenset({None})
+CONTINUES: frozenset[Fault | None] = frozenset({None})
 KINDS = sensor_kinds() | {
     "drive error": Kind(
         rig_fault(lambda case: Reported("overcurrent")), frozenset({Fault.DRIVE_ERROR}), PERIOD
@@ -221,7 +225,7 @@ KINDS = sensor_kinds() | {
     "emergency-stop key": Kind(press, frozenset({Fault.EMERGENCY_STOP}), PERIOD),
     "contact force over limit": Kind(
         rig_fault(lambda case: Shifted("contact_force", 0.0, 3000.0)),
-        # a force to which the drive does not give way may be told by that first
+        # the drive does not deflect under this force, which may be detected first
         frozenset({Fault.FORCE_LIMIT, Fault.NOT_FOLLOWING}),
         PERIOD,
         evidence=over_force,
@@ -229,7 +233,7 @@ KINDS = sensor_kinds() | {
     "inclusion in the tissue": Kind(
         include, frozenset({None, Fault.FORCE_LIMIT}), PERIOD, evidence=over_force
     ),
-    "operator pushes past limits": Kind(shove, GOES_ON, math.inf),
+    "operator pushes past limits": Kind(shove, CONTINUES, math.inf),
     "runaway plant": Kind(
         rig_fault(runaway),
         frozenset({Fault.NOT_FOLLOWING, Fault.VELOCITY_LIMIT, Fault.FROZEN}),
@@ -244,9 +248,9 @@ KINDS = sensor_kinds() | {
         break_estimator, frozenset({Fault.ESTIMATION_FAILURE}), RAMP + PERIOD
     ),
     "exception in the condition": Kind(break_condition, frozenset({Fault.CONTROL_FAILURE}), RAMP),
-    "disk full": Kind(recorder("fill"), GOES_ON, math.inf),
-    "recorder killed": Kind(recorder("kill"), GOES_ON, math.inf),
-    "controller killed": Kind(die, GOES_ON, WATCHDOG + PERIOD),
-    "Ctrl-C": Kind(interrupt(1), GOES_ON, RAMP, ends=True),
-    "Ctrl-C twice": Kind(interrupt(2), GOES_ON, PERIOD, ends=True),
+    "disk full": Kind(recorder("fill"), CONTINUES, math.inf),
+    "recorder killed": Kind(recorder("kill"), CONTINUES, math.inf),
+    "controller killed": Kind(die, CONTINUES, WATCHDOG + PERIOD),
+    "Ctrl-C": Kind(interrupt(1), CONTINUES, RAMP, ends=True),
+    "Ctrl-C twice": Kind(interrupt(2), CONTINUES, PERIOD, ends=True),
 }

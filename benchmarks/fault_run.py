@@ -1,4 +1,4 @@
-"""One case of the campaign: lets a fault set in, and holds what becomes of it against its kind."""
+"""One case of the campaign: injects a fault and checks the reaction against its kind."""
 
 from __future__ import annotations
 
@@ -8,24 +8,24 @@ from pathlib import Path
 from typing import Any
 
 from fault_case import FLUSHED, Case, FileSink
-from fault_kinds import GOES_ON, KINDS, at_once
+from fault_kinds import CONTINUES, KINDS, at_once
 
 from teleop.recording.mcap_reader import read_intact
 from teleop.recording.recording import load
 from teleop.safety import Mode
 
 SETTLE = 60
-"""Ticks that are run after standstill, for the contact force to reach its peak."""
+"""Number of ticks after standstill, in which the contact force reaches its peak."""
 LONGEST = 1500
-"""Ticks after which a fault that could not show itself is let go."""
+"""Number of ticks after which a fault that cannot be detected is given no more time."""
 OVERSHOOT = 0.05
-"""Overshoot of the hard force limit that is stated, as a share of it."""
+"""Allowed overshoot of the hard force limit, as a fraction of it."""
 
 
 def run_case(case: Case, name: str, folder: Path, slack: float = 0.0) -> dict[str, Any]:
-    """Let a fault set in now, and see what becomes of it.
+    """Inject a fault now, run until standstill, and return the result.
 
-    The slack [s] is what a tick may be late by on a machine in real time.
+    `slack` is the allowed lateness of a tick in real time [s].
     """
     kind = KINDS[name]
     sink = FileSink(folder / f"{os.getpid()}.mcap", case.layout, case.layout.columns)
@@ -65,7 +65,7 @@ def run_case(case: Case, name: str, folder: Path, slack: float = 0.0) -> dict[st
         done = tripped or not alive or case.killed
         if done and quiet > SETTLE:
             break
-        if n > 400 and kind.faults == GOES_ON and not (case.killed or kind.ends):
+        if n > 400 and kind.faults == CONTINUES and not (case.killed or kind.ends):
             break
     for other in case.sinks:
         other.close()

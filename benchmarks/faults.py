@@ -1,14 +1,14 @@
-"""The fault campaign: every kind of fault at random instants under every condition.
+"""The fault campaign: every kind of fault at random times under every condition.
 
-    python benchmarks/faults.py                     # 500 instants a kind and condition
+    python benchmarks/faults.py                     # 500 times per kind and condition
     python benchmarks/faults.py --instants 50
-    python benchmarks/faults.py --real 2            # and in real time, twice each
+    python benchmarks/faults.py --real 2            # also in real time, twice each
 
-In virtual time a trial runs once for each condition and cube; at each instant it forks, and in
-the child the fault sets in. What the drives are told and the true contact force come from the
-simulated plant, not from what the controller reads. Prints, for each kind, the longest time to
-standstill beside its bound and the greatest overshoot of the hard force limit; exits with 1 if
-any case is not as docs/safety.md states.
+In virtual time, a trial runs once for each condition and cube. At each of the random times it
+forks, and the fault is injected in the child process. The commands to the drives and the true
+contact force are read from the simulated plant, not from the controller's measurements. For each
+kind, the longest time to standstill with its limit and the greatest overshoot of the hard force
+limit are printed. The exit code is 1 if any case differs from docs/safety.md.
 """
 
 from __future__ import annotations
@@ -34,11 +34,11 @@ from teleop.trial.assembly import make_clock, make_rig
 from teleop.trial.settings import TrialSettings
 
 LATE = 0.02
-"""How late a tick may be in real time without a real-time set-up [s]."""
+"""Allowed lateness of a tick in real time without real-time settings [s]."""
 
 
 def virtual(condition: str, cube: str, names: list[str], instants: int, seed: int) -> list[dict]:
-    """All kinds at some instants of one trial, each in a child of its own."""
+    """Run all kinds at random times of one trial, each in its own child process."""
     settings = TrialSettings(condition=condition, cube=cube, clock="virtual", duration=7.0)
     clock = CampaignClock(settings.rate)
     rig = FaultyRig(make_rig(settings, clock.now))
@@ -57,26 +57,26 @@ def virtual(condition: str, cube: str, names: list[str], instants: int, seed: in
 
 
 def forked(case: Case, name: str, folder: Path, seed: float) -> dict[str, Any]:
-    """One case in a child process."""
+    """Run one case in a child process and return its result."""
     readable, writable = os.pipe()
     child = os.fork()
     if child == 0:
         try:
             case.random.seed(seed)
-            answer = json.dumps(run_case(case, name, folder))
+            result = json.dumps(run_case(case, name, folder))
         except BaseException as error:
-            answer = json.dumps({"kind": name, "problems": [f"campaign: {error!r}"], "stop": 0.0})
-        os.write(writable, answer.encode())
+            result = json.dumps({"kind": name, "problems": [f"campaign: {error!r}"], "stop": 0.0})
+        os.write(writable, result.encode())
         os._exit(0)
     os.close(writable)
     with os.fdopen(readable, "rb") as pipe:
-        answer = pipe.read()
+        data = pipe.read()
     os.waitpid(child, 0)
-    return json.loads(answer)
+    return json.loads(data)
 
 
 def workers(jobs: list[tuple[Any, ...]]) -> list[dict[str, Any]]:
-    """Run jobs of `virtual`, as many at a time as there are processors."""
+    """Run `virtual` for each job, with one process per processor."""
     from concurrent.futures import ProcessPoolExecutor
 
     with ProcessPoolExecutor(os.cpu_count()) as pool:
@@ -85,7 +85,7 @@ def workers(jobs: list[tuple[Any, ...]]) -> list[dict[str, Any]]:
 
 
 def real(condition: str, cube: str, name: str, seed: int) -> dict[str, Any]:
-    """One case in real time, from the start of a trial."""
+    """Run one case in real time, from the start of a trial."""
     settings = TrialSettings(condition=condition, cube=cube, duration=3.0)
 
     class Clock(type(make_clock(settings))):  # type: ignore[misc]
@@ -110,22 +110,22 @@ def real(condition: str, cube: str, name: str, seed: int) -> dict[str, Any]:
 
 
 def table(results: list[dict[str, Any]]) -> int:
-    """Print what became of each kind; the number of bad cases."""
+    """Print a line for each kind; return the number of cases with a problem."""
     print(f"{'kind':<30}{'cases':>7}{'due':>7}{'stop [ms]':>11}{'bound':>8}{'overshoot':>11}  bad")
     bad = 0
     for name, kind in KINDS.items():
         rows = [r for r in results if r["kind"] == name]
         if not rows:
             continue
-        wrong = [r for r in rows if r["problems"]]
-        bad += len(wrong)
+        failed = [r for r in rows if r["problems"]]
+        bad += len(failed)
         bound = "-" if math.isinf(kind.bound) else f"{kind.bound * 1e3:.0f}"
         print(
             f"{name:<30}{len(rows):>7}{sum(r.get('due', False) for r in rows):>7}"
             f"{max(r['stop'] for r in rows) * 1e3:>11.1f}{bound:>8}"
-            f"{max(r.get('overshoot', 0.0) for r in rows):>10.1%}  {len(wrong)}"
+            f"{max(r.get('overshoot', 0.0) for r in rows):>10.1%}  {len(failed)}"
         )
-        for row in wrong[:3]:
+        for row in failed[:3]:
             print(f"    {row.get('condition')}, {row.get('cube')}, {row.get('instant', 0):.3f} s: "
                   f"{'; '.join(row['problems'])}")  # fmt: skip
     return bad
@@ -134,8 +134,8 @@ def table(results: list[dict[str, Any]]) -> int:
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--instants", type=int, default=500, help="for each kind and condition")
-    parser.add_argument("--kind", action="append", choices=sorted(KINDS), help="these alone")
-    parser.add_argument("--real", type=int, default=0, help="runs of each in real time as well")
+    parser.add_argument("--kind", action="append", choices=sorted(KINDS), help="only these kinds")
+    parser.add_argument("--real", type=int, default=0, help="also runs of each in real time")
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
     names = options.kind or list(KINDS)

@@ -1,11 +1,11 @@
-"""Malformed input to every parser of the wire: a million each must raise nothing and hang nothing.
+"""Malformed input to every parser of the drivers, which must not raise an exception or hang.
 
     python benchmarks/fuzz.py                  # 10^6 inputs to each, about ten minutes
     python benchmarks/fuzz.py --inputs 1000
 
-An input is a good frame with a few of its bytes changed, left out, doubled or cut, or plain noise;
-what the parsers give back is not judged here but in the tests. The slowest input is told: a parser
-that hangs would show there.
+An input is a valid frame of which some bytes are changed, removed, duplicated or inserted. The
+results of the parsers are not checked here, but in the tests. The time of the slowest input is
+printed, which shows a parser that hangs.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ GOOD = {
 
 
 def malformed(good: bytes, chance: random.Random) -> bytes:
-    """A good frame made bad, or noise."""
+    """Return a malformed copy of a valid frame."""
     data = bytearray(good)
     for _ in range(chance.randrange(1, 5)):
         at = chance.randrange(len(data) + 1)
@@ -57,13 +57,13 @@ def malformed(good: bytes, chance: random.Random) -> bytes:
 
 
 def slcan_line(data: bytes) -> None:
-    """A line that is no frame is a ValueError, which the bus counts; all else would be a defect."""
+    """Decode a line; ValueError, which the bus counts, is the only allowed exception."""
     with contextlib.suppress(ValueError):
         decode(data.rstrip(b"\r"), 0.0)
 
 
 def parsers() -> Iterator[tuple[str, bytes, Callable[[bytes], object]]]:
-    """Every parser of bytes: its name, a good frame, and what takes bytes."""
+    """Yield every parser of bytes: its name, a valid frame, and the function that parses bytes."""
     from drivers.codecs import board
 
     yield "board", board.frame(board.HELLO, 1), MessageReader(Counter()).feed
@@ -74,7 +74,7 @@ def parsers() -> Iterator[tuple[str, bytes, Callable[[bytes], object]]]:
 
 
 def devices() -> Iterator[tuple[str, bytes, Callable[[bytes], object]]]:
-    """Every CAN device of the examples: frames under its identifiers with any data."""
+    """Yield every CAN device of the example rigs, which receives frames with any data."""
     for path in sorted((ROOT / "rigs").glob("*.toml")):
         for name, device in read_rig_file(path).make_devices().items():
             if not hasattr(device, "identifiers"):

@@ -1,10 +1,10 @@
 """Coverage of the 95 % interval: `python benchmarks/intervals.py [--seeds 2000] [--seconds 10]`.
 
-Every method at the end of 10 s of a plant under persistent excitation, with other noise for
-each seed. One that gives an interval shall have the truth within 1.96 standard deviations in 93
-to 97 % of the seeds, parameter by parameter; one that gives none shall have k within 2 % in
-95 %. The plant is Kelvin-Voigt, f = b v + k x; for the Hunt-Crossley methods it is
-f = K x^n + B x^n v.
+Every estimator runs on 10 s of a plant with persistent excitation, with different noise for each
+seed; its last estimate is evaluated. For an estimator with an interval, each true parameter should
+be within 1.96 standard deviations for 93 to 97 % of the seeds. For an estimator without an
+interval, k should be within 2 % for 95 % of the seeds. The plant is Kelvin-Voigt, f = b v + k x;
+for the Hunt-Crossley estimators it is f = K x^n + B x^n v.
 """
 
 from __future__ import annotations
@@ -45,10 +45,10 @@ def truth(name: str) -> dict[str, float]:
 
 
 def last_values(seeds: range, seconds: float) -> dict[str, np.ndarray]:
-    """Of each method the value and standard deviation of each true parameter, and k's error.
+    """Return value and standard deviation of each parameter, and the relative error of k.
 
-    Arrays of shape (seeds, parameters + 1, 2). The k of the Hunt-Crossley methods is that at the
-    last displacement.
+    For each estimator, the array has the shape (seeds, parameters + 1, 2). The k of the
+    Hunt-Crossley estimators is that at the last displacement.
     """
     t = np.arange(round(seconds * RATE)) / RATE
     x, v = excitation(t)
@@ -76,7 +76,7 @@ def last_values(seeds: range, seconds: float) -> dict[str, np.ndarray]:
 
 
 def verdict(name: str, found: np.ndarray) -> tuple[str, ...]:
-    """The row of the table."""
+    """Return the row of an estimator in the table."""
     true = truth(name)
     error = np.abs(found[:, : len(true), 0] - list(true.values()))
     deviation = found[:, : len(true), 1]
@@ -97,13 +97,13 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=2000)
     parser.add_argument("--seconds", type=float, default=10.0)
     seeds, seconds = vars(parser.parse_args()).values()
-    last_values(range(1), seconds)  # compiles, for the workers to load
+    last_values(range(1), seconds)  # compile once; the workers load the result
     parts = [range(first, seeds, 40) for first in range(min(40, seeds))]
     with ProcessPoolExecutor(2) as pool:
-        answers = list(pool.map(partial(last_values, seconds=seconds), parts))
+        results = list(pool.map(partial(last_values, seconds=seconds), parts))
     show(
         f"Coverage of the 95 % interval after {seconds:g} s, {seeds} seeds",
-        [verdict(name, np.concatenate([part[name] for part in answers])) for name in METHODS],
+        [verdict(name, np.concatenate([part[name] for part in results])) for name in METHODS],
         ("method", "b or K", "k or B", "n", "k rms error", "largest", "within 2 %", "verdict"),
     )
 

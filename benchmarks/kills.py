@@ -1,12 +1,13 @@
-"""Kill tests: SIGKILL of the controller and of the recorder at random instants of a live run.
+"""Kill tests: SIGKILL of the controller and of the recorder at random times of a run.
 
     python benchmarks/kills.py              # 100 of each
     python benchmarks/kills.py --times 10
 
-The rig lives in a process of its own, as a real drive does, so that its watchdog is seen to
-stop the slave when the controller dies. Prints what was lost, and how long the slave went on;
-exits with 1 if a pushed tick is lost to the controller's death, more than 100 ms to the
-recorder's, the recovered ticks are not contiguous, or the slave did not stop in time.
+The rig runs in another process, like a real drive, so that its watchdog has to stop the slave when
+the controller is killed. The numbers of lost ticks and the time until the slave stopped are
+printed. The exit code is 1 if a pushed tick is lost when the controller is killed, if more than
+100 ms are lost when the recorder is killed, if the recovered ticks are not contiguous, or if the
+slave did not stop in time.
 """
 
 from __future__ import annotations
@@ -37,19 +38,22 @@ from teleop.trial.run import run_trial
 from teleop.trial.settings import TrialSettings
 
 WATCHDOG = 0.1
-"""Of the emulated drive [s]."""
+"""Timeout of the emulated drive's watchdog [s]."""
 LATEST = 0.02
-"""How late a process on a busy machine may look at its watchdog [s]."""
+"""Allowed lateness of the watchdog on a busy machine [s]."""
 LOST = 0.1
-"""Most that a killed recorder may lose [s]."""
+"""Largest loss of a killed recorder [s]."""
 COUNTS = struct.Struct("<qqq")
-"""In shared memory: ticks pushed, the recorder's process, whether the run is over."""
+"""Content of the shared memory: pushed ticks, process id of the recorder, state of the run.
+
+The state is 0 during the run, 1 after it, and 2 if the recording was not complete.
+"""
 
 
 def serve_rig(address: str) -> None:
-    """The emulated rig: answers each command with a measurement; its watchdog needs nobody.
+    """Serve the emulated rig, whose watchdog also acts when the controller has been killed.
 
-    Writes to standard output how long after the last command the slave's drive stopped.
+    The time from the last command until the slave's drive stopped is written to standard output.
     """
     clock = time.monotonic
     rig = SimulatedRig(CUBES["soft"], clock, FreePalpation(9e-3, 0), watchdog=WATCHDOG)
@@ -62,21 +66,21 @@ def serve_rig(address: str) -> None:
             try:
                 if not connection.poll(0.001):
                     rig.read()
-                    gone = isinstance(connection, NeverAgain)
+                    gone = isinstance(connection, Disconnected)
                     if rig._error or (gone and not rig._enabled):
                         print(f"{clock() - last if rig._error else 0.0:.6f}", flush=True)
                         return
                     continue
                 name, arguments = connection.recv()
             except (EOFError, ConnectionResetError):
-                connection = NeverAgain()
+                connection = Disconnected()
                 continue
             last = clock()
             connection.send(getattr(rig, name)(*arguments))
 
 
-class NeverAgain:
-    """A connection whose other end is dead."""
+class Disconnected:
+    """A connection whose other process has ended."""
 
     def poll(self, timeout: float) -> bool:
         time.sleep(timeout)
@@ -85,7 +89,7 @@ class NeverAgain:
 
 @dataclass
 class RemoteRig(Rig):
-    """The rig in the other process."""
+    """The controller's access to the rig in the other process."""
 
     connection: Connection
 
@@ -111,7 +115,7 @@ class RemoteRig(Rig):
 
 
 def victim(path: Path, shared: Path, address: str, real: Any) -> None:
-    """The controller that is to be killed, or whose recorder is."""
+    """Run the controller that will be killed, or whose recorder will be killed."""
     with shared.open("r+b") as file:
         counts = mmap.mmap(file.fileno(), COUNTS.size)
     push = RecorderProcess.push
@@ -134,7 +138,7 @@ def victim(path: Path, shared: Path, address: str, real: Any) -> None:
 
 
 def kill(target: str, folder: Path, instant: float, real: str) -> dict[str, Any]:
-    """Run a victim, kill it or its recorder, and see what is left."""
+    """Run a controller, kill it or its recorder, and return the losses."""
     path, shared = folder / "run.mcap", folder / "counts"
     shared.write_bytes(bytes(COUNTS.size))
     address = str(folder / "rig")
@@ -164,7 +168,7 @@ def kill(target: str, folder: Path, instant: float, real: str) -> dict[str, Any]
         pushed = counts()[0]
         controller.wait()
         if counts()[2] != 2:
-            raise SystemExit("the run did not tell that its recorder was killed")
+            raise SystemExit("the run did not report that its recorder was killed")
     stopped = float(rig.stdout.readline())
     rig.wait()
     recovered = path
@@ -198,7 +202,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--times", type=int, default=100)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--target", choices=("controller", "recorder"), help="this one alone")
+    parser.add_argument("--target", choices=("controller", "recorder"), help="only this one")
     parser.add_argument("--realtime", choices=("require", "try", "off"), default="try")
     parser.add_argument("--victim", nargs=3, help=argparse.SUPPRESS)
     parser.add_argument("--rig", help=argparse.SUPPRESS)
@@ -212,7 +216,7 @@ def main() -> int:
         return 0
     rng = random.Random(options.seed)
     bad = 0
-    for target, most in (("controller", 0), ("recorder", round(LOST * 1000))):
+    for target, allowed in (("controller", 0), ("recorder", round(LOST * 1000))):
         if options.target not in (None, target):
             continue
         results = []
@@ -224,7 +228,7 @@ def main() -> int:
         broken = sum(not r["contiguous"] for r in results)
         print(
             f"{target} killed {len(results)} times: ticks lost at most {max(lost)} "
-            f"(allowed {most}), median {sorted(lost)[len(lost) // 2]}; "
+            f"(allowed {allowed}), median {sorted(lost)[len(lost) // 2]}; "
             f"{broken} recordings not contiguous"
         )
         if target == "controller":
@@ -232,7 +236,9 @@ def main() -> int:
                 f"  the drive stopped {stopped * 1e3:.1f} ms after the last command at the "
                 f"latest (watchdog {WATCHDOG * 1e3:.0f} ms)"
             )
-        bad += sum(r["lost"] > most or r["stopped"] > WATCHDOG + LATEST for r in results) + broken
+        bad += (
+            sum(r["lost"] > allowed or r["stopped"] > WATCHDOG + LATEST for r in results) + broken
+        )
     return 1 if bad else 0
 
 

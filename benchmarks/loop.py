@@ -1,11 +1,11 @@
-"""The live loop beside cyclictest and beside loop-rate-limiters, in one run.
+"""Lateness of the live loop, compared with cyclictest and loop-rate-limiters.
 
     python benchmarks/loop.py                  # 30 s each: idle, second core busy, the peer
-    python benchmarks/loop.py --minutes 30     # the soak: as long, recorder on, second core busy
+    python benchmarks/loop.py --minutes 30     # soak test with the second core busy
 
-The loop is `teleop run` with its recorder; cyclictest (Debian's rt-tests) measures the kernel's
-own wake-ups at the same rate and priority meanwhile, on the other processor. The soak also
-watches the loop's memory from outside.
+The loop is `teleop run` with its recorder. At the same time, cyclictest (package rt-tests of
+Debian) measures the kernel's wake-ups at the same rate and priority on the other processor. The
+memory of the loop's process is also measured.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ import numpy as np
 
 RATE = 1000.0
 WARM = 60.0
-"""Time after which memory must not grow any more [s]."""
+"""Time after which the growth of memory is measured [s]."""
 
 
 @contextmanager
 def busy(processor: int) -> Iterator[None]:
-    """A process that keeps a processor busy."""
+    """Run a process that keeps a processor busy."""
     code = f"import os\nos.sched_setaffinity(0, {{{processor}}})\nwhile True: pass"
     process = subprocess.Popen([sys.executable, "-c", code])
     try:
@@ -43,7 +43,7 @@ def busy(processor: int) -> Iterator[None]:
 
 
 def cyclictest(seconds: float, processor: int) -> subprocess.Popen[str] | None:
-    """The kernel's wake-ups, if the tool is installed."""
+    """Start cyclictest; return None if it is not installed."""
     if not shutil.which("cyclictest"):
         print("cyclictest is not installed (Debian: rt-tests): nothing to compare with")
         return None
@@ -56,7 +56,7 @@ def cyclictest(seconds: float, processor: int) -> subprocess.Popen[str] | None:
 
 
 def percentiles(histogram: str) -> dict[str, float]:
-    """Of cyclictest's lateness [us]."""
+    """Return the percentiles of lateness [us] from the output of cyclictest."""
     rows = [line.split() for line in histogram.splitlines() if line[:1].isdigit()]
     late = np.array([int(row[0]) for row in rows])
     counts = np.array([int(row[1]) for row in rows])
@@ -71,7 +71,7 @@ def percentiles(histogram: str) -> dict[str, float]:
 
 
 def resident(pid: int) -> int:
-    """Memory of a process [bytes]."""
+    """Return the resident memory of a process [bytes]."""
     for line in Path(f"/proc/{pid}/status").read_text().splitlines():
         if line.startswith("VmRSS"):
             return int(line.split()[1]) * 1024
@@ -79,7 +79,7 @@ def resident(pid: int) -> int:
 
 
 def run(seconds: float, folder: Path) -> tuple[dict[str, Any], list[tuple[float, int]]]:
-    """One `teleop run`, its memory watched; its summary and (time, bytes)."""
+    """Run `teleop run`; return its summary, and its memory as pairs of time [s] and bytes."""
     path = folder / f"{time.time_ns()}.mcap"
     command = ["run", "--duration", str(seconds), "--condition", "free", "--record", str(path)]
     process = subprocess.Popen(
@@ -98,7 +98,7 @@ def run(seconds: float, folder: Path) -> tuple[dict[str, Any], list[tuple[float,
 
 
 def compare(title: str, seconds: float, folder: Path, load: bool) -> float:
-    """The loop and cyclictest at once; the ratio of their p99."""
+    """Run the loop and cyclictest at the same time; return the ratio of their p99."""
     processors = sorted(os.sched_getaffinity(0))
     other = processors[0]
     with busy(other) if load else nullcontext():
@@ -142,14 +142,14 @@ def compare(title: str, seconds: float, folder: Path, load: bool) -> float:
 
 
 def histogram(counted: dict[str, Any]) -> str:
-    """Ticks by lateness on one line."""
+    """Return a histogram of lateness on one line."""
     names = [f"<{bound:g} us" for bound in counted["bounds_us"]] + ["more"]
     pairs = zip(names, counted["ticks"], strict=True)
     return ", ".join(f"{name} {count}" for name, count in pairs if count)
 
 
 def limiter(seconds: float) -> None:
-    """The peer: loop-rate-limiters with an empty body."""
+    """Run the peer, loop-rate-limiters, with an empty body."""
     try:
         from loop_rate_limiters import RateLimiter
     except ImportError:

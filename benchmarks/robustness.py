@@ -1,14 +1,15 @@
-"""Ten minutes of what upsets estimators: `python benchmarks/robustness.py`.
+"""Ten minutes of signals that are difficult for estimators: `python benchmarks/robustness.py`.
 
-Each case is 5 s of persistent excitation, so that there is something to lose, and then 600 000
-samples at 1 kHz. Every method runs alone and behind the preset's gate; never shall a
-value or a deviation be NaN or infinite, nor a covariance not positive definite, looked at after
-every 1000 samples. The peer is padasip's FilterRLS with the same forgetting.
+Each case begins with 5 s of persistent excitation, in which the estimates converge, followed by
+600 000 samples at 1 kHz. Every estimator runs without a gate and with the preset's gate. No value
+and no standard deviation should be NaN or infinite, and every covariance should be positive
+definite; this is checked after every 1000 samples. The peer is padasip's FilterRLS with the same
+forgetting factor.
 
-In a hold, the probe comes to rest at 5 mm. Position has white noise, and velocity the difference
-of that noise behind a low-pass of 20 Hz. Noise of 0.1 um lets padasip's b swing by hundreds; with
-3 um, velocity tells of itself and not of the force, and its swing is less. While the hold
-lasts 10 s, b behind the gate shall stay within three of its own standard deviations.
+In a hold, the probe is at rest at 5 mm. The position has white noise, and the velocity has the
+difference of this noise, filtered by a low-pass of 20 Hz. With noise of 0.1 um, padasip's b varies
+by hundreds of N s/m. With 3 um, the noise itself excites the regressors and b varies less. In the
+first 10 s of a hold, b of a gated estimator should stay within three of its standard deviations.
 """
 
 from __future__ import annotations
@@ -34,14 +35,14 @@ SCALED = {
     "f 1e6": (1.0, 1e6),
     "f 1e-6": (1.0, 1e-6),
 }
-"""Factors of x and v, and of f."""
+"""Factors by which x and v, and f, are multiplied."""
 CASES = ("zero", *HOLDS, "constant v", "outliers", *SCALED)
 PEER = "padasip RLS"
 Signals = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 def signals(case: str) -> Signals:
-    """Displacement, velocity and force, of shape (LEAD + LASTING,)."""
+    """Return displacement, velocity and force, each of shape (LEAD + LASTING,)."""
     rng = np.random.default_rng(0)
     t = np.arange(LEAD + LASTING) / RATE
     after = slice(LEAD, None)
@@ -71,7 +72,7 @@ def signals(case: str) -> Signals:
 
 
 def definite(covariance: np.ndarray) -> bool:
-    """Whether variances are positive and correlations below 1."""
+    """Return whether variances are positive and correlations below 1."""
     variances = np.diag(covariance)
     if not (np.isfinite(covariance).all() and (variances > 0.0).all()):
         return False
@@ -80,11 +81,11 @@ def definite(covariance: np.ndarray) -> bool:
     return bool(np.all(np.abs(correlations[~np.eye(len(variances), dtype=bool)]) < 1.0))
 
 
-def fault(estimator: Estimator, answers: np.ndarray, gives: bool) -> str:
-    """What is wrong after a chunk, if anything."""
-    if not np.isfinite(answers[:2]).all():
+def fault(estimator: Estimator, results: np.ndarray, has_std: bool) -> str:
+    """Return the problem of the results of a chunk, shape (4, n); empty if there is none."""
+    if not np.isfinite(results[:2]).all():
         return "not finite"
-    if np.isinf(answers[2:]).any() or (gives and np.isnan(answers[2:]).any()):
+    if np.isinf(results[2:]).any() or (has_std and np.isnan(results[2:]).any()):
         return "std not finite"
     if isinstance(estimator, LinearGainEstimator) and not definite(np.array(estimator.covariance)):
         return "not definite"
@@ -92,23 +93,23 @@ def fault(estimator: Estimator, answers: np.ndarray, gives: bool) -> str:
 
 
 def ours(bank: Bank, samples: Signals) -> dict[str, tuple[str, np.ndarray]]:
-    """Of each method the first fault, and b and its deviation after each sample."""
+    """Return for each estimator the first problem, and b and its deviation after each sample."""
     faults = dict.fromkeys(bank, "")
     series: dict[str, list[np.ndarray]] = {name: [] for name in bank}
     for first in range(0, LEAD + LASTING, CHUNK):
         part = slice(first, first + CHUNK)
         for name, found in bank.run(*(channel[part] for channel in samples), 1.0 / RATE).items():
-            answers = np.array([found.b, found.k, found.b_std, found.k_std])
-            gives = bool(series[name]) and math.isfinite(series[name][-1][1, -1])
-            what = fault(bank[name], answers, gives)
-            if what and not faults[name]:
-                faults[name] = f"{what} {first / RATE:.0f} s"
-            series[name].append(answers[[0, 2]])
+            results = np.array([found.b, found.k, found.b_std, found.k_std])
+            has_std = bool(series[name]) and math.isfinite(series[name][-1][1, -1])
+            problem = fault(bank[name], results, has_std)
+            if problem and not faults[name]:
+                faults[name] = f"{problem} {first / RATE:.0f} s"
+            series[name].append(results[[0, 2]])
     return {name: (faults[name], np.concatenate(series[name], axis=1)) for name in bank}
 
 
 def peers(samples: Signals) -> tuple[str, np.ndarray]:
-    """The same of padasip, until its covariance is not finite or not definite."""
+    """Return the same for padasip, which ends when its covariance is not finite."""
     x, v, f = samples
     peer = padasip.filters.FilterRLS(n=2, mu=0.98, eps=0.01, w="zeros")
     b = np.full(len(f), np.nan)
@@ -124,14 +125,14 @@ def peers(samples: Signals) -> tuple[str, np.ndarray]:
 
 
 def swing(series: np.ndarray, samples: int) -> tuple[float, float]:
-    """Largest way of b from where the hold began, in its deviations and in N s/m."""
+    """Return the largest change of b since the hold began, in its deviations and in N s/m."""
     b, deviation = series[:, LEAD : LEAD + samples]
-    way = np.abs(b - series[0, LEAD - 1])
-    return float(np.max(way / deviation)), float(np.max(way))
+    change = np.abs(b - series[0, LEAD - 1])
+    return float(np.max(change / deviation)), float(np.max(change))
 
 
 def trial(case: str) -> tuple[dict[str, str], dict[str, list[tuple[float, float]]]]:
-    """Each method's first faults, and the ways of its b."""
+    """Return the first problems of each estimator, and the largest changes of its b."""
     samples = signals(case)
     with np.errstate(all="ignore"):
         alone, gated = (ours(bank_of(list(METHODS), gate), samples) for gate in (False, True))
@@ -140,14 +141,14 @@ def trial(case: str) -> tuple[dict[str, str], dict[str, list[tuple[float, float]
     ways = {PEER: [swing(peer[1], length) for length in LENGTHS]}
     for name in METHODS:
         faults = {"alone": alone[name][0], "gated": gated[name][0]}
-        cells[name] = "; ".join(f"{who}: {what}" for who, what in faults.items() if what) or "ok"
+        cells[name] = "; ".join(f"{run}: {text}" for run, text in faults.items() if text) or "ok"
         found = (alone[name][1], gated[name][1])
         ways[name] = [swing(series, length) for series in found for length in LENGTHS]
     return cells, ways
 
 
 def hold_row(name: str, ways: list[tuple[float, float]]) -> tuple[str, ...]:
-    """The row of a hold's table."""
+    """Return the row of an estimator in the table of a hold."""
     cells = [f"{way:.3g}" + (f" ({own:.2f})" if own == own else "") for own, way in ways]
     if name == PEER:
         return name, *cells, "", "", ""
@@ -159,7 +160,7 @@ def hold_row(name: str, ways: list[tuple[float, float]]) -> tuple[str, ...]:
 
 def main() -> None:
     for name in METHODS:
-        bank_of([name], gated=True).run(*np.ones((3, 1)), 1e-3)  # compiles, for the workers to load
+        bank_of([name], gated=True).run(*np.ones((3, 1)), 1e-3)  # compile once
     with ProcessPoolExecutor(2) as pool:
         found = dict(zip(CASES, pool.map(trial, CASES), strict=True))
     names = [*METHODS, PEER]

@@ -1,12 +1,12 @@
-"""A search for a way past the safety supervisor: random faults, failing calls and requests.
+"""A random search for violations of the safety rules.
 
     python benchmarks/safety_search.py --trials 20000
 
-Hypothesis drives a controller on the simulated rig through one to many faults at random ticks:
-what the rig reads, calls of the rig that fail before or after they take effect, exceptions in the
-condition and in an estimator, a rig whose time stands still or jumps, periods that the loop
-skips, and requests in every mode. After every tick the laws of `SafetySearch.check` must hold, as
-seen by the simulated plant. A trial that breaks one is shrunk and printed.
+Hypothesis runs a controller on the simulated rig with one or more faults at random ticks: wrong
+measurements, calls of the rig that fail before or after their effect, exceptions in the condition
+and in an estimator, a rig whose time stands still or jumps, skipped periods of the loop, and
+requests in every mode. After every tick, the rules in `SafetySearch.check` must hold for the
+simulated plant. A trial that violates a rule is reduced to a minimal one and printed.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ from teleop.safety.channels import DetectedFault
 
 
 class SafetySearch(RuleBasedStateMachine):
-    """Ticks a controller through what the rules choose, and checks each tick."""
+    """Runs a controller with the events that hypothesis chooses, and checks each tick."""
 
     @initialize(
         force=st.sampled_from([1.5, -1.0]),
@@ -72,11 +72,11 @@ class SafetySearch(RuleBasedStateMachine):
         """True time at which the fault began [s]."""
         self.energised = False
         self.command, self.still = STANDSTILL, 0.0
-        """The last command, and for how long the rig's time has stood still [s]."""
+        """The last command, and the time for which the rig's time has stood still [s]."""
         self.tick(ticks)
 
     @rule(ticks=st.sampled_from([1, 2, 5, 20, 60, 130]))
-    def go_on(self, ticks: int) -> None:
+    def run_ticks(self, ticks: int) -> None:
         self.tick(ticks)
 
     @rule(channel=st.sampled_from(CHANNELS), data=st.data())
@@ -109,7 +109,7 @@ class SafetySearch(RuleBasedStateMachine):
         self.tick(1)
 
     @rule()
-    def heal(self) -> None:
+    def clear_faults(self) -> None:
         self.rig.faulty.inject(RigFault())
         self.rig.failing.clear()
         self.rig.standing = False
@@ -172,7 +172,7 @@ class SafetySearch(RuleBasedStateMachine):
         self.tick(1)
 
     def teardown(self) -> None:
-        """Go on until every bound must have shown."""
+        """Run until every time limit has passed."""
         if hasattr(self, "controller") and (self.rig.standing or self.tripped < math.inf):
             self.tick(round(2 * BOUND / PERIOD))
 
@@ -196,25 +196,25 @@ class SafetySearch(RuleBasedStateMachine):
             self.check(record, before)
 
     def check(self, record: Any, before: Mode) -> None:
-        """The laws."""
+        """Check the safety rules."""
         calls = [name for name, _ in self.rig.calls]
         written = [command for name, command in self.rig.calls if name == "write"]
         now, m, mode = self.n * PERIOD, record.measurement, record.mode
 
-        # Every command is finite, within its limits, and no more than a ramp from the one before.
+        # Every command is finite and within its limits, and changes at most as fast as a ramp.
         limits = (
             (LIMITS.max_master_velocity, LIMITS.max_master_acceleration),
             (LIMITS.max_velocity, LIMITS.max_acceleration),
         )
         for command in written:
-            for new, old, (most, pull) in zip(command, self.command, limits, strict=True):
-                assert abs(new) <= most * (1 + 1e-9), command
-                change = pull * record.dt if record.dt > 0.0 else 0.0
+            for new, old, (speed, rate) in zip(command, self.command, limits, strict=True):
+                assert abs(new) <= speed * (1 + 1e-9), command
+                change = rate * record.dt if record.dt > 0.0 else 0.0
                 slowed = abs(new - old) <= change * (1 + 1e-9) + 1e-12
                 assert slowed or command == STANDSTILL, (self.command, command)
             self.command = command
 
-        # The drives are asked to get ready in ready mode alone, and never while a stop is wanted.
+        # The drives are enabled in ready mode only, and never while a stop is requested.
         if "enable" in calls:
             assert before is Mode.READY
             assert mode in (Mode.READY, Mode.ACTIVE)
@@ -224,7 +224,7 @@ class SafetySearch(RuleBasedStateMachine):
             assert not self.faults
             self.energised = True
 
-        # What is dangerous stops the drives in the same tick, from every mode.
+        # A dangerous measurement or request stops the drives in the same tick, in every mode.
         low, high = LIMITS.hard_position
         if "read" not in self.rig.failing:
             x, f, v = m.slave_position, m.contact_force, m.slave_velocity
@@ -242,19 +242,19 @@ class SafetySearch(RuleBasedStateMachine):
                 assert all(command == STANDSTILL for command in written)
                 assert not self.energised or "idle" in calls
 
-        # A call that failed stops the drives in the same tick, too.
+        # A call that fails also stops the drives in the same tick.
         if self.energised and any(name in self.rig.failing for name in calls):
             assert "idle" in calls
             assert mode is Mode.FAULT or "read" not in self.rig.failing
         if "idle" in calls and "idle" not in self.rig.failing:
             self.energised = False
 
-        # A rig whose time stands still is out of operation within the bound.
+        # The drives of a rig whose time stands still are disabled within the time limit.
         self.still = self.still + PERIOD if self.rig.standing else 0.0
         if self.still > BOUND:
             assert not self.rig.sim._enabled
 
-        # After a fault nothing starts, nothing speeds up, and within the bound nothing is enabled.
+        # After a fault the drives are not enabled, and within the time limit they are disabled.
         if mode is Mode.FAULT:
             self.tripped = min(self.tripped, now)
             assert "enable" not in calls
@@ -264,13 +264,13 @@ class SafetySearch(RuleBasedStateMachine):
         else:
             assert self.tripped == math.inf
 
-        # Only active, stopping and a ramping fault move anything.
+        # Commands are zero except in the modes active, stopping and fault.
         if mode in (Mode.DISCONNECTED, Mode.IDLE, Mode.READY):
             assert all(command == STANDSTILL for command in written)
 
 
 def search(trials: int, seed: int | None = None) -> None:
-    """Run so many trials; AssertionError, with the shortest trial, if a law is broken."""
+    """Run a number of trials; raise AssertionError with a minimal trial if a rule is violated."""
     run_state_machine_as_test(
         SafetySearch if seed is None else seeded(seed)(SafetySearch),
         settings=settings(

@@ -1,4 +1,4 @@
-"""The rig of the search for a way past the supervisor: its calls may fail, its time may jump."""
+"""The rig of the search for violations of the safety rules."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from teleop.safety import Limits
 from teleop.safety.palpation_limits import palpation_limits
 
 WATCHDOG = 0.05
-"""Of the simulated drives [s]."""
+"""Timeout of the simulated drives' watchdogs [s]."""
 PERIOD = 1e-3
 DEPTH = 10e-3
 LIMITS: Limits = replace(
@@ -30,7 +30,7 @@ RAMP = max(
     LIMITS.max_master_velocity / LIMITS.max_master_acceleration,
 )
 BOUND = STANDING + RAMP + WATCHDOG + 3 * PERIOD
-"""Time from any fault until the drives are out of operation, whatever else fails [s]."""
+"""Longest time from any fault until the drives are disabled, even if other parts fail [s]."""
 
 
 class SearchRig(Rig):
@@ -40,12 +40,12 @@ class SearchRig(Rig):
         self.sim = SimulatedRig(CUBES["soft"], now, watchdog=WATCHDOG)
         self.faulty = FaultyRig(self.sim)
         self.failing: dict[str, str] = {}
-        """Calls that fail, `before` or `after` they take effect."""
+        """Calls that fail, by name: `before` or `after` their effect."""
         self.standing = False
         self.offset = 0.0
         self.last: Measurement | None = None
         self.calls: list[tuple[str, Any]] = []
-        """What was called since the last tick."""
+        """Calls since the previous tick, with their arguments."""
 
     def open(self) -> None:
         self.faulty.open()
@@ -58,10 +58,10 @@ class SearchRig(Rig):
         when = self.failing.get(name)
         if when == "before":
             raise RigError(f"{name} failed")
-        answer = call(*arguments)
+        result = call(*arguments)
         if when == "after":
-            raise RigError(f"{name} failed once done")
-        return answer
+            raise RigError(f"{name} failed after its effect")
+        return result
 
     def read(self) -> Measurement:
         fresh = self.faulty.read()

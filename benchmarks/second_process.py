@@ -1,14 +1,15 @@
-"""Runs in real time beside a second process of each kind: how many go on.
+"""Effect of a second process on a run in real time.
 
-    python benchmarks/second_process.py              # 20 runs beside each kind
+    python benchmarks/second_process.py              # 20 second processes of each kind
     python benchmarks/second_process.py --times 3 --kind run
 
-Beside a run that moves, second processes are started one after the other: none (the baseline: what
-the machine does by itself), another run, a run that is refused since the first has the port, a
-check and an emulator of another rig, `estimate`, and `reproduce`. Counted is how often the run went
-on until the second process had ended, or was ended after some seconds; a run that stopped is
-started anew. Beside it stand the longest time between two ticks, and how much time the machine's
-host took meanwhile (steal). Exits with 1 if a run beside a second process did not go on.
+While a run moves, second processes are started one after the other: none (the baseline, which shows
+the effect of the machine itself), another run, a run that fails because the first run uses the
+port, a check and an emulator of another rig, `estimate`, and `reproduce`. A second process ends by
+itself or is ended after some seconds. It is counted how often the first run continued until then; a
+run that stopped is started again. The longest time between two ticks, and the processor time that
+the host of the virtual machine took (steal), are also printed. The exit code is 1 if a run with a
+second process did not continue.
 """
 
 from __future__ import annotations
@@ -39,36 +40,38 @@ KINDS = (
     "reproduce",
 )
 WIRED = ("nothing, wired", "refused run")
-"""Kinds for which the first run is on an emulated rig; it stops where a simulated rig goes on, if
-samples are older than 20 ms."""
+"""Kinds for which the first run uses an emulated rig.
+
+It stops if samples are older than 20 ms, which cannot happen with the simulated rig.
+"""
 DURATION = 3600.0
-"""Of the first run, which is ended before [s]."""
+"""Duration of the first run, which is ended earlier [s]."""
 LONGEST = {"nothing": 3.0, "nothing, wired": 6.0, "rig emulate": 4.0, "reproduce": 5.0}
-"""Time after which a second process is ended [s]; 30 for those that are not named."""
+"""Time after which a second process is ended [s]; 30 s for other kinds."""
 AFTER = 0.3
-"""Time after the second process for which the run must go on too [s]."""
+"""Time after the second process for which the run must continue [s]."""
 MOST = 100
-"""Times that a first run is started."""
+"""Largest number of starts of a first run."""
 MOVING = 20_000
-"""Bytes of a recording by which a run moves."""
+"""Size of a recording at which the run moves [bytes]."""
 STEAL = 8
-"""Place of the host's share in the first line of /proc/stat."""
+"""Index of the steal time in the first line of /proc/stat."""
 
 
 def steal() -> float:
-    """Time that the host has taken since the start of the machine [s]."""
+    """Return the processor time that the host has taken since the start of the machine [s]."""
     fields = Path("/proc/stat").read_text().splitlines()[0].split()
     return int(fields[STEAL]) / os.sysconf("SC_CLK_TCK")
 
 
 def start(teleop: list[str], *arguments: Any) -> subprocess.Popen[str]:
-    """A teleop process whose output is kept."""
+    """Start a teleop process whose standard output can be read."""
     command = [*teleop, *map(str, arguments)]
     return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
 
 
 def second_arguments(kind: str, folder: Path, rig: Path | None, other: Path) -> list[Any]:
-    """The arguments of the second process; empty for none."""
+    """Return the arguments of the second process; empty if there is none."""
     return {
         "nothing": [],
         "nothing, wired": [],
@@ -82,7 +85,7 @@ def second_arguments(kind: str, folder: Path, rig: Path | None, other: Path) -> 
 
 
 class First:
-    """The run beside which others are started, again and again if it stops."""
+    """The first run, which is started again if it stops."""
 
     def __init__(self, teleop: list[str], folder: Path, rig: Path | None) -> None:
         self._teleop, self._folder, self._rig = teleop, folder, rig
@@ -91,10 +94,10 @@ class First:
         self.gaps: list[float] = []
         """Longest time between two ticks of each run [s]."""
         self.faults: list[str] = []
-        """Why runs stopped, but for the last of all."""
+        """Reasons of the runs that stopped by themselves."""
 
     def ensure(self) -> None:
-        """Start it unless it goes on, and wait until it moves."""
+        """Start the run unless it is running, and wait until it moves."""
         while not self._process:
             self._count += 1
             if self._count > MOST:
@@ -104,19 +107,19 @@ class First:
             arguments = ("--json", "--duration", DURATION, "--record", path, *on)
             self._process = start(self._teleop, "run", *arguments)
             while not (path.exists() and path.stat().st_size > MOVING):
-                if not self.goes_on():
+                if not self.is_running():
                     break
                 time.sleep(0.02)
 
-    def goes_on(self) -> bool:
-        """Whether it does; else its fault is kept."""
+    def is_running(self) -> bool:
+        """Return whether the run continues; if not, store its fault."""
         if self._process and self._process.poll() is None:
             return True
         self.end()
         return False
 
     def end(self) -> None:
-        """End it, and keep what it says."""
+        """End the run, and store its longest gap and its fault."""
         if not self._process:
             return
         stopped = self._process.poll() is not None
@@ -131,8 +134,8 @@ class First:
             self.faults.append(f"exit {code}: {fault['text'] if fault else 'no fault'}")
 
 
-def beside(first: First, teleop: list[str], arguments: list[Any], longest: float) -> int | None:
-    """Start a second process; its exit code."""
+def run_second(first: First, teleop: list[str], arguments: list[Any], longest: float) -> int | None:
+    """Run a second process and return its exit code; None if there is none."""
     first.ensure()
     time.sleep(random.uniform(0.0, 0.3))
     if not arguments:
@@ -149,7 +152,7 @@ def beside(first: First, teleop: list[str], arguments: list[Any], longest: float
 
 @contextlib.contextmanager
 def rigs(kind: str) -> Iterator[tuple[Path | None, Path]]:
-    """The rig of the first run, if it has one, and that of the second process."""
+    """Yield the rig file of the first run, None for the simulated rig, and that of the second."""
     with contextlib.ExitStack() as stack:
         rig = stack.enter_context(emulated("serial-board")) if kind in WIRED else None
         other = stack.enter_context(emulated("serial-board")) if kind == "rig check" else Path()
@@ -157,34 +160,36 @@ def rigs(kind: str) -> Iterator[tuple[Path | None, Path]]:
 
 
 def measure(kind: str, teleop: list[str], folder: Path, times: int) -> int:
-    """Print a line about a kind of second process; how many runs did not go on."""
+    """Print a line for a kind of second process; return how often the run did not continue."""
     folder.mkdir()
-    taken, gone_on, codes = steal(), 0, set()
+    stolen, continued, codes = steal(), 0, set()
     with rigs(kind) as (rig, other):
         first = First(teleop, folder, rig)
         for i in range(times):
             (folder / f"{i}").mkdir()
             arguments = second_arguments(kind, folder / f"{i}", rig, other)
-            codes.add(beside(first, teleop, arguments, LONGEST.get(kind, 30.0)))
-            gone_on += first.goes_on()
+            codes.add(run_second(first, teleop, arguments, LONGEST.get(kind, 30.0)))
+            continued += first.is_running()
         first.end()
     exits = ", ".join(str(code) for code in sorted(codes - {None}, key=str)) or "none"
     print(
-        f"{kind:<14} {gone_on:2d} of {times} went on; longest time between two ticks "
-        f"{max(first.gaps) * 1e3:6.1f} ms; steal {steal() - taken:.2f} s; "
+        f"{kind:<14} {continued:2d} of {times} went on; longest time between two ticks "
+        f"{max(first.gaps) * 1e3:6.1f} ms; steal {steal() - stolen:.2f} s; "
         f"exit codes of the second process: {exits}",
         *(f"    {fault}" for fault in first.faults),
         sep="\n",
         flush=True,
     )
-    return times - gone_on if not kind.startswith("nothing") else 0
+    return times - continued if not kind.startswith("nothing") else 0
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--times", type=int, default=20)
     parser.add_argument("--kind", choices=KINDS, nargs="*", default=KINDS)
-    parser.add_argument("--python", default=sys.executable, help="runs the teleop to be tested")
+    parser.add_argument(
+        "--python", default=sys.executable, help="Python interpreter with the teleop to test"
+    )
     options = parser.parse_args()
     teleop = [options.python, "-P", "-m", "teleop"]
     stopped = 0

@@ -1,11 +1,12 @@
-"""Our slcan bus beside python-can's own, in one run: two frames out and two in per cycle.
+"""Time of two frames out and two in with this project's slcan bus and with python-can's.
 
-    python benchmarks/slcan.py                 # 5000 cycles of each, in turn
+    python benchmarks/slcan.py                 # 5000 cycles of each, alternating
 
-The emulated adapter answers over a pseudo-terminal from another process, as fast as it can. What
-is timed is the loop's part of a cycle: take the two frames that have come back, and send two; their
-way there and back is not in it. Cycles back to back find the processor's caches warm; cycles 1 ms
-apart find them as a loop at 1 kHz does.
+The emulated adapter runs in another process, is connected by a pseudo-terminal, and responds as
+fast as possible. The time of the loop's part of a cycle is measured: to receive the two frames that
+have arrived, and to send two. Their transfer to the adapter and back is not included. In cycles
+without a pause the processor's caches stay filled; cycles with a pause of 1 ms have the caches of a
+loop at 1 kHz.
 """
 
 from __future__ import annotations
@@ -30,14 +31,14 @@ FRAMES = [
     can.Message(arbitration_id=0x201, is_extended_id=False, data=bytes(range(8))),
     can.Message(arbitration_id=0x301, is_extended_id=False, data=bytes(range(8))),
 ]
-ANSWER = 2 * len(b"z\rt20180001020304050607\r")
-"""Bytes that come back per cycle."""
+RECEIVED = 2 * len(b"z\rt20180001020304050607\r")
+"""Number of bytes that arrive per cycle."""
 PERIODS = {"back to back": 0.0, "1 ms apart": 1e-3}
 ROUNDS = 5
 
 
 def serve() -> None:
-    """Be the adapter: name the port, then send every frame back."""
+    """Act as the adapter: print the name of its port, then send every frame back."""
     import tty
 
     leader, follower = os.openpty()
@@ -51,7 +52,7 @@ def serve() -> None:
 
 @contextmanager
 def adapter() -> Iterator[str]:
-    """An adapter in another process; its port."""
+    """Start an adapter in another process; yield its port."""
     command = [sys.executable, __file__, "--adapter"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout
@@ -75,14 +76,14 @@ def take_theirs(bus: slcanBus) -> int:
 def measure(
     bus: Any, port: Any, take: Callable[[Any], int], period: float, count: int
 ) -> list[float]:
-    """Times of the loop's part of each cycle [us], with a pause of a period [s] between them."""
+    """Return the times of the loop's part of each cycle [us], with a pause [s] between cycles."""
     times = []
     for frame in FRAMES:
         bus.send(frame)
     for _ in range(count):
         if period:
             time.sleep(period)
-        while port.in_waiting < ANSWER:
+        while port.in_waiting < RECEIVED:
             pass
         start = time.perf_counter()
         taken = take(bus)
@@ -91,14 +92,14 @@ def measure(
         times.append(1e6 * (time.perf_counter() - start))
         if taken != len(FRAMES):
             raise SystemExit(f"{type(bus).__name__} received {taken} of {len(FRAMES)} frames")
-    while port.in_waiting < ANSWER:
+    while port.in_waiting < RECEIVED:
         pass
     take(bus)
     return times
 
 
-def look(take: Callable[[], object], count: int) -> list[float]:
-    """Times of a look at a port that holds nothing [us]."""
+def poll_empty(take: Callable[[], object], count: int) -> list[float]:
+    """Return the times to poll a port without data [us]."""
     times = []
     for _ in range(count):
         start = time.perf_counter()
@@ -128,12 +129,12 @@ def main() -> None:
         for way, period in PERIODS.items():
             with adapter() as name, SlcanBus(name, 500_000) as bus:
                 ours[way] += measure(bus, bus._port._port, take_ours, period, count)
-                ours_empty += look(bus.drain, count)
+                ours_empty += poll_empty(bus.drain, count)
             with adapter() as name, slcanBus(name, bitrate=500_000, sleep_after_open=0.0) as peer:
                 time.sleep(0.1)
                 peer.flush()
                 theirs[way] += measure(peer, peer.serialPortOrig, take_theirs, period, count)
-                theirs_empty += look(lambda: peer.recv(0.0), count // 10)
+                theirs_empty += poll_empty(lambda: peer.recv(0.0), count // 10)
     for way in PERIODS:
         print(f"two frames out and two in, {len(ours[way])} cycles of each, {way}")
         our_p50, our_p99 = row("ours", ours[way])

@@ -1,8 +1,9 @@
-"""A cube swapped mid-run, soft to hard and back: `python benchmarks/swap.py`.
+"""Change of the cube during a run, from soft to hard and back: `python benchmarks/swap.py`.
 
-Every gated, forgetting method shall have k within 5 % again in 0.3 s. The motion is 3 Hz; the
-swaps come at a number of its phases. The Hunt-Crossley methods have a Hunt-Crossley plant, whose
-k at the mean depth is that of the cube, and their k is compared at the present depth.
+The k of every estimator with a gate and with forgetting should be within 5 % again after 0.3 s. The
+motion is a sine of 3 Hz; the changes occur at several of its phases. The Hunt-Crossley estimators
+run on a Hunt-Crossley plant, whose k at the mean depth is that of the cube; their k is compared at
+the present depth.
 """
 
 from __future__ import annotations
@@ -35,14 +36,15 @@ PAIRS = {
 FREQUENCY = 3.0
 PHASES = 24
 LASTING = 2.0
-"""How long each of soft, hard and soft again is there [s]."""
+"""Duration of each of the three phases soft, hard and soft [s]."""
 ALLOWED = 0.3
+"""Time in which k should be within 5 % again [s]."""
 NOT_FORGETTING = ("segments",)
-"""It pools all it has seen. The paper's methods forget, but are not gated."""
+"""Estimators that use all samples. The paper's estimators forget, but have no gate."""
 
 
 def recoveries(soft: float, hard: float, phase: float) -> dict[str, tuple[float, float]]:
-    """Seconds until k is and stays within 5 %, after soft to hard and after hard to soft."""
+    """Return the time until k stays within 5 % after each of the two changes [s]."""
     t = np.arange(round(3 * LASTING * RATE)) / RATE
     omega = 2.0 * math.pi * FREQUENCY
     x = DEPTH + 3e-3 * np.sin(omega * t + phase)
@@ -66,14 +68,14 @@ def recoveries(soft: float, hard: float, phase: float) -> dict[str, tuple[float,
 
 
 def verdict(name: str, seconds: np.ndarray) -> tuple[str, ...]:
-    """The row of the table; `seconds` of shape (phases, 2)."""
+    """Return the row of an estimator in the table; `seconds` has the shape (phases, 2)."""
     median, worst = np.median(seconds, axis=0), np.max(seconds, axis=0)
     cells = [f"{value:.3f}" for pair in zip(median, worst, strict=True) for value in pair]
     good = worst.max() <= ALLOWED
     if name not in NOT_FORGETTING and bank_of([name])[name].gated:
         return name, *cells, "ok" if good else "FAILS"
-    why = "does not forget" if name in NOT_FORGETTING else "not gated"
-    return name, *cells, f"{'within' if good else 'not within'}, {why}"
+    reason = "does not forget" if name in NOT_FORGETTING else "not gated"
+    return name, *cells, f"{'within' if good else 'not within'}, {reason}"
 
 
 def main() -> None:

@@ -1,11 +1,12 @@
-"""Each constant of `estimation/tuning.py` and its multiples: `python benchmarks/tuning.py`.
+"""Effect of each constant of `estimation/tuning.py` and its multiples.
 
     python benchmarks/tuning.py HYSTERESIS DWELL     # these only
 
-For a value and its multiples: the longest time until k is and stays within 5 % of a cube that was
-swapped, 2000 to 20 000 N/m and back, over several phases of a motion of 3 Hz, and the deviation of
-k that noise makes while the cube stays; for a multi-estimator, also how often k changes then. The
-time allowed is 0.3 s, as in `benchmarks/swap.py`.
+For each value, these numbers are printed. The first is the longest time until k stays within 5 %
+after a change of the cube from 2000 to 20 000 N/m or back, over several phases of a motion of 3 Hz.
+The second is the standard deviation of k from noise while the cube does not change. For a
+multi-estimator, the third is the number of changes of k in that time. The allowed time is 0.3 s, as
+in `benchmarks/swap.py`.
 """
 
 from __future__ import annotations
@@ -55,13 +56,13 @@ METHODS_OF = {
 FACTORS = (0.1, 0.5, 0.8, 1.0, 1.25, 2.0, 10.0)
 PHASES = 8
 LASTING = 2.0
-"""How long each of soft, hard and soft again is there [s]."""
+"""Duration of each of the three phases soft, hard and soft [s]."""
 SOFT, HARD = 2000.0, 20_000.0
 FREQUENCY = 3.0
 
 
 def case(name: str, phase: float) -> tuple[float, float, float]:
-    """Seconds until k is within 5 % for good, deviation of k from noise, as a share, changes of k.
+    """Return the settling time of k [s], its relative deviation from noise, and its changes.
 
     The last two are over one second of the first cube.
     """

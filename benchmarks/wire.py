@@ -1,11 +1,12 @@
-"""The wire work of a tick, in one run: our drivers, python-can's slcan, and a loop with no wire.
+"""Time per tick for communication with devices: the drivers, and python-can's slcan bus.
 
     python benchmarks/wire.py                  # 5000 ticks of each at 1 kHz
 
-The devices are emulated in another process (`teleop rig emulate`) behind pseudo-terminals. What is
-timed is what a tick spends on them: `read` drains every port and decodes what came, `write` encodes
-both velocities and sends them. The peer makes the same frames with python-can's own slcan bus. The
-bare loop waits for its deadline and does nothing else: its lateness is the machine's.
+The devices are emulated in another process (`teleop rig emulate`) and connected by
+pseudo-terminals. The time that a tick spends on them is measured: `read` reads all data of every
+port and decodes them, `write` encodes both velocities and sends them. The peer sends the same
+frames with python-can's slcan bus. The lateness of a loop without devices, which only waits for
+its deadlines, shows the effect of the machine.
 """
 
 from __future__ import annotations
@@ -29,11 +30,14 @@ from teleop.trial.realtime import realtime
 
 RATE = 1000.0
 WARM = 1000
-"""Ticks before those that count."""
+"""Number of ticks before the measured ones."""
 
 
 def ours(path: Path, ticks: int) -> dict[str, dict[str, list[float]]]:
-    """A rig's reads and writes, drives enabled at standstill; and the drain of each bus alone."""
+    """Return the times to read and write a rig, and to drain each of its buses [s].
+
+    The drives are enabled at standstill.
+    """
     clock = RealClock(RATE)
     reads: list[float] = []
     writes: list[float] = []
@@ -63,7 +67,7 @@ def ours(path: Path, ticks: int) -> dict[str, dict[str, list[float]]]:
 
 
 def timed(poll: Callable[[], None], times: list[float]) -> Callable[[], None]:
-    """The drain of a bus, timed."""
+    """Return a function that drains a bus and appends the time of it to `times`."""
 
     def watched() -> None:
         start = time.perf_counter()
@@ -74,7 +78,7 @@ def timed(poll: Callable[[], None], times: list[float]) -> Callable[[], None]:
 
 
 def drain(bus: slcanBus) -> None:
-    """All frames that wait; lines cut off at the start make python-can's parser raise."""
+    """Receive all frames; python-can raises ValueError for the incomplete line at the start."""
     while True:
         try:
             if not bus.recv(0):
@@ -84,7 +88,7 @@ def drain(bus: slcanBus) -> None:
 
 
 def peer(path: Path, ticks: int) -> dict[str, list[float]]:
-    """python-can's slcan on the same adapter: drain, and two frames out."""
+    """Return the times of python-can's slcan bus to drain the same adapter and send two frames."""
     channel = read_rig_file(path).sections.buses["can"].channel
     sent = [
         can.Message(arbitration_id=node << 5 | 0x0D, data=bytes(8), is_extended_id=False)
@@ -113,7 +117,7 @@ def peer(path: Path, ticks: int) -> dict[str, list[float]]:
 
 
 def bare(ticks: int) -> list[float]:
-    """Lateness of a loop with nothing to do."""
+    """Return the lateness of each tick of an empty loop [s]."""
     clock = RealClock(RATE)
     with realtime("try") as real_time:
         real_time.start()

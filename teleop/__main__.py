@@ -1,12 +1,12 @@
-"""`teleop`, and `python -m teleop`."""
+"""Entry point of `teleop` and `python -m teleop`."""
 
 from __future__ import annotations
 
 
 def main() -> int:
-    """Run the command line; Ctrl-C ends it without a traceback at any time.
+    """Run the command line and return its exit code; Ctrl-C ends it without a traceback.
 
-    Once the command has ended, Ctrl-C is ignored: its exit code stands.
+    After the command has ended, Ctrl-C is ignored, so that the exit code does not change.
     """
     import signal
 

@@ -1,4 +1,4 @@
-"""The `teleop` command: reads its arguments, and tells bad input from a defect."""
+"""The `teleop` command: runs a subcommand and converts its errors to messages and exit codes."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ from teleop.commands.run import run
 from teleop.commands.series import series
 from teleop.errors import InputError, SafetyStop
 from teleop.interruption import Interruption
-from teleop.printable import complain, give_up_output
-from teleop.trial.realtime import clear_of_claimed_processors
+from teleop.printable import discard_output, print_error
+from teleop.trial.realtime import avoid_claimed_processors
 
 
 def installed_version() -> str:
-    """Version of the installed package."""
+    """Return the version of the installed package."""
     from importlib.metadata import version
 
     return version("teleop")
@@ -38,8 +38,8 @@ def installed_version() -> str:
 app = App(
     name="teleop",
     help=(
-        "Run a 1-DOF telemanipulator and estimate the stiffness and damping of what it "
-        "touches.\n\nExample: teleop run --condition mimic --cube hard"
+        "Run a 1-DOF telemanipulator and estimate the stiffness and damping of its "
+        "environment.\n\nExample: teleop run --condition mimic --cube hard"
     ),
     version=installed_version,
     help_format="plaintext",
@@ -52,11 +52,15 @@ app.command(rig)
 
 
 NARROWEST = 20
-"""Fewest columns for which help is laid out; its tables have no room in fewer."""
+"""Smallest width of the help text [characters]; its tables do not fit into a smaller one."""
 
 
 def prepare_streams() -> None:
-    """Make closed streams harmless, and let no narrow encoding or width stop an output."""
+    """Prepare standard output and standard error, so that printing does not fail.
+
+    A closed stream is replaced by the null device. Characters that the encoding does not have are
+    printed as escapes. A width below `NARROWEST` is ignored.
+    """
     columns = os.environ.get("COLUMNS", "")
     if columns.isdecimal() and int(columns[:9]) < NARROWEST:
         del os.environ["COLUMNS"]  # 0 is what a terminal of unknown size may set
@@ -68,41 +72,47 @@ def prepare_streams() -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run a command.
+    """Run a command and return its exit code.
 
-    The exit code is 0; 2 for bad input and 3 for a stop for safety, each with one line; 130 after
-    Ctrl-C. A defect raises, which ends in a traceback and 1.
+    The exit code is 0 for success, 2 for bad input, 3 for a safety stop, and 130 after Ctrl-C.
+    Bad input and a safety stop are reported in one line. Another exception is a defect; it is
+    raised, and ends the program with a traceback and exit code 1.
+
+    Parameters
+    ----------
+    arguments
+        Arguments of the command line; None for those of the process.
 
     Raises
     ------
     KeyboardInterrupt
-        Ctrl-C or another signal asked to end, and the command does not handle it.
+        Ctrl-C was pressed or another signal arrived, and the command does not handle it.
     """
     prepare_streams()
     try:
-        with Interruption(), clear_of_claimed_processors():
+        with Interruption(), avoid_claimed_processors():
             code = app(
                 arguments, exit_on_error=False, print_error=False, result_action="return_value"
             )
         sys.stdout.flush()
     except UnusedCliTokensError as error:
         unused = " ".join(error.unused_tokens or [])
-        complain(f"unexpected argument {unused!r}: see --help")
+        print_error(f"unexpected argument {unused!r}: see --help")
         return 2
     except SafetyStop as error:
-        complain(str(error))
+        print_error(str(error))
         return 3
     except (InputError, CycloptsError, RigError) as error:
         for line in str(error).splitlines() or [type(error).__name__]:
-            complain(line)
+            print_error(line)
         return 2
     except BrokenPipeError as error:
-        give_up_output(error)
+        discard_output(error)
         return 1
     except OSError as error:
         if error.errno not in (errno.ENOSPC, errno.EIO) or error.filename:
             raise
         with contextlib.suppress(OSError):
-            complain(give_up_output(error))
+            print_error(discard_output(error))
         return 2
     return code or 0

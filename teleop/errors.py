@@ -1,4 +1,4 @@
-"""Errors that end a command and are reported in one line; defects are not among them."""
+"""Errors other than defects: they end a command and are reported in one line."""
 
 from __future__ import annotations
 
@@ -11,22 +11,28 @@ if TYPE_CHECKING:
 
 
 class SafetyStop(Exception):
-    """The rig was stopped for safety; the message names the cause and its source."""
+    """The safety supervisor stopped the rig; the message names the fault and its source."""
 
 
 class InputError(Exception):
-    """Bad input; the message names what, where and what was expected."""
+    """Bad input; the message names the problem, its place, and what was expected."""
 
 
 class MissingColumn(InputError, KeyError):
-    """A recording has no column of this name."""
+    """A recording has no column of the requested name."""
 
     __str__ = Exception.__str__
 
 
 @contextlib.contextmanager
 def as_input_error() -> Iterator[None]:
-    """Turn a ValueError within the block into an InputError of the same text."""
+    """Convert a ValueError within the block to an InputError with the same text.
+
+    Raises
+    ------
+    InputError
+        A ValueError was raised within the block.
+    """
     try:
         yield
     except ValueError as error:
@@ -34,13 +40,13 @@ def as_input_error() -> Iterator[None]:
 
 
 def reason(error: OSError) -> str:
-    """Return the cause that the operating system gives, as a part of a line."""
+    """Return the operating system's text for an error, for use within a message."""
     text = error.strerror or str(error) or "unknown error"
     return text[:1].lower() + text[1:]
 
 
 def invalid_parts(error: ValidationError) -> str:
-    """Return all invalid parts of a document on one line, each with its path."""
+    """Return a line that lists each invalid item of a document with its path and the problem."""
     return "; ".join(
         f"{'.'.join(map(str, e['loc'])) or 'file'}: {e['msg'].lower()}" for e in error.errors()
     )

@@ -1,4 +1,4 @@
-"""Files that a command reads and writes: regular ones, and none is overwritten unasked."""
+"""Output files: checked before the work, written as a whole, and overwritten only on request."""
 
 from __future__ import annotations
 
@@ -14,8 +14,9 @@ from drivers.input_file import check_regular
 from teleop.errors import InputError, reason
 
 PICTURES = (".png", ".svg", ".pdf")
+"""Endings of picture files."""
 RECORDING = ".mcap"
-"""Ending of a recording: it is never overwritten."""
+"""Ending of recordings, which are never overwritten."""
 
 
 def check_outputs(
@@ -24,18 +25,18 @@ def check_outputs(
     sources: tuple[Path | None, ...] = (),
     overwrite: bool = False,
 ) -> None:
-    """Make sure, before the work, that these files can be written and overwrite nothing.
+    """Check, before the work, that files can be written and do not overwrite others.
 
     Parameters
     ----------
     outputs
-        Files to be written; None for one that is not wanted.
+        Files to be written; None for an output that was not requested.
     picture
-        A picture to be written.
+        A picture to be written; None if it was not requested.
     sources
-        Files that are read, which must survive.
+        Files that are read, and must not be overwritten.
     overwrite
-        Whether an output may replace a file of that name. A recording is never replaced.
+        Whether an output may replace an existing file. A recording is never replaced.
 
     Raises
     ------
@@ -53,7 +54,7 @@ def check_outputs(
         taken.add(resolved(path))
         try:
             check_new(path, overwrite)
-            part = beside(path)
+            part = temporary_path(path)
             part.open("xb").close()
             part.unlink()
         except OSError as error:
@@ -61,7 +62,13 @@ def check_outputs(
 
 
 def resolved(path: Path) -> str:
-    """The path without links; InputError where the working folder no longer exists."""
+    """Return the absolute path without symbolic links.
+
+    Raises
+    ------
+    InputError
+        The path is relative and the working folder no longer exists.
+    """
     try:
         return os.path.realpath(path)
     except OSError as error:
@@ -74,26 +81,26 @@ def make_folder(path: Path) -> None:
     Raises
     ------
     InputError
-        It cannot be created.
+        The folder cannot be created.
     """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
     except FileExistsError as error:
-        raise InputError(f"{path.parent}: expected a folder, this is a file") from error
+        raise InputError(f"{path.parent}: is a file: expected a folder") from error
     except OSError as error:
         raise unwritable(path.parent, error) from error
 
 
 @contextlib.contextmanager
 def new_file(path: Path, overwrite: bool = False) -> Iterator[BinaryIO]:
-    """Write a file that appears as a whole, or not at all.
+    """Write a file that appears at its path only when it is complete.
 
     Parameters
     ----------
     path
         The file.
     overwrite
-        Whether it may replace a file of that name.
+        Whether to replace an existing file. A recording is never replaced.
 
     Yields
     ------
@@ -102,18 +109,18 @@ def new_file(path: Path, overwrite: bool = False) -> Iterator[BinaryIO]:
     Raises
     ------
     InputError
-        It cannot be written, or is there already.
+        The file cannot be written, or exists.
     """
     part = None
     try:
         check_new(path, overwrite)
-        part, target = beside(path), Path(os.path.realpath(path))
+        part, target = temporary_path(path), Path(os.path.realpath(path))
         with part.open("x+b") as file:
             yield file
         if overwrite and target.exists():
             shutil.copymode(target, part)
         elif not overwrite:
-            with target.open("xb"):  # of two commands at the same time, one gets the name
+            with target.open("xb"):  # fails if another command has created the file meanwhile
                 pass
         part.replace(target)
     except FileExistsError as error:
@@ -127,19 +134,27 @@ def new_file(path: Path, overwrite: bool = False) -> Iterator[BinaryIO]:
 
 
 def write_text(path: Path, text: str, overwrite: bool = False) -> None:
-    """Write a text file, see `new_file`.
+    """Write a text file in UTF-8; see `new_file`.
 
     Raises
     ------
     InputError
-        It cannot be written, or is there already.
+        The file cannot be written, or exists.
     """
     with new_file(path, overwrite) as file:
         file.write(text.encode("utf-8", "backslashreplace"))
 
 
 def check_new(path: Path, overwrite: bool) -> None:
-    """Raise OSError or InputError unless a file can be made, or replaced, under this name."""
+    """Check that a file can be created, or replaced, at a path.
+
+    Raises
+    ------
+    InputError
+        The file exists, and `overwrite` is False or the file is a recording.
+    OSError
+        The path is not that of a regular file, or cannot be accessed.
+    """
     try:
         check_regular(path.stat().st_mode)
     except FileNotFoundError:
@@ -149,23 +164,23 @@ def check_new(path: Path, overwrite: bool) -> None:
         raise exists(path)
 
 
-def beside(path: Path) -> Path:
-    """A new name for what is written, until it is whole."""
+def temporary_path(path: Path) -> Path:
+    """Return a new path in the same folder, for a file until it is complete."""
     return Path(os.path.realpath(path)).with_name(f".teleop-{secrets.token_hex(6)}.part")
 
 
 def exists(path: Path) -> InputError:
-    """The one line that refuses to overwrite a file."""
+    """Return the error for a file that exists and may not be overwritten."""
     if path.suffix.lower() == RECORDING:
         return InputError(f"{path}: exists already: a recording is never overwritten")
     return InputError(f"{path}: exists already: expected a new file, or --overwrite")
 
 
 def unreadable(path: Path, error: OSError) -> InputError:
-    """The one line that says why a file cannot be read."""
+    """Return the error for a file that cannot be read, with the system's reason."""
     return InputError(f"{path}: {reason(error)}")
 
 
 def unwritable(path: Path, error: OSError) -> InputError:
-    """The one line that says why a file cannot be written."""
+    """Return the error for a file that cannot be written, with the system's reason."""
     return InputError(f"{path}: cannot be written: {reason(error)}")

@@ -1,4 +1,4 @@
-"""Ctrl-C, SIGTERM, SIGHUP and SIGQUIT: the signals that ask a program to end."""
+"""Handling of the signals that end a program: SIGINT (Ctrl-C), SIGTERM, SIGHUP and SIGQUIT."""
 
 from __future__ import annotations
 
@@ -17,23 +17,23 @@ ENDING = {
     "SIGHUP": "the terminal was closed",
     "SIGQUIT": "Ctrl-\\",
 }
-"""The signals and their reasons; Windows has the first two."""
+"""Signals, and the reason that each stands for; Windows has the first two only."""
 CLEAN_UP = 2.0
-"""Time that a program has to end by itself after it was interrupted [s]."""
+"""Time for the clean-up after an interruption, before another signal can interrupt it [s]."""
 
 
 @contextlib.contextmanager
 def handled(handler: Callable[[str], object]) -> Iterator[None]:
-    """Give the signals of `ENDING` to a handler within the block.
+    """Call a handler for the signals of `ENDING` within the block.
 
     A signal that is ignored on entry stays ignored: `nohup` ignores SIGHUP, and a shell script
-    ignores SIGINT of the processes that it starts with `&`. Python delivers signals to the main
-    thread alone: in another thread nothing is changed.
+    ignores SIGINT in the processes that it starts with `&`. In a thread other than the main
+    thread nothing is changed, because Python delivers signals to the main thread only.
 
     Parameters
     ----------
     handler
-        Called with the reason.
+        Called with the reason of the signal.
     """
 
     def on_signal(number: int, frame: FrameType | None) -> None:
@@ -53,45 +53,52 @@ def handled(handler: Callable[[str], object]) -> Iterator[None]:
 
 
 class Interruption:
-    """Counts the signals that ask to end, and raises KeyboardInterrupt if nobody answers them.
+    """Counts the signals of `ENDING`, and raises KeyboardInterrupt if they are not acknowledged.
 
     Used as a context manager, within which it handles the signals. A signal raises
-    KeyboardInterrupt if it, or one before it, was not answered for `patience`. The clean-up that
-    follows has `CLEAN_UP` before another signal can break it off.
+    KeyboardInterrupt if it, or an earlier one, was not acknowledged within `timeout`. The
+    clean-up that follows then has the time `CLEAN_UP` before another signal can interrupt it.
 
     Attributes
     ----------
     count
-        How many signals have come.
+        Number of signals so far.
     reason
-        What the latest one means; empty before the first.
-    patience
-        How long a signal may wait for an answer [s]. With 0, as at first, each raises at once.
+        Reason of the latest signal; empty before the first.
+    timeout
+        Time in which a signal has to be acknowledged [s]. With the initial value 0, each signal
+        raises KeyboardInterrupt immediately.
     """
 
     def __init__(self) -> None:
         self.count = 0
         self.reason = ""
-        self.patience = 0.0
+        self.timeout = 0.0
         self._waits_since = math.inf
         self._handled = contextlib.ExitStack()
 
-    def answer(self) -> None:
-        """Tell that the program acts on the signals that have come."""
+    def acknowledge(self) -> None:
+        """Report that the program responds to the signals so far."""
         self._waits_since = math.inf
 
     def clean_up(self) -> None:
-        """Give the program `CLEAN_UP` from now on to end by itself."""
-        self.patience = CLEAN_UP
+        """Start the clean-up: a signal does not interrupt it within `CLEAN_UP` from now."""
+        self.timeout = CLEAN_UP
         self._waits_since = time.monotonic()
 
     def on_signal(self, reason: str) -> None:
-        """Handle a signal."""
+        """Count a signal.
+
+        Raises
+        ------
+        KeyboardInterrupt
+            A signal was not acknowledged within `timeout`.
+        """
         self.count += 1
         self.reason = reason
         now = time.monotonic()
         self._waits_since = min(self._waits_since, now)
-        if now - self._waits_since >= self.patience:
+        if now - self._waits_since >= self.timeout:
             self.clean_up()
             raise KeyboardInterrupt(reason)
 
@@ -105,7 +112,7 @@ class Interruption:
 
 @contextlib.contextmanager
 def stop_signals() -> Iterator[Callable[[], bool]]:
-    """Give a function that returns whether a signal came within the block."""
+    """Yield a function that returns whether a signal has arrived within the block."""
     came = threading.Event()
     with handled(lambda reason: came.set()):
         yield came.is_set

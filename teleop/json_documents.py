@@ -1,4 +1,4 @@
-"""JSON documents with finite numbers: a number that is not finite is written as null."""
+"""JSON documents without infinite numbers and NaN, which are written as null."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from pydantic_core import from_json, to_jsonable_python
 
 
 def finite(value: Any) -> Any:
-    """Return the value with None in place of each number that is not finite."""
+    """Return a value with None instead of each number that is infinite or NaN."""
     return to_jsonable_python(value, inf_nan_mode="null")
 
 
 def dumps(value: Any, indent: int | None = None) -> str:
-    """Return the value as a JSON document of ASCII characters."""
+    """Return a value as a JSON document of ASCII characters."""
     return json.dumps(finite(value), indent=indent, allow_nan=False)
 
 
@@ -24,8 +24,7 @@ def loads(document: str | bytes) -> dict[str, Any]:
     Raises
     ------
     ValueError
-        The text is not a JSON document of one object, or its nesting exceeds the limit of
-        pydantic.
+        The text is not a JSON document with one object, or is nested too deeply for pydantic.
     """
     value = from_json(document, allow_inf_nan=False)
     if not isinstance(value, dict):

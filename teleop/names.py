@@ -1,4 +1,4 @@
-"""The names by which a person chooses the parts of a trial."""
+"""Names of the parts of a trial that settings and options choose between."""
 
 from __future__ import annotations
 

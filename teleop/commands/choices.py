@@ -1,4 +1,4 @@
-"""Parts of a trial that an option names."""
+"""Parts of a trial that options select by name."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from teleop.errors import InputError, as_input_error
 from teleop.names import CouplingName, SignalName
 
 POSITION_GAIN = 10.0
-"""Rate at which a position-coupled slave corrects a difference in position [1/s]."""
+"""Position gain of the coupling by position [1/s]."""
 
 
 def make_signal(name: SignalName, frequency: float) -> AnySignal:
@@ -23,7 +23,7 @@ def make_signal(name: SignalName, frequency: float) -> AnySignal:
     name
         Name of the signal.
     frequency
-        Its lowest frequency [Hz].
+        Lowest frequency of the signal [Hz].
 
     Raises
     ------
@@ -43,7 +43,13 @@ def make_signal(name: SignalName, frequency: float) -> AnySignal:
 
 
 def make_coupling(name: CouplingName) -> Coupling:
-    """Return the coupling by velocity alone, or by position too; InputError for another name."""
+    """Return the coupling by velocity only, or by velocity and position.
+
+    Raises
+    ------
+    InputError
+        The name is unknown.
+    """
     if name == "velocity":
         return Coupling()
     if name == "position":
@@ -52,12 +58,24 @@ def make_coupling(name: CouplingName) -> Coupling:
 
 
 def choose_estimators(names: str) -> tuple[str, ...]:
-    """Return estimators named in a list with commas, or all; InputError for an unknown name."""
+    """Return the names in a comma-separated list of estimators, or all names for `all`.
+
+    Raises
+    ------
+    InputError
+        A name is unknown.
+    """
     with as_input_error():
         return named_estimators(names)
 
 
 def choose_model(name: str) -> Model:
-    """Return a model of the environment by its name; InputError for an unknown name."""
+    """Return a model of the environment by its name.
+
+    Raises
+    ------
+    InputError
+        The name is unknown.
+    """
     with as_input_error():
         return model_named(name)

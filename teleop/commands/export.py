@@ -1,4 +1,4 @@
-"""`teleop export`: a recording for other programs."""
+"""`teleop export`: a recording as CSV, HDF5, MATLAB or Parquet."""
 
 from __future__ import annotations
 
@@ -18,24 +18,24 @@ def export(
     overwrite: Overwrite = False,
     json: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
-    """Write a recording as CSV, HDF5, MATLAB or Parquet, every number with all of its digits.
+    """Convert a recording to CSV, HDF5, MATLAB or Parquet, with all digits of every number.
 
     Example: `teleop export trial.mcap --out trial.mat`
 
     Parameters
     ----------
     file
-        A recording of teleop run (.mcap).
+        Recording of teleop run (.mcap).
     out
-        The file to write; its ending, of .csv, .h5, .mat and .parquet, tells the format. By
-        default beside the recording, with the ending .csv. HDF5 and Parquet need
+        File to write; its ending .csv, .h5, .mat or .parquet selects the format. Default: the
+        name of the recording with the ending .csv. HDF5 and Parquet need
         `pip install '.[export]'`.
     json
-        Print one JSON document instead of the file's name.
+        Print one JSON document instead of the file name.
     """
     from teleop.files import check_outputs
     from teleop.output import console
-    from teleop.printable import complain
+    from teleop.printable import print_error
     from teleop.recording.export_formats import export_recording, format_of
     from teleop.recording.gaps import gap_rows, missing_text
     from teleop.recording.recording import load
@@ -59,5 +59,5 @@ def export(
     else:
         console.plain_console().print(str(out))
         if recording.gaps:
-            complain(f"{file}: {missing_text(recording.gaps)}")
+            print_error(f"{file}: {missing_text(recording.gaps)}")
     return 0

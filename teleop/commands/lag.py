@@ -1,4 +1,4 @@
-"""`teleop lag`: the lag of the force channel, from a reference spring."""
+"""`teleop lag`: the lag of a force channel, measured on a reference spring."""
 
 from __future__ import annotations
 
@@ -20,26 +20,26 @@ def lag(
     seed: int = 0,
     json: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
-    """Measure the lag of the force channel on a reference spring without damping.
+    """Measure the lag of a force channel on a reference spring without damping.
 
-    A lag unknown makes b - k * lag of the damping. Record position and force while the rig
-    excites a steel spring, best with frequencies up to some 10 Hz, and give the file.
-    Without a file a simulated spring is palpated with a chirp.
+    A lag that is not compensated biases the estimated damping to b - k * lag. To measure the lag,
+    record position and force while the rig moves a steel spring, with frequencies up to about
+    10 Hz, and pass the file. Without a file, a simulated spring is palpated with a chirp.
 
     Example: `teleop lag spring.csv`
 
     Parameters
     ----------
     file
-        Recording on the spring: CSV or TSV with units in its header.
+        Data measured on the spring, CSV or TSV with units in the header.
     columns
-        Which columns to take, and where they are zero.
+        Columns to read, and their zeros.
     cube
-        Without a file: the simulated force channel of the trials with this cube.
+        Without a file: cube whose simulated force channel is measured.
     seed
         Without a file: seed of the sensor noise.
     json
-        Print one JSON document instead of a text.
+        Print one JSON document instead of text.
     """
     from teleop.errors import InputError
     from teleop.evaluation.datum import find_datum

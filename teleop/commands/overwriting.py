@@ -10,6 +10,6 @@ Overwrite = Annotated[
     bool,
     Parameter(
         negative="",
-        help="Overwrite output files that exist. Recordings are never overwritten.",
+        help="Overwrite existing output files. Recordings are never overwritten.",
     ),
 ]

@@ -1,4 +1,4 @@
-"""`teleop recover`: what is intact of a recording that was cut off."""
+"""`teleop recover`: the intact part of an incomplete recording."""
 
 from __future__ import annotations
 
@@ -15,21 +15,20 @@ def recover(
     out: Path | None = None,
     json: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
-    """Write what is intact of a recording to a new file that is complete.
+    """Write the intact part of an incomplete recording to a new, complete file.
 
-    The recording itself is never changed.
+    The original recording is not changed.
 
     Example: `teleop recover trial.mcap`
 
     Parameters
     ----------
     file
-        A recording of teleop run (.mcap) whose end is missing or which is damaged.
+        Recording of teleop run (.mcap) that is damaged or whose end is missing.
     out
-        The new file, which must not exist; by default beside the recording, its name with
-        -recovered.
+        New file, which must not exist. Default: the name of the recording with -recovered.
     json
-        Print one JSON document instead of a line.
+        Print one JSON document instead of text.
     """
     from teleop.output import console
     from teleop.recording.gaps import gap_rows, missing_text
@@ -50,7 +49,7 @@ def recover(
         )
     elif recovery.damage:
         console.plain_console().print(
-            f"{out}: {recovery.ticks} ticks, {recovery.duration:.3f} s, {recovery.lost}"
+            f"{out}: {recovery.ticks} ticks, {recovery.duration:.3f} s, {recovery.loss}"
         )
     else:
         console.plain_console().print(
@@ -58,6 +57,6 @@ def recover(
         )
     if recovery.gaps and not json:
         console.plain_console().print(
-            f"{missing_text(recovery.gaps)}: these never reached the recorder"
+            f"{missing_text(recovery.gaps)}: the recorder did not receive them"
         )
     return 0

@@ -1,4 +1,4 @@
-"""`teleop report`: a run as one HTML page with plots."""
+"""`teleop report`: an HTML page with the results of a recording."""
 
 from __future__ import annotations
 
@@ -20,28 +20,28 @@ def report(
     force_lag: float | None = None,
     overwrite: Overwrite = False,
 ) -> int:
-    """Write a recording's estimates and figures to one HTML page that opens offline.
+    """Write the estimates and figures of a recording to one HTML page that works offline.
 
-    Shows over time which candidates the data could not tell apart as well, and of a run that
-    was stopped for safety what tripped and the channels about it.
+    The page also shows, over time, which parameter values the data cannot distinguish. For a run
+    with a safety stop it shows the fault, and the channels before and after it.
 
     Example: `teleop report run.mcap --out run.html`
 
     Parameters
     ----------
     file
-        A recording of teleop run (.mcap), or CSV or TSV with units in its header.
+        Recording of teleop run (.mcap), or CSV or TSV with units in the header.
     out
-        The page; by default beside the recording, with the ending .html.
+        HTML file to write. Default: the name of the recording with the ending .html.
     columns
-        Which columns to take, and where they are zero.
+        Columns to read, and their zeros.
     preset
-        Settings of the estimators: scaled from the data, or the paper's; by default those of
-        the run, and scaled for a table.
+        Settings of the estimators: scaled from the data (scaled), or the paper's (paper).
+        Default: those of the run for a recording, scaled for CSV and TSV.
     cube
-        The cube whose adaptation gain the paper's settings take.
+        Cube whose adaptation gain is used with the paper's settings.
     force_lag
-        Lag of the force channel [s] to make up for.
+        Lag of the force channel [s], which is compensated.
     """
     from teleop.commands.estimate import chosen
     from teleop.evaluation.evaluation import FEWEST, evaluate

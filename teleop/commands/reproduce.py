@@ -23,8 +23,8 @@ def reproduce(
 ) -> int:
     """Reproduce the paper's Table I and Figures 3 to 5 on the simulated rig.
 
-    Runs three cubes under three conditions with the paper's settings, holds the paper's
-    claims against the outcome, and shows what makes its damping negative.
+    Runs trials with three cubes and three conditions with the paper's settings, checks the
+    paper's claims against the results, and shows the causes of the negative damping.
 
     Example: `teleop reproduce --seeds 20 --out reproduction`
 
@@ -33,12 +33,12 @@ def reproduce(
     out
         Folder for the page (index.html), the table (CSV) and the figures (SVG, PNG).
     seeds
-        Repetitions of the nine trials; from 2 on, an analysis of variance asks which of cube,
-        condition and estimator matter.
+        Repetitions of the nine trials. With 2 or more, an analysis of variance shows the effects
+        of cube, condition and estimator.
     estimators
-        Further methods to compare on the same trials: names such as kalman,rls_sift, or all.
+        Further estimators to compare on the same trials: names such as kalman,rls_sift, or all.
     model
-        What these take the cubes for, where they take any model.
+        Model of the environment, for further estimators that support any model.
     json
         Print one JSON document instead of tables.
     """
@@ -57,7 +57,7 @@ def reproduce(
 
     names = () if estimators is None else choose_estimators(estimators)
     if model != "kelvin-voigt" and not names:
-        raise InputError(f"model {model}: expected --estimators, since the paper's have none")
+        raise InputError(f"model {model}: expected --estimators, which it applies to")
     methods = Methods(names, choose_model(model))
     check_folder(out, overwrite)
     with Progress(

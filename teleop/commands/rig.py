@@ -1,4 +1,4 @@
-"""`teleop rig`: what concerns the rig itself."""
+"""`teleop rig`: the commands that set up a rig."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from teleop.commands.rig_tare import tare
 
 rig = App(
     name="rig",
-    help="Set up a rig: find it, check it, emulate it, set its zeros.",
+    help="Set up a rig: list ports, check or emulate its devices, measure its zeros.",
     help_format="markdown",
 )
 rig.command(list_, name="list")

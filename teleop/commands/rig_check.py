@@ -1,4 +1,4 @@
-"""`teleop rig check`: what a rig's devices send, and whether their watchdogs work."""
+"""`teleop rig check`: samples of the channels, round-trip times, drives and watchdogs of a rig."""
 
 from __future__ import annotations
 
@@ -17,24 +17,24 @@ def check(
     move: Annotated[bool, Parameter(negative="")] = False,
     json: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
-    """Connect to a rig, show every channel live, and let the watchdogs of its drives run out.
+    """Connect to a rig, show every channel live, and test the watchdogs of its drives.
 
-    The drives are enabled at standstill for that, if every channel is well; nothing moves without
-    --move. The safety supervisor watches them, and Enter is an emergency stop. Exits with 2 if
-    anything is wrong, and with 3 after a stop for safety.
+    For the watchdog test, the drives are enabled at standstill, if all channels work. Nothing
+    moves without --move. The safety supervisor is active, and Enter is an emergency stop. The
+    exit code is 2 if there is a problem, and 3 after a safety stop.
 
     Example: `teleop rig check rigs/serial-board.toml`
 
     Parameters
     ----------
     file
-        Rig file, TOML.
+        Rig file (TOML).
     seconds
-        How long to listen [s].
+        Time for which the channels are read [s].
     move
-        Move both drives too, forth and back in strokes of 0.05 to 0.4 mm at 1 mm/s at most, and
-        compare the commanded travel with what the encoders and the velocity channel show. The
-        first that differs ends the check. The slave must be free to move.
+        Also move both drives forward and back, by 0.05 to 0.4 mm at 1 mm/s at most, and compare
+        the commanded travel with that of the encoders and the velocity channel. The first
+        difference ends the check. The slave must be free to move.
     json
         Print one JSON document instead of a table.
     """
@@ -43,7 +43,7 @@ def check(
     from teleop.errors import InputError, SafetyStop
     from teleop.output.console import print_json
     from teleop.output.rig_tables import live_channels, print_check
-    from teleop.rig.channel_check import listen, problems, round_trips
+    from teleop.rig.channel_check import list_problems, listen, round_trips
     from teleop.rig.drive_check import check_drives
     from teleop.safety.events import time_text
     from teleop.trial.realtime import realtime
@@ -60,30 +60,33 @@ def check(
         real_time.start()
         with live_channels(sys.stderr) as show:
             channels = listen(
-                rig, clock, seconds, lambda found: show([channel._asdict() for channel in found])
+                rig,
+                clock,
+                seconds,
+                lambda reports: show([channel._asdict() for channel in reports]),
             )
         round_trip = dict(round_trips(rig, clock))
-        found = None if problems(channels, []) else check_drives(rig, clock, move)
+        checked = None if list_problems(channels, []) else check_drives(rig, clock, move)
         rejected = {name: dict(counts) for name, counts in rig.rejected.items()}
-    drives = found.drives if found else []
-    wrong = problems(channels, drives)
+    drives = checked.drives if checked else []
+    problems = list_problems(channels, drives)
     check = {
         "rig": rig_file.sections.name,
         "channels": [channel._asdict() for channel in channels],
         "round_trip_s": round_trip,
         "drives": [drive._asdict() for drive in drives],
         "rejected": rejected,
-        "problems": wrong,
+        "problems": problems,
     }
     if json:
         print_json(check)
     else:
         print_check(check)
-    if found and found.fault:
-        text = found.fault["text"]
-        raise SafetyStop(f"{file}: stopped {time_text(found.fault['time'])}: {text}")
-    if found and found.interrupted:
+    if checked and checked.fault:
+        text = checked.fault["text"]
+        raise SafetyStop(f"{file}: stopped {time_text(checked.fault['time'])}: {text}")
+    if checked and checked.interrupted:
         return 130
-    if wrong:
-        raise InputError(f"{file}: {'; '.join(wrong)}")
+    if problems:
+        raise InputError(f"{file}: {'; '.join(problems)}")
     return 0

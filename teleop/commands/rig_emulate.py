@@ -1,4 +1,4 @@
-"""`teleop rig emulate`: a rig's devices in software, on wires that are real."""
+"""`teleop rig emulate`: a rig's devices in software, on real serial ports and CAN buses."""
 
 from __future__ import annotations
 
@@ -10,9 +10,10 @@ from cyclopts import Parameter
 from teleop.commands.overwriting import Overwrite
 from teleop.names import ConditionName, CubeName, RealtimeName
 
-DEVICES_ARE_PUNCTUAL = ("SCHED_FIFO", "no garbage collection")
-"""Steps of the real-time set-up that an emulator takes; the processor is left to the controller."""
+REALTIME_STEPS = ("SCHED_FIFO", "no garbage collection")
+"""Real-time settings of an emulator; it claims no processor, so that the controller can."""
 WRITER = "teleop rig emulate"
+"""Name of the writer in the first line of the rig file."""
 
 
 def emulate(
@@ -28,37 +29,37 @@ def emulate(
     overwrite: Overwrite = False,
     json: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
-    """Serve a rig's devices in software, with the simulated plant behind them, until stopped.
+    """Emulate the devices of a rig, connected to the simulated plant, until stopped.
 
-    Serial ports and slcan adapters become pseudo-terminals; a SocketCAN bus must be there. In
-    another terminal: `teleop run --rig run.toml --condition CONDITION`. A little more than
-    a second after the drives were idled the plant is put back to its start.
+    Serial ports and slcan adapters become pseudo-terminals; a SocketCAN bus must exist. Then run
+    in another terminal: `teleop run --rig run.toml --condition CONDITION`. The plant is reset to
+    its start a little more than one second after the drives were disabled.
 
     Example: `teleop rig emulate rigs/serial-board.toml --condition mimic --cube hard`
 
     Parameters
     ----------
     file
-        Rig file, TOML.
+        Rig file (TOML).
     out
-        Where to write the rig file to run against the emulator. A file that an emulator wrote,
-        and that nobody has edited since, is replaced.
+        Rig file to write, for runs with the emulator. An existing file is replaced if an
+        emulator wrote it and it was not edited since.
     cube
-        The cube that is palpated.
+        Cube that is palpated.
     condition
-        Who holds the handle: an operator who palpates as they like (free), one who tries to
-        track a sine (mimic), or nobody (autonomous).
+        Simulated operator: palpates freely (free), tries to track a sine (mimic), or none
+        (autonomous).
     depth
-        How deep the operator palpates, such as 5mm; by default as deep as in the paper.
+        Depth of the operator's palpation with its unit, such as 5mm. Default: the paper's depth.
     seed
         Seed of operator and sensor noise.
     fault
-        A fault of a wire, KIND:BUS@SECONDS after the drives are enabled, such as
-        corrupt:force@3; may be repeated. Kinds: drop, double, reorder, delay, truncate, corrupt,
-        length, burst, noise, baud, silence, error-frames, bus-off, unplug, replug; reset takes a
-        device for the bus.
+        Fault of a wire as KIND:BUS@SECONDS, such as corrupt:force@3, where the time counts from
+        when the drives are enabled; may be repeated. Kinds: drop, double, reorder, delay,
+        truncate, corrupt, length, burst, noise, baud, silence, error-frames, bus-off, unplug,
+        replug; and reset, with a device instead of the bus.
     json
-        Print one JSON document, once it serves, instead of a text.
+        Print one JSON document instead of text when the emulator is ready.
     """
     import os
     import shutil
@@ -87,7 +88,7 @@ def emulate(
         with (
             stop_signals() as stopped,
             opened(emulator),
-            realtime(urgency, DEVICES_ARE_PUNCTUAL) as real_time,
+            realtime(urgency, REALTIME_STEPS) as real_time,
         ):
             write_text(out, stamped(host_file(rig, folder), WRITER), overwrite)
             ports = host_ports(rig, folder)

@@ -1,4 +1,4 @@
-"""`teleop rig list`: the ports and buses that this machine has."""
+"""`teleop rig list`: the serial ports and CAN buses of this machine."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from cyclopts import Parameter
 
 
 def list_(*, json: Annotated[bool, Parameter(negative="")] = False) -> int:
-    """Show the serial ports and CAN buses that this machine has.
+    """List the serial ports and CAN buses of this machine.
 
     Example: `teleop rig list`
 

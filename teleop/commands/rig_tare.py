@@ -1,4 +1,4 @@
-"""`teleop rig tare`: where force and position are zero."""
+"""`teleop rig tare`: the zeros of force and position."""
 
 from __future__ import annotations
 
@@ -22,28 +22,28 @@ def tare(
     overwrite: Overwrite = False,
     json: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
-    """Find where force and position are zero, and store it with its date.
+    """Measure the zeros of force and position, and store them with the date.
 
-    The force zero is taken with idle drives and nothing loaded; a rig that moves or bears a
-    load is refused. Apply it with `teleop run --tare`.
+    The force zeros are measured with disabled drives and without load; it is an error if the rig
+    moves or is under load. Apply the zeros with `teleop run --tare`.
 
     Example: `teleop rig tare --contact touch --out tare.json`
 
     Parameters
     ----------
     rig
-        Rig file, TOML; by default the rig is simulated.
+        Rig file (TOML). Default: the simulated rig.
     out
-        File for the zeros.
+        File for the zeros (JSON).
     contact
-        The contact datum: the encoder's own zero (keep), found by going forward slowly, by
-        4 mm at the most, until the slave touches (touch), or a position such as 1.5mm.
+        Contact datum: the zero of the encoder (keep), the position at which the slave touches
+        when it moves forward slowly by at most 4 mm (touch), or a position such as 1.5mm.
     cube
-        The cube on the simulated rig.
+        Cube on the simulated rig.
     seed
-        Seed of the simulated sensors' noise.
+        Seed of the noise of the simulated sensors.
     json
-        Print one JSON document instead of a text.
+        Print one JSON document instead of text.
     """
     from drivers import Rig
     from drivers.wired_rig import WiredRig

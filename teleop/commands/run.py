@@ -53,70 +53,72 @@ def run(
     overwrite: Overwrite = False,
     json: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
-    """Palpate, and estimate stiffness and damping of what is touched meanwhile.
+    """Palpate, and estimate stiffness and damping of the environment at the same time.
 
-    Ctrl-C ramps the slave to a stop, twice stops it at once. In a terminal Enter and Space are an
-    emergency stop.
+    Ctrl-C ramps the slave to a stop; a second Ctrl-C stops it at once. In a terminal, Enter and
+    Space are an emergency stop.
 
     Example: `teleop run --condition autonomous --cube hard --plot hard.png`
 
     Parameters
     ----------
     config
-        Configuration file, TOML, as `teleop config init` writes it, or a recording, whose trial
-        is run again. Options override it. Without it, the settings are those of the paper.
+        Configuration file (TOML), as written by `teleop config init`, or a recording, whose trial
+        is run again. Options override it. The defaults below are those without a file.
     condition
-        An operator palpates as they like (free), tries to track a sine (mimic), or the PE
-        injector moves the slave and nobody holds the handle (autonomous).
+        Control condition: the operator palpates freely (free), tries to track a sine (mimic), or
+        the PE injector moves the slave and nobody holds the handle (autonomous). Default: free.
     rig
-        Rig file, TOML, that says which devices the rig is made of; by default the rig is
-        simulated.
+        Rig file (TOML) that lists the devices of the rig. Default: the simulated rig.
     cube
-        The cube on the simulated rig. On another rig: the paper's cube that comes closest, from
-        which depth of palpation and adaptation gain are taken.
+        Cube on the simulated rig. With a rig file: the paper's cube that is most similar to the
+        specimen; it sets depth of palpation and adaptation gain. Default: soft.
     duration
-        Length of the trial [s].
+        Duration of the trial [s]. Default: 10.
     clock
-        The machine's clock, or virtual time: as fast as it goes, and the same to the bit for
-        the same seed.
+        real: the machine's clock. virtual: as fast as possible, with exactly the same result for
+        the same seed. Default: real.
     rate
-        Rate of the loop [Hz]; by default that of the rig file, or 1000.
+        Rate of the loop [Hz]. Default: the rate in the rig file, or 1000.
     depth
-        How deep the palpation goes, such as 5mm; by default as deep as the paper's.
+        Depth of the palpation with its unit, such as 5mm. Default: the paper's depth.
     seed
-        Seed of the simulated operator and of the sensor noise.
+        Seed of the simulated operator and of the sensor noise. Default: 0.
     signal
-        Excitation of the autonomous condition.
+        Excitation signal of the autonomous condition. Default: sine.
     frequency
-        Its frequency [Hz]: of a multisine the lowest of five harmonics, of a chirp the
-        lowest of two octaves.
+        Frequency of the excitation signal [Hz]. For a multisine, the lowest of five harmonics;
+        for a chirp over two octaves, the lowest frequency. Default: 2.
     coupling
-        What of the master the slave follows: its velocity, as in the paper, or its position.
+        The slave follows the velocity of the master, as in the paper, or also its position.
+        Default: velocity.
     conditioning
-        How velocity is had from the encoder: one state-variable filter on position and force
-        alike (matched) or on position alone (svf), first-order adaptive windowing (foaw), or
-        a filtered difference.
+        How velocity is computed from the encoder: by one state-variable filter on position and
+        force (matched), or on position only (svf); by first-order adaptive windowing (foaw); or
+        by a filtered difference (difference). Default: matched.
     bandwidth
-        Bandwidth of that filter [Hz]; foaw has none.
+        Bandwidth of the conditioning filter [Hz]; not used by foaw. Default: 20.
     force_lag
-        Lag of the force channel [s] that matched conditioning makes up for, as `teleop lag`
-        measures it.
+        Lag of the force channel [s], as measured by `teleop lag`; matched conditioning
+        compensates it. Default: 0.
     estimators
-        Names of estimators, such as rls,kalman,rls_sift, or all.
+        Names of estimators, such as rls,kalman,rls_sift, or all. Default: rls,ai,me.
     model
-        What the environment is taken for, by the estimators that take any model.
+        Model of the environment, for the estimators that support any model. Default:
+        kelvin-voigt.
     realtime
-        With the machine's clock: insist on real-time scheduling, locked memory and a processor
-        of its own, take what the system permits, or leave all as it is.
+        Real-time scheduling, locked memory and a processor of its own, with the machine's clock.
+        require: fail if a setting is refused. try: apply the settings that the system allows.
+        off: apply none.
     tare
-        Zeros of the channels, as `teleop rig tare` writes them.
+        File with the zeros of the channels, from `teleop rig tare`.
     record
-        Record every tick to this MCAP file, whose folder is created if needed; by default to a
-        new one in a dated folder, recordings/DATE/TIME-CONDITION-CUBE.mcap.
+        Record every tick to this MCAP file; its folder is created if needed. Default: a new file
+        recordings/DATE/TIME-CONDITION-CUBE.mcap.
     no_record
-        Record nothing.
+        Do not record.
     plot
-        Draw the estimates to this .png, .svg or .pdf file.
+        Plot the estimates to this .png, .svg or .pdf file.
     json
         Print one JSON document instead of tables.
     """
@@ -128,7 +130,7 @@ def run(
     from teleop.files import check_outputs, make_folder
     from teleop.output import console
     from teleop.output.trial_tables import print_trial
-    from teleop.printable import complain, give_up_output
+    from teleop.printable import discard_output, print_error
     from teleop.safety.events import time_text
     from teleop.trial.configuration import read_configuration
     from teleop.trial.rig_loading import load_rig_file
@@ -165,7 +167,7 @@ def run(
     }
     settings = replace(settings, **{name: v for name, v in options.items() if v is not None})
     if record and no_record:
-        raise InputError("--record and --no-record: expected one of them")
+        raise InputError("--record and --no-record: expected at most one of them")
     if record and record.suffix.lower() != ".mcap":
         raise InputError(f"{record}: expected a file ending in .mcap")
     if record:
@@ -196,7 +198,7 @@ def run(
             except InputError as error:
                 problems.append(str(error))
         elif plot:
-            complain(f"{plot}: not drawn: nothing was estimated")
+            print_error(f"{plot}: not drawn: there are no estimates")
         try:
             if json:
                 console.print_json(trial.summary())
@@ -205,10 +207,10 @@ def run(
         except OSError as error:
             if not (trial.fault or problems):
                 raise
-            problems.append(give_up_output(error))
+            problems.append(discard_output(error))
     if trial.fault:
         for problem in problems:
-            complain(problem)
+            print_error(problem)
         raise SafetyStop(f"stopped {time_text(trial.fault['time'])}: {trial.fault['text']}")
     if problems:
         raise InputError("; ".join(problems))
@@ -216,7 +218,13 @@ def run(
 
 
 def draw(trial: Trial, plot: Path, overwrite: bool) -> None:
-    """Draw the estimates of a trial; InputError if the file cannot be written."""
+    """Plot the estimates of a trial to a file.
+
+    Raises
+    ------
+    InputError
+        The file cannot be written.
+    """
     from teleop.output.figures import estimates_figure, save
 
     settings, columns = trial.settings, trial.columns
@@ -231,7 +239,13 @@ def draw(trial: Trial, plot: Path, overwrite: bool) -> None:
 
 
 def read_depth(text: str | None) -> float | None:
-    """A depth with its unit [m]; InputError if it has none."""
+    """Return a depth in m from a text with its unit; None stays None.
+
+    Raises
+    ------
+    InputError
+        The text is not a length with a unit.
+    """
     from teleop.errors import InputError
     from teleop.evaluation.formats.delimited import quantity
 
@@ -242,14 +256,19 @@ def read_depth(text: str | None) -> float | None:
 
 
 def new_recording(name: str) -> Path:
-    """Create an empty file of a new name in the folder of the day.
+    """Create an empty file with a new name in the folder `recordings/DATE`.
 
-    The file is created exclusively: no two runs get the same one.
+    The file is created exclusively, so that two runs never get the same file.
+
+    Parameters
+    ----------
+    name
+        Part of the file name after the time.
 
     Raises
     ------
     InputError
-        The folder or the file cannot be made.
+        The folder or the file cannot be created.
     """
     from teleop.files import unwritable
 

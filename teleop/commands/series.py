@@ -47,7 +47,7 @@ def series(
         Print one JSON document instead of lines.
     """
     from teleop.output.console import plain_console, print_json, print_table
-    from teleop.printable import complain
+    from teleop.printable import print_error
     from teleop.studies.series.conduct import conduct, counts, unattended
     from teleop.studies.series.plan import planned_trials, read_plan
 
@@ -66,7 +66,7 @@ def series(
         return 0
     if ask is None:
         ask = sys.stdin.isatty() and any(trial.settings.rig for trial in trials)
-    journal = conduct(folder, read, trials, person if ask else unattended, report=complain)
+    journal = conduct(folder, read, trials, person if ask else unattended, report=print_error)
     summary = {"folder": str(folder), **counts(journal, trials)}
     if json:
         print_json(summary)

@@ -1,1 +1,1 @@
-"""What a person sees while a trial runs."""
+"""Display of a trial while it runs: progress line and terminal."""

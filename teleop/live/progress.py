@@ -1,4 +1,4 @@
-"""The progress line: time and present estimates, drawn on a terminal while a trial runs."""
+"""The progress line: time and present estimates, shown on a terminal while a trial runs."""
 
 from __future__ import annotations
 
@@ -11,8 +11,9 @@ from teleop.live.terminal import Terminal
 REDRAW = 0.1
 """Time between two drawings of the line [s]."""
 SHOWN = 4
-"""Most estimators on the line."""
+"""Largest number of estimators on the line."""
 STDERR = 2
+"""File descriptor of standard error."""
 
 Estimates = Iterable[tuple[str, float, float]]
 """Name, b [N s/m] and k [N/m] of each estimator."""
@@ -24,11 +25,11 @@ class Progress:
     Parameters
     ----------
     shown
-        Whether to draw the line. Lines of `report` are written in any case.
+        Whether to show the line. Messages of `report` are written in any case.
     duration
         Duration of the trial [s].
     hint
-        What stops the run, for the line.
+        Keys that stop the run, shown in the line.
     instructions
         How to stop the run, for a line at the start.
     """
@@ -43,14 +44,14 @@ class Progress:
             self.report(f"teleop: {instructions}")
 
     def show(self, t: float, estimates: Callable[[], Estimates]) -> None:
-        """Draw the line if it is due.
+        """Update the line if `REDRAW` has passed since the last update.
 
         Parameters
         ----------
         t
             Time of the trial [s].
         estimates
-            Called for the present estimates where they are drawn.
+            Returns the present estimates; called only if the line is updated.
         """
         now = time.monotonic()
         if not self._shown or now < self._due or t < 0.0:
@@ -61,7 +62,7 @@ class Progress:
         self._draw(f"{progress}  k [N/m], b [N s/m]:{''.join(texts[:SHOWN])}")
 
     def report(self, text: str) -> None:
-        """Write a line that stays."""
+        """Write a message that stays on the terminal."""
         self._terminal.write(("\r\x1b[K" if self._shown else "") + text + "\n")
 
     def close(self) -> None:

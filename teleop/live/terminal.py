@@ -1,4 +1,4 @@
-"""Output to a terminal by a thread of its own, which a stopped terminal may block without harm."""
+"""Output to a terminal from a separate thread, so that a stopped terminal blocks nothing else."""
 
 from __future__ import annotations
 
@@ -6,15 +6,15 @@ import contextlib
 import os
 import threading
 
-PATIENCE = 0.5
+TIMEOUT = 0.5
 """Longest time for which `close` waits for the terminal [s]."""
 
 
 class Terminal:
     """Writes to a terminal without ever blocking the caller.
 
-    A terminal blocks its writer while it is stopped (Ctrl-S) or while nobody reads it. The
-    descriptor itself cannot be made non-blocking, because the shell shares it.
+    A terminal blocks its writer while it is stopped (Ctrl-S) or while no program reads it. The
+    descriptor cannot be made non-blocking, because the shell uses the same one.
 
     Parameters
     ----------
@@ -31,25 +31,25 @@ class Terminal:
         self._thread = threading.Thread(target=self._write_all, daemon=True)
 
     def draw(self, text: str) -> None:
-        """Write text that replaces the last drawing if that has not been written yet."""
+        """Write text that replaces the text of the last call if that is not written yet."""
         with self._changed:
             self._line = encoded(text)
             self._wake()
 
     def write(self, text: str) -> None:
-        """Write text that is not to be lost, after which nothing drawn before is written."""
+        """Write text that is always written; text of an earlier `draw` is discarded."""
         with self._changed:
             self._kept += encoded(text)
             self._line = b""
             self._wake()
 
     def close(self) -> None:
-        """Wait until all is written, but no longer than `PATIENCE`."""
+        """Wait until all text is written, at most `TIMEOUT`."""
         with self._changed:
             self._closed = True
             self._changed.notify()
         if self._thread.is_alive():
-            self._thread.join(PATIENCE)
+            self._thread.join(TIMEOUT)
 
     def _wake(self) -> None:
         if not self._thread.ident:
@@ -70,5 +70,5 @@ class Terminal:
 
 
 def encoded(text: str) -> bytes:
-    """Text as a terminal of any encoding shows it: UTF-8."""
+    """Return text in UTF-8, with escapes for characters that cannot be encoded."""
     return text.encode(errors="backslashreplace")

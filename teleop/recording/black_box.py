@@ -1,4 +1,4 @@
-"""The black box: the last ticks before a fault and the first after it, kept in memory."""
+"""The black box: the ticks shortly before and after a fault, stored in memory."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from teleop.recording.sinks import Outcome, Sink, event_record
 from teleop.safety import Event
 
 BEFORE, AFTER = 5.0, 1.0
-"""Time kept before and after a fault [s]."""
+"""Duration that is stored before and after a fault [s]."""
 
 
 class BlackBox(Sink):
-    """Keeps the last ticks and all events, independently of the recorder.
+    """Stores the last ticks and all events, independently of the recorder.
 
     Parameters
     ----------
@@ -35,29 +35,35 @@ class BlackBox(Sink):
         self._events: list[dict[str, Any]] = []
 
     def push(self, message: bytes) -> None:
-        """Keep the message of one tick."""
+        """Store the message of one tick."""
         self._messages.append(message)
 
     def event(self, event: Event) -> None:
-        """Keep an event."""
+        """Store an event."""
         self._events.append(event_record(event))
 
     def close(self) -> Outcome:
-        """Return the number of ticks in the box."""
+        """Return the outcome, with the number of stored ticks."""
         return Outcome(None, len(self._messages), 0, "")
 
     @property
     def fault(self) -> dict[str, Any] | None:
-        """The event that tripped the supervisor, if any did."""
+        """Event of the first fault; None if there was no fault."""
         return next((event for event in self._events if event["fault"]), None)
 
     def recording(self, metadata: dict[str, dict[str, str]]) -> Recording:
-        """Return the content of the box, with these named records about the session."""
+        """Return the content as a recording.
+
+        Parameters
+        ----------
+        metadata
+            Named records of text about the session.
+        """
         messages = b"".join(self._messages)
         return from_messages(self._layout.definition, messages, self._events, metadata)
 
     def write(self, path: Path, metadata: dict[str, dict[str, str]], start: int) -> None:
-        """Write the content to an MCAP file, which is overwritten.
+        """Write the content to an MCAP file; an existing file is overwritten.
 
         Parameters
         ----------

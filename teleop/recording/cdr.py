@@ -7,6 +7,6 @@ import struct
 CDR = b"\0\1\0\0"
 """First bytes of a little-endian CDR message."""
 TIME = struct.Struct("<4xd")
-"""Position of the time in the message of a tick."""
+"""Layout of a tick's message up to its first double, the time."""
 MESSAGE_NAME = "teleop/msg/Tick"
-"""Name of the message."""
+"""Name of the ROS 2 message type of a tick."""

@@ -1,4 +1,4 @@
-"""Chunks of MCAP files, decompressed no further than they declare."""
+"""Decompression of the chunks of MCAP files, limited to the size that each chunk declares."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ import zstandard
 from mcap.records import Chunk
 
 LARGEST = 64 << 20
-"""Largest chunk that is taken [bytes]; the recorder's are below 1 MiB."""
+"""Largest chunk that is read [bytes]; those of the recorder are below 1 MiB."""
 PIECE = 1 << 20
-"""What is decompressed at a time [bytes]."""
+"""Number of bytes that are decompressed at a time."""
 
 
 def chunk_data(chunk: Chunk) -> bytes:
-    """The records of a chunk.
+    """Return the records of a chunk, decompressed.
 
     Raises
     ------
     ValueError
-        It is larger than `LARGEST` or than it declares, or cannot be decompressed, or its check
-        sum does not match.
+        The chunk is larger than `LARGEST` or than the size that it declares, it cannot be
+        decompressed, or its checksum does not match.
     """
     size = chunk.uncompressed_size
     if size > LARGEST:
@@ -40,27 +40,27 @@ def chunk_data(chunk: Chunk) -> bytes:
     return data
 
 
-def plain(data: bytes, _: int) -> bytes:
-    """Data that are not compressed."""
+def uncompressed(data: bytes, _: int) -> bytes:
+    """Return data that are not compressed, unchanged."""
     return data
 
 
-def from_zstd(data: bytes, most: int) -> bytes:
-    """At most so many bytes of what data decompress to."""
-    found = BytesIO()
+def from_zstd(data: bytes, max_size: int) -> bytes:
+    """Decompress zstd data to at most `max_size` bytes."""
+    result = BytesIO()
     with zstandard.ZstdDecompressor().stream_reader(data) as reader:
-        while found.tell() < most:
-            piece = reader.read(min(PIECE, most - found.tell()))
+        while result.tell() < max_size:
+            piece = reader.read(min(PIECE, max_size - result.tell()))
             if not piece:
                 break
-            found.write(piece)
-    return found.getvalue()
+            result.write(piece)
+    return result.getvalue()
 
 
-def from_lz4(data: bytes, most: int) -> bytes:
-    """At most so many bytes of what data decompress to."""
-    return bytes(lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=most))
+def from_lz4(data: bytes, max_size: int) -> bytes:
+    """Decompress lz4 data to at most `max_size` bytes."""
+    return bytes(lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=max_size))
 
 
-DECOMPRESSORS = {"": plain, "zstd": from_zstd, "lz4": from_lz4}
-"""By the name of the compression; each takes the data and a largest size."""
+DECOMPRESSORS = {"": uncompressed, "zstd": from_zstd, "lz4": from_lz4}
+"""Decompression function by the name of the compression."""

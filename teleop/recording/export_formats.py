@@ -1,4 +1,4 @@
-"""Recordings as CSV, HDF5, MATLAB and Parquet files for other programs."""
+"""Export of recordings to CSV, HDF5, MATLAB and Parquet files."""
 
 from __future__ import annotations
 
@@ -20,12 +20,18 @@ if TYPE_CHECKING:
 
 
 def write_csv(file: BinaryIO, recording: Recording) -> None:
-    """Write a column each with `name [unit]` above it; the session and events stay behind."""
+    """Write the columns with the header `name [unit]`, without session and events."""
     write_table(file, recording.columns, recording.units)
 
 
 def write_hdf5(disk: BinaryIO, recording: Recording) -> None:
-    """Write a dataset a column with its unit, attributes of the session, and `events`."""
+    """Write a dataset with its unit per column, the session as attributes, and `events`.
+
+    Raises
+    ------
+    InputError
+        h5py is not installed.
+    """
     try:
         import h5py
     except ImportError as error:
@@ -40,7 +46,7 @@ def write_hdf5(disk: BinaryIO, recording: Recording) -> None:
 
 
 def write_matlab(file: BinaryIO, recording: Recording) -> None:
-    """Write a variable a column, and `units`, `session`, `settings` and `events`."""
+    """Write a variable per column, and `units`, `session`, `settings` and `events`."""
     from scipy.io import savemat
 
     about = {
@@ -53,7 +59,13 @@ def write_matlab(file: BinaryIO, recording: Recording) -> None:
 
 
 def write_parquet(file: BinaryIO, recording: Recording) -> None:
-    """Write a column each with its unit as metadata, and the session and events as the file's."""
+    """Write the columns with their units; session and events become metadata of the file.
+
+    Raises
+    ------
+    InputError
+        pyarrow is not installed.
+    """
     try:
         import pyarrow
         from pyarrow import parquet
@@ -80,11 +92,11 @@ FORMATS: dict[str, tuple[str, Callable[[BinaryIO, Recording], None]]] = {
     ".mat": ("matlab", write_matlab),
     ".parquet": ("parquet", write_parquet),
 }
-"""Name and writer of each format, by the file's ending."""
+"""Name and writing function of each format, by the file name's ending."""
 
 
 def format_of(path: Path) -> str:
-    """The format that a file's ending asks for.
+    """Return the name of the export format for a file name's ending.
 
     Raises
     ------
@@ -97,22 +109,22 @@ def format_of(path: Path) -> str:
 
 
 def export_recording(path: Path, recording: Recording, overwrite: bool = False) -> None:
-    """Write a recording in the format of the file's ending.
+    """Write a recording in the format of the file name's ending.
 
     Parameters
     ----------
     path
         The file.
     recording
-        What to write.
+        The recording to write.
     overwrite
-        Whether to overwrite a file of that name.
+        Whether to overwrite an existing file.
 
     Raises
     ------
     InputError
-        The file cannot be written or is there already, its ending is unknown, or a library is
-        not installed.
+        The file cannot be written or exists, its ending is unknown, or a library is not
+        installed.
     """
     format_of(path)
     with new_file(path, overwrite) as file:
@@ -120,7 +132,7 @@ def export_recording(path: Path, recording: Recording, overwrite: bool = False) 
 
 
 def missing(library: str, name: str) -> InputError:
-    """The one line that says what to install."""
+    """Return the error for a library that is not installed, with the command to install it."""
     return InputError(f"{name} needs {library}: pip install '.[export]'")
 
 

@@ -1,7 +1,7 @@
 """Frames on the pipe from the control process to the recorder process.
 
-The pipe carries a head, the session as JSON, and then frames: the beginning of the trial, ticks,
-events, and the end of the trial.
+The pipe carries the length of a JSON document, this document, which describes the session, and
+then frames: the beginning of the trial, ticks, events, and the end of the trial.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ HEAD = struct.Struct("<I")
 FRAME = struct.Struct("<cH")
 """Kind of a frame and length of its content."""
 TICK, EVENT, BEGIN, END = b"T", b"E", b"B", b"N"
+"""Kinds of frame."""
 NUMBER = struct.Struct("<q")
 """Wall-clock time of the beginning of the trial [ns], or number of dropped ticks at its end."""
 

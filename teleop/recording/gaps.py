@@ -1,4 +1,4 @@
-"""Gaps in a recording: where ticks are missing because the recorder did not get them."""
+"""Gaps in a recording: ticks that are missing because the recorder did not receive them."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ from estimation.compiled import Floats
 SAME_TIME = 1e-6
 """Times that differ by less are equal [s]."""
 LISTED = 4
-"""Most gaps that a text lists."""
+"""Largest number of gaps that are listed in a message."""
 
 
 class Gap(NamedTuple):
-    """A stretch of time without ticks in a recording of ticks."""
+    """An interval of a recording in which ticks are missing."""
 
     start: float | None
-    """Time of the last tick before it [s]; None where the recording begins with it."""
+    """Time of the last tick before the gap [s]; None if the recording begins with the gap."""
     end: float | None
-    """Time of the first tick after it [s]; None where the recording ends with it."""
+    """Time of the first tick after the gap [s]; None if the recording ends with the gap."""
     ticks: int
-    """How many ticks are missing."""
+    """Number of missing ticks."""
 
     @property
     def text(self) -> str:
-        """Where it is."""
+        """Number of missing ticks and their time, as a part of a message."""
         if self.start is None:
             return f"{self.ticks} before {self.end:.3f} s"
         if self.end is None:
@@ -35,37 +35,39 @@ class Gap(NamedTuple):
         return f"{self.ticks} from {self.start:.3f} to {self.end:.3f} s"
 
 
-def missing_ticks(t: Floats, dt: Floats, dropped: Floats, in_all: int = 0) -> tuple[Gap, ...]:
-    """Where ticks are missing from a recording.
+def missing_ticks(
+    t: Floats, dt: Floats, dropped: Floats, total_dropped: int = 0
+) -> tuple[Gap, ...]:
+    """Return the gaps in a recording.
 
-    The loop measures `dt` itself, so a tick is missing where the recorded times are further
-    apart than that. A loop that skipped periods leaves no gap of this kind.
+    The loop measures `dt` itself. Therefore a tick is missing where the difference of two
+    recorded times is greater than `dt`. Periods that the loop skipped are not gaps.
 
     Parameters
     ----------
     t
         Time of each recorded tick [s], shape (n,).
     dt
-        Time since the tick before, recorded or not [s], shape (n,).
+        Time since the previous tick [s], which may not be recorded, shape (n,).
     dropped
-        Number of ticks dropped before each, shape (n,).
-    in_all
-        Number of ticks dropped by the end of the run.
+        Number of ticks dropped before each recorded tick, shape (n,).
+    total_dropped
+        Number of ticks dropped until the end of the run.
     """
     if not len(t):
         return ()
     after = 1 + np.flatnonzero(np.diff(t) - dt[1:] > SAME_TIME)
     lost = np.nan_to_num(np.diff(dropped, prepend=dropped[0]))
     gaps = [Gap(float(t[i - 1]), float(t[i]), int(lost[i])) for i in after]
-    if in_all and (first := int(np.nan_to_num(dropped[0]))) > 0:
+    if total_dropped and (first := int(np.nan_to_num(dropped[0]))) > 0:
         gaps.insert(0, Gap(None, float(t[0]), first))
-    if (rest := in_all - int(np.nan_to_num(dropped[-1]))) > 0:
+    if (rest := total_dropped - int(np.nan_to_num(dropped[-1]))) > 0:
         gaps.append(Gap(float(t[-1]), None, rest))
     return tuple(gaps)
 
 
 def missing_text(gaps: Sequence[Gap]) -> str:
-    """How many ticks are missing, and where; empty for no gap."""
+    """Return a message with number and times of missing ticks; empty if there is no gap."""
     if not gaps:
         return ""
     places = ", ".join(gap.text for gap in gaps[:LISTED])
@@ -75,5 +77,5 @@ def missing_text(gaps: Sequence[Gap]) -> str:
 
 
 def gap_rows(gaps: Sequence[Gap]) -> list[dict[str, Any]]:
-    """The gaps as `--json` prints them."""
+    """Return the gaps for a JSON document, with times in s."""
     return [{"from_s": gap.start, "to_s": gap.end, "ticks": gap.ticks} for gap in gaps]

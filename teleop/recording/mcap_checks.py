@@ -1,4 +1,4 @@
-"""What must hold of a recording's parts before they are used: a file may come from anywhere."""
+"""Checks of the parts of a recording before they are used, because files are not trusted."""
 
 from __future__ import annotations
 
@@ -12,12 +12,15 @@ from teleop.json_documents import loads
 from teleop.recording.cdr import CDR
 
 MOST_COLUMNS = 4096
+"""Largest number of columns."""
 LONGEST_NAME = 63
-"""Most characters in the name of a column, what MATLAB takes."""
+"""Largest number of characters in the name of a column, which is MATLAB's limit."""
 LATEST = 1e7
-"""Farthest time of a tick or an event from the beginning of its trial [s]."""
+"""Largest time of a tick or an event before or after the beginning of its trial [s]."""
 COLUMN = re.compile(r"float64 ([A-Za-z]\w*)(?:\s*#[^\n]*)?", re.ASCII)
+"""Line of a tick's definition that describes one column."""
 LARGEST_NUMBER = 10**300
+"""Largest magnitude of a number in an event."""
 NUMBER = float | int | None
 EVENT = {
     "text": str,
@@ -28,16 +31,24 @@ EVENT = {
     "limit": NUMBER,
     "since": NUMBER,
 }
-"""Types of an event's parts; those that tell of a fault may be missing where there is none."""
+"""Types of the items of an event.
+
+Without a fault, `source`, `value`, `limit` and `since` may be missing.
+"""
 
 
 def message_size(definition: str) -> int:
-    """Size of a tick's message [bytes].
+    """Return the size of a tick's message [bytes].
+
+    Parameters
+    ----------
+    definition
+        Definition of the message in the language of ROS 2.
 
     Raises
     ------
     ValueError
-        It is not the definition of a tick: doubles with distinct names, the time first.
+        The definition is not that of a tick: doubles with distinct names, `time` first.
     """
     if "\0" in definition:
         raise ValueError("the definition of its ticks is not text")
@@ -45,50 +56,63 @@ def message_size(definition: str) -> int:
     matches = [COLUMN.fullmatch(line) for line in lines]
     names = [match[1] for match in matches if match]
     if len(names) < len(lines) or definition.count("float64 ") > len(lines):
-        raise ValueError("the definition of its ticks has more than doubles")
+        raise ValueError("the definition of its ticks contains other types than doubles")
     if not names or names[0] != "time" or len(set(names)) < len(names):
-        raise ValueError("the definition of its ticks: expected distinct names, the first time")
+        raise ValueError("the definition of its ticks: expected distinct names, 'time' first")
     if len(names) > MOST_COLUMNS or max(map(len, names)) > LONGEST_NAME:
-        raise ValueError("the definition of its ticks has too many or too long names")
+        raise ValueError("the definition of its ticks has too many names or too long ones")
     return len(CDR) + 8 * len(names)
 
 
 def check_ticks(ticks: NDArray[np.uint8], sequence: NDArray[np.uint32]) -> None:
-    """Raise ValueError unless messages, a row each, are ticks of rising numbers."""
-    if (np.diff(sequence.astype(np.int64)) != 1).any():
-        raise ValueError("the numbers of its ticks do not rise by one")
-    if (ticks[:, : len(CDR)] != np.frombuffer(CDR, np.uint8)).any():
-        raise ValueError("a tick that is not in little-endian CDR")
-    times = np.ascontiguousarray(ticks[:, len(CDR) : len(CDR) + 8]).view("<f8")
-    if not (np.abs(times) < LATEST).all():
-        raise ValueError("a tick without a time")
+    """Check the messages of ticks.
 
-
-def checked_event(document: bytes) -> dict[str, Any]:
-    """An event from its JSON document.
+    Parameters
+    ----------
+    ticks
+        Messages, shape (ticks, bytes).
+    sequence
+        Sequence number of each message, shape (ticks, 1).
 
     Raises
     ------
     ValueError
-        It is not as expected.
+        A message is not a tick, or the sequence numbers do not increase by one.
+    """
+    if (np.diff(sequence.astype(np.int64)) != 1).any():
+        raise ValueError("the numbers of its ticks do not increase by one")
+    if (ticks[:, : len(CDR)] != np.frombuffer(CDR, np.uint8)).any():
+        raise ValueError("a tick is not in little-endian CDR")
+    times = np.ascontiguousarray(ticks[:, len(CDR) : len(CDR) + 8]).view("<f8")
+    if not (np.abs(times) < LATEST).all():
+        raise ValueError("a tick has no valid time")
+
+
+def checked_event(document: bytes) -> dict[str, Any]:
+    """Return the event in a JSON document.
+
+    Raises
+    ------
+    ValueError
+        An item is missing, or has another type than in `EVENT`.
     """
     event = loads(document)
     time = event.get("time")
     if isinstance(time, bool) or not isinstance(time, int | float) or not abs(time) < LATEST:
-        raise ValueError("an event without a time")
+        raise ValueError("an event has no valid time")
     needed = EVENT if event.get("fault") else ("text", "mode", "fault")
     for name, kind in EVENT.items():
         if name not in event and name in needed:
-            raise ValueError(f"an event without its {name}")
+            raise ValueError(f"an event has no {name}")
         if not isinstance(event.get(name), kind) and name in event:
-            raise ValueError(f"an event whose {name} is not as expected")
+            raise ValueError(f"an event has a {name} of an unexpected type")
         if kind == NUMBER and abs(event.get(name) or 0) > LARGEST_NUMBER:
-            raise ValueError(f"an event whose {name} is too large")
+            raise ValueError(f"an event has a {name} that is too large")
     return event
 
 
 def is_readable(metadata: dict[str, str]) -> bool:
-    """Whether a record of metadata is text, and its JSON, if any, whole."""
+    """Return whether a metadata record is text and its JSON document, if any, is valid."""
     try:
         loads(metadata.get("json", "{}"))
     except ValueError:

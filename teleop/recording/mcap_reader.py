@@ -1,4 +1,4 @@
-"""Reads our MCAP files, as far as they are intact."""
+"""Reads recordings, MCAP files of `teleop run`, as far as they are intact."""
 
 from __future__ import annotations
 
@@ -27,20 +27,21 @@ from teleop.recording.mcap_checks import check_ticks, checked_event, is_readable
 from teleop.recording.mcap_writer import EVENT_SCHEMA, EVENTS, TICKS
 
 MAGIC = b"\x89MCAP"
-"""How an MCAP file begins."""
+"""First bytes of an MCAP file."""
 HEAD = struct.Struct("<BQHIQQ")
-"""Of a message's record: opcode, length, channel, sequence, two times."""
+"""Head of a message's record: opcode, length, channel, sequence number, two times."""
 LARGEST_RECORD = 128 << 20
 """Largest record that is read [bytes]."""
 MOST_EVENTS = 100_000
+"""Largest number of events that are read."""
 LATEST_START = 1 << 62
 """Latest wall-clock time at which a trial began [ns], about the year 2116."""
 CUT = "its end is missing"
-"""Damage of a file whose writer was killed, or whose disk was full."""
+"""Damage of a file if its writer was killed or its disk was full."""
 
 
 def machine_memory() -> int:
-    """Memory of this machine, or 8 GiB where it does not say [bytes]."""
+    """Return the memory of this machine [bytes], or 8 GiB if the system does not report it."""
     try:
         return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
     except (AttributeError, ValueError, OSError):
@@ -48,23 +49,35 @@ def machine_memory() -> int:
 
 
 LARGEST_TICKS = machine_memory() // 4
-"""Most ticks that are read [bytes]; what is made of them takes as much again, and more."""
+"""Largest size of all ticks that are read [bytes]; their columns need as much memory again."""
 
 
 @dataclass
 class Source:
-    """A channel, and the number that its next message must have: a lost chunk leaves a hole."""
+    """A channel of the file, and the sequence number of its next message.
+
+    A sequence number that does not match shows that a chunk is missing.
+    """
 
     topic: str
+    """Topic of the channel."""
     following: int | None = None
+    """Sequence number of the next message; None before the first."""
 
     def follow(self, sequence: int, count: int) -> None:
-        """Take in `count` messages of which the first has this number.
+        """Check that messages follow the previous ones of this channel.
+
+        Parameters
+        ----------
+        sequence
+            Sequence number of the first of the messages.
+        count
+            Number of messages.
 
         Raises
         ------
         ValueError
-            Messages before it are missing.
+            Messages before them are missing.
         """
         if self.following not in (None, sequence):
             raise ValueError(f"messages of {self.topic} are missing before number {sequence}")
@@ -80,9 +93,9 @@ class Contents:
     events: list[dict[str, Any]] = field(default_factory=list)
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     start: int = 0
-    """Wall-clock time of the trial's beginning [ns]."""
+    """Wall-clock time of the beginning of the trial [ns]."""
     damage: str = ""
-    """Why the file is not complete; empty if it is."""
+    """Reason why the file is not complete; empty if it is complete."""
     size: int = 0
     """Size of a tick's message [bytes]."""
 
@@ -93,7 +106,7 @@ def read_intact(path: Path) -> Contents:
     Raises
     ------
     InputError
-        The file cannot be read, or is no recording of ours.
+        The file cannot be read, or is not a recording of `teleop run`.
     """
     contents = Contents()
     try:
@@ -106,14 +119,16 @@ def read_intact(path: Path) -> Contents:
         raise unreadable(path, error) from error
     if not contents.definition:
         raise InputError(
-            f"{path}: no ticks in it: expected a recording of teleop run"
+            f"{path}: contains no ticks: expected a recording of teleop run"
             + (f" ({contents.damage})" if contents.damage else "")
         )
     return contents
 
 
 class Bounded:
-    """A file of which no more is asked than there is: a false length allocates nothing.
+    """A file whose reads are limited to its remaining size.
+
+    A record with a wrong length therefore does not allocate memory beyond the size of the file.
 
     Parameters
     ----------
@@ -124,17 +139,23 @@ class Bounded:
     def __init__(self, file: BinaryIO) -> None:
         self._file = file
         self.left = os.fstat(file.fileno()).st_size
-        """Bytes that have not been read yet."""
+        """Number of bytes that have not been read yet."""
 
     def read(self, count: int) -> bytes:
-        """So many bytes, or as many as there are."""
+        """Read at most `count` bytes."""
         data = self._file.read(min(count, self.left, LARGEST_RECORD))
         self.left -= len(data)
         return data
 
 
 def read_records(file: BinaryIO, contents: Contents) -> None:
-    """Take in a file's records, as far as they are intact."""
+    """Read the records of a file into `contents`, as far as they are intact.
+
+    Raises
+    ------
+    InputError
+        The recording is too large for the memory.
+    """
     channels: dict[int, Source] = {}
     bounded = Bounded(file)
     reader = StreamReader(
@@ -167,7 +188,13 @@ def read_records(file: BinaryIO, contents: Contents) -> None:
 
 
 def check_memory(file: BinaryIO, contents: Contents) -> None:
-    """Raise InputError where a recording, however small its file, would fill the memory."""
+    """Check that the decompressed ticks and events are not too large for the memory.
+
+    Raises
+    ------
+    InputError
+        They are too large, which may happen even if the file is small.
+    """
     if len(contents.messages) > LARGEST_TICKS or len(contents.events) > MOST_EVENTS:
         raise InputError(
             f"{file.name}: too large for this machine's memory: more than "
@@ -176,7 +203,13 @@ def check_memory(file: BinaryIO, contents: Contents) -> None:
 
 
 def read_chunk(chunk: Chunk, contents: Contents, channels: dict[int, Source]) -> None:
-    """Take in a chunk: its ticks in bulk, everything else record by record."""
+    """Read a chunk into `contents`.
+
+    Raises
+    ------
+    ValueError
+        A record is not as expected.
+    """
     for record in records(chunk_data(chunk), contents, channels):
         if isinstance(record, Schema) and record.name == MESSAGE_NAME:
             definition = record.data.decode()
@@ -196,21 +229,27 @@ def read_chunk(chunk: Chunk, contents: Contents, channels: dict[int, Source]) ->
 def records(
     data: bytes, contents: Contents, channels: dict[int, Source]
 ) -> Iterator[Schema | Channel | Message]:
-    """The records of a chunk but for its ticks, which go to `contents.messages` in runs."""
+    """Yield the records of a chunk except its ticks, which are appended to `contents.messages`.
+
+    Raises
+    ------
+    ValueError
+        A record or a tick is not as expected.
+    """
     place = 0
     while place < len(data):
         whole = len(data) - place >= 9
         opcode, length = struct.unpack_from("<BQ", data, place) if whole else (0, len(data))
         if place + 9 + length > len(data):
-            raise ValueError("a record that is longer than its chunk")
+            raise ValueError("a record is longer than its chunk")
         if opcode == Opcode.MESSAGE:
             _, _, channel, sequence, logged, published = HEAD.unpack_from(data, place)
             source = channels.get(channel)
             if source is None:
-                raise ValueError("a message without a channel")
+                raise ValueError("a message has no channel")
             if source.topic == TICKS:
                 if not contents.size or HEAD.size + contents.size != 9 + length:
-                    raise ValueError("a tick that is not as its definition says")
+                    raise ValueError("the size of a tick does not match its definition")
                 run = alike(data, place, 9 + length)
                 source.follow(sequence, len(run))
                 check_ticks(run[:, HEAD.size :], np.ascontiguousarray(run[:, 11:15]).view("<u4"))
@@ -229,7 +268,10 @@ def records(
 
 
 def alike(data: bytes, place: int, stride: int) -> NDArray[np.uint8]:
-    """The records from `place` on with the same opcode, length and channel, a row each."""
+    """Return the consecutive records from `place` on with equal opcode, length and channel.
+
+    The array has the shape (records, stride), where `stride` is the size of a record [bytes].
+    """
     count = (len(data) - place) // stride
     rows = np.frombuffer(data, np.uint8, count * stride, place).reshape(count, stride)
     same = (rows[:, :11] == rows[0, :11]).all(axis=1)
@@ -237,8 +279,21 @@ def alike(data: bytes, place: int, stride: int) -> NDArray[np.uint8]:
 
 
 def start_of(logged: int, t: float) -> int:
-    """Wall-clock time of the trial's beginning [ns] from the time of a message, t [s] later."""
+    """Return the wall-clock time of the beginning of the trial [ns].
+
+    Parameters
+    ----------
+    logged
+        Wall-clock time of a message [ns].
+    t
+        Time of that message in the trial [s].
+
+    Raises
+    ------
+    ValueError
+        The result is not a possible wall-clock time.
+    """
     start = logged - round(t * 1e9)
     if not 0 <= start < LATEST_START:
-        raise ValueError("a message without a wall-clock time")
+        raise ValueError("a message has no valid wall-clock time")
     return start

@@ -1,4 +1,4 @@
-"""An MCAP file of ticks and events that describes itself and survives its writer."""
+"""Writes a self-describing MCAP file of ticks and events, readable after a killed writer."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from teleop.recording.cdr import MESSAGE_NAME
 TICKS, EVENTS = "/tick", "/event"
 """Topics of the file."""
 END = "end"
-"""Name of the metadata of a recording that the control process ended."""
+"""Name of the metadata record that the control process writes at the end of a trial."""
 INFO, ERROR = 2, 4
 """Levels of foxglove.Log."""
 EVENT_SCHEMA = {
@@ -40,13 +40,26 @@ EVENT_SCHEMA = {
         "line": {"type": "integer"},
     },
 }
-"""Events show in the log panel of Foxglove and Lichtblick."""
+"""JSON schema of an event, with which Foxglove and Lichtblick show it in their log panels."""
 
 
 class Disk(io.RawIOBase):
-    """A file that keeps the first error of a write, which the MCAP writer would swallow.
+    """A file that stores the first error of a write, which the MCAP writer does not report.
 
-    A new file never replaces a symbolic link; one that may exist is written through it.
+    A new file never replaces a symbolic link. With `overwrite`, the target of the link is
+    written.
+
+    Parameters
+    ----------
+    path
+        The file.
+    overwrite
+        Whether to overwrite an existing file.
+
+    Raises
+    ------
+    OSError
+        The file cannot be created.
     """
 
     def __init__(self, path: Path, overwrite: bool) -> None:
@@ -58,7 +71,7 @@ class Disk(io.RawIOBase):
 
     @property
     def missing(self) -> str:
-        """Why the file is no longer at its path; empty if it is, or once it is closed."""
+        """Reason why the file is no longer at its path; empty if it is, or if it is closed."""
         if self._file.closed or not self._identifiable or self._is_at_path():
             return ""
         if os.fstat(self._file.fileno()).st_nlink == 0:
@@ -72,7 +85,13 @@ class Disk(io.RawIOBase):
             return False
 
     def write(self, data: Any) -> int:
-        """Write all of it."""
+        """Write all data.
+
+        Raises
+        ------
+        OSError
+            The write failed; the first such error is stored in `error`.
+        """
         try:
             rest = memoryview(data)
             while rest:
@@ -83,40 +102,40 @@ class Disk(io.RawIOBase):
         return len(data)
 
     def seek(self, offset: int, whence: int = 0) -> int:
-        """Move to a place in the file."""
+        """Change the position in the file."""
         return self._file.seek(offset, whence)
 
     def close(self) -> None:
-        """Close the file; an error is kept, for a late write may fail here."""
+        """Close the file; an error is stored, because a delayed write may fail here."""
         try:
             self._file.close()
         except OSError as error:
             self.error = self.error or error
 
     def remove(self) -> None:
-        """Remove the file, unless it is a device."""
+        """Remove the file if it is a regular one."""
         if self._regular:
             with contextlib.suppress(OSError):
                 self._path.unlink()
 
 
 class McapFile:
-    """Writes ticks and events; every flush leaves a file whose chunks can all be read.
+    """Writes ticks and events; after every flush all data so far can be read from the file.
 
-    After the first error of the disk everything is let go, and `error` says why.
+    After the first write error everything else is discarded, and the error is in `error`.
 
     Parameters
     ----------
     path
         The file.
     columns
-        Name, unit and meaning of each of a tick's doubles.
+        Name, unit and meaning of each double of a tick.
     definition
-        The tick's definition in the language of ROS 2.
+        Definition of a tick in the language of ROS 2.
     metadata
         Named records of text about the session.
     overwrite
-        Whether the file may exist.
+        Whether to overwrite an existing file.
 
     Raises
     ------
@@ -151,29 +170,29 @@ class McapFile:
             context=context,
         )
         self._events = Channel(EVENTS, schema=EVENT_SCHEMA, context=context)
-        with self._told():
+        with self._suppressed_write_errors():
             for name, record in metadata.items():
                 self._writer.write_metadata(name, dict(record))
             self._writer.flush()
 
     @property
     def error(self) -> OSError | None:
-        """The first error of the disk."""
+        """First write error; None if there was none."""
         return self._disk.error
 
     @property
     def failure(self) -> str:
-        """The first error of the disk as text; empty for none."""
+        """First write error as text; empty if there was none."""
         return reason(self.error) if self.error else ""
 
     @property
     def missing(self) -> str:
-        """Why the file is no longer at its path; empty if it is, or once it is closed."""
+        """Reason why the file is no longer at its path; empty if it is, or if it is closed."""
         return self._disk.missing
 
     @contextlib.contextmanager
-    def _told(self) -> Any:
-        """Let errors of the disk pass: they are kept."""
+    def _suppressed_write_errors(self) -> Any:
+        """Suppress write errors: the first one is stored in `error`."""
         try:
             yield
         except (RuntimeError, OSError):
@@ -181,18 +200,18 @@ class McapFile:
                 raise
 
     def begin(self, start: int) -> None:
-        """Take note of the wall-clock time of the trial's beginning [ns], before any tick."""
+        """Set the wall-clock time of the beginning of the trial [ns]; called before any tick."""
         self._start = start
         self.event({"time": 0.0, "text": "recording", "mode": "disconnected", "fault": None})
         self.flush()
 
     def tick(self, message: bytes, t: float) -> None:
-        """Take in one tick, which happened at t [s] of the trial."""
+        """Write the message of one tick at time t [s] of the trial."""
         if self.error is None:
             self._ticks.log(message, log_time=self._start + round(t * 1e9))
 
     def event(self, event: Mapping[str, Any]) -> None:
-        """Take in one event."""
+        """Write one event."""
         if self.error is None:
             when = self._start + round(event["time"] * 1e9)
             log = {
@@ -206,23 +225,26 @@ class McapFile:
             self._events.log(json.dumps({**log, **event}), log_time=when)
 
     def flush(self) -> None:
-        """Hand all that was taken in to the operating system."""
+        """Write all buffered data to the file."""
         if self.error is None:
-            with self._told():
+            with self._suppressed_write_errors():
                 self._writer.flush()
 
     def end(self, dropped: int) -> None:
-        """Record how many ticks were dropped in all, which the last tick may not show."""
+        """Write the total number of dropped ticks.
+
+        The value in the last recorded tick may be smaller.
+        """
         if self.error is None:
-            with self._told():
+            with self._suppressed_write_errors():
                 self._writer.write_metadata(END, {"dropped": str(dropped)})
 
     def close(self) -> None:
-        """Complete the file."""
-        with self._told():
+        """Complete and close the file."""
+        with self._suppressed_write_errors():
             self._writer.close()
         self._disk.close()
 
     def remove(self) -> None:
-        """Remove the closed file, which holds no tick."""
+        """Remove the closed file; called if it contains no tick."""
         self._disk.remove()

@@ -1,7 +1,7 @@
 """The message of a tick: its columns and estimates as doubles, packed into bytes.
 
-The message is one of ROS 2, in CDR. PlotJuggler, Lichtblick and Foxglove show it without
-a plug-in, and numpy reads a whole recording in one step.
+It is a ROS 2 message in CDR encoding. PlotJuggler, Lichtblick and Foxglove show it without a
+plug-in, and numpy reads all ticks of a recording in one step.
 """
 
 from __future__ import annotations
@@ -27,12 +27,21 @@ VALUES = attrgetter(*(column.source for column in COLUMNS))
 
 
 class Layout:
-    """Columns of the message of a tick, and their packing.
+    """Columns of the message of a tick, and their packing into bytes.
 
     Parameters
     ----------
     bank
         The estimators by name.
+
+    Attributes
+    ----------
+    estimators
+        Names of the estimators.
+    columns
+        Name, unit and meaning of each double of the message.
+    size
+        Size of the message [bytes].
     """
 
     def __init__(self, bank: Mapping[str, Estimator]) -> None:
@@ -55,6 +64,14 @@ class Layout:
         return "\n".join(["# One tick of the control loop", *lines]) + "\n"
 
     def pack(self, record: Record, dropped: int = 0) -> bytes:
-        """Return the message of one tick, its values in the order of `columns`."""
+        """Return the message of one tick, with its values in the order of `columns`.
+
+        Parameters
+        ----------
+        record
+            Quantities of the tick.
+        dropped
+            Number of ticks that the recorder has dropped so far.
+        """
         estimates = estimate_row(record.estimates)
         return self._struct.pack(CDR, *VALUES(record), dropped, *record.further, *estimates)

@@ -1,11 +1,11 @@
-"""The recorder process: drains the control process's pipe into an MCAP file.
+"""The recorder process: writes the data from the control process's pipe to an MCAP file.
 
     python -m teleop.recording.process
 
 Standard input carries the frames of `teleop/recording/frames.py`. Standard output reports that the
 recording has begun, and its state at the end. Standard error shows the progress line where the
 session requests one. The process ends when the pipe ends: when the control process closes it,
-exits, or is killed. Thus everything that was pushed is kept in each of these cases.
+exits, or is killed. In each of these cases all ticks that were pushed are recorded.
 """
 
 from __future__ import annotations
@@ -25,14 +25,18 @@ from teleop.recording.frames import BEGIN, END, EVENT, FRAME, HEAD, NUMBER, TICK
 from teleop.recording.mcap_writer import McapFile
 
 CHECK = 1.0
-"""Time between two checks that the file is still in its place [s]."""
+"""Time between two checks that the file is still at its path [s]."""
 NAP = 0.02
-"""The pipe is left alone for this long [s]: a sleeping reader costs the writer no wake-up."""
+"""Sleeping time between two reads of the pipe [s].
+
+While the reader sleeps, a write to the pipe does not have to wake it.
+"""
 FLUSH = 0.05
-"""Longest time for which a tick stays out of the file [s]."""
+"""Time between two flushes of the file [s]."""
 BULK = 1 << 16
-"""Most bytes that are read from the pipe at a time."""
+"""Largest number of bytes that are read from the pipe at a time."""
 PAIR = struct.Struct("<2d")
+"""An estimator's b and k in the message of a tick."""
 
 
 def send(**status: Any) -> None:
@@ -44,7 +48,13 @@ def send(**status: Any) -> None:
 
 
 def read_session() -> dict[str, Any]:
-    """Return the session from the head of the pipe."""
+    """Return the session from the beginning of the pipe's data.
+
+    Raises
+    ------
+    EOFError
+        The pipe ended before.
+    """
     pipe = sys.stdin.fileno()
 
     def exactly(count: int) -> bytes:
@@ -61,14 +71,14 @@ def read_session() -> dict[str, Any]:
 
 
 class Drain:
-    """Separates the frames and passes them on to the file and the progress line.
+    """Separates the frames and passes them to the file and the progress line.
 
     Parameters
     ----------
     session
-        The session, from the head of the pipe.
+        The session, from the beginning of the pipe's data.
     file
-        The recording; None for none.
+        The recording; None if only the progress line is shown.
     progress
         The progress line.
     """
@@ -85,7 +95,7 @@ class Drain:
         self._rest = b""
 
     def take(self, data: bytes) -> None:
-        """Take in data from the pipe."""
+        """Process data from the pipe, which may end within a frame."""
         data = self._rest + data
         place, end = 0, len(data)
         while end - place >= FRAME.size:
@@ -140,7 +150,7 @@ def main() -> None:
         session["show"], session["duration"], session["hint"], session["instructions"]
     )
     drain = Drain(session, file, progress)
-    watch = Watch(session["path"], file, progress) if file else None
+    monitor = FileMonitor(session["path"], file, progress) if file else None
     pipe = sys.stdin.fileno()
     if hasattr(os, "set_blocking"):
         os.set_blocking(pipe, False)
@@ -153,8 +163,8 @@ def main() -> None:
             break
         if data:
             drain.take(data)
-        if watch:
-            watch.look()
+        if monitor:
+            monitor.update()
         if not data or len(data) < BULK:
             time.sleep(NAP)
     status = finish(file, drain.ticks) if file else {"problem": ""}
@@ -162,8 +172,18 @@ def main() -> None:
     send(**status)
 
 
-class Watch:
-    """Flushes the file regularly, and reports a failure of the recording at once."""
+class FileMonitor:
+    """Flushes the file at regular intervals, and reports the first failure of the recording.
+
+    Parameters
+    ----------
+    path
+        Path of the file, for the message.
+    file
+        The recording.
+    progress
+        The progress line, which shows the message.
+    """
 
     def __init__(self, path: str, file: McapFile, progress: Progress) -> None:
         self._path = path
@@ -172,8 +192,8 @@ class Watch:
         self._flushed = self._checked = time.monotonic()
         self._reported = False
 
-    def look(self) -> None:
-        """Flush and check, where that is due."""
+    def update(self) -> None:
+        """Flush and check the file if `FLUSH` and `CHECK` have passed."""
         now, file = time.monotonic(), self._file
         if now - self._flushed >= FLUSH:
             self._flushed = now
@@ -188,7 +208,15 @@ class Watch:
 
 
 def finish(file: McapFile, ticks: int) -> dict[str, Any]:
-    """Complete the file, or remove it if it holds no tick; returns its state."""
+    """Complete the file, or remove it if it contains no tick; return its state.
+
+    Parameters
+    ----------
+    file
+        The recording.
+    ticks
+        Number of ticks in it.
+    """
     missing = file.missing
     file.close()
     if not (ticks or missing):

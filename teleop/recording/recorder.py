@@ -1,4 +1,4 @@
-"""The recorder as the control process sees it: a process behind a pipe that never blocks."""
+"""The control process's side of the recorder: starts it and writes to its pipe."""
 
 from __future__ import annotations
 
@@ -19,34 +19,40 @@ from teleop.recording.sinks import Outcome, Sink, event_record
 from teleop.safety import Event
 
 PIPE_SIZE = 1 << 20
-"""Wanted size of the pipe [bytes], two seconds of ticks; Linux grants it to any user."""
-PATIENCE = 20.0
-"""Longest wait for the start and for the end of the recorder [s]."""
+"""Requested size of the pipe [bytes], about two seconds of ticks; allowed to every Linux user."""
+TIMEOUT = 20.0
+"""Timeout of the start and of the end of the recorder [s]."""
 
 
 class RecorderProcess(Sink):
-    """A recorder in a process of its own.
+    """A recorder in another process.
 
     Parameters
     ----------
     path
-        The MCAP file; None to show the progress line alone.
+        The MCAP file; None to show the progress line only.
     layout
-        The ticks' message.
+        Layout of the message of a tick.
     metadata
         Named records of text about the session.
     duration
-        Length of the trial [s], for the progress line.
+        Duration of the trial [s], for the progress line.
     show
-        Whether to draw that.
+        Whether to show the progress line.
     wait
-        Whether a full pipe holds the loop, for virtual time; in real time the tick is dropped.
+        Whether a full pipe makes the loop wait, for virtual time. In real time the tick is
+        dropped instead.
     overwrite
-        Whether the file may exist.
+        Whether to overwrite an existing file.
     hint
-        What stops the run, for the progress line.
+        Keys that stop the run, for the progress line.
     instructions
         How to stop the run, for a line at the start.
+
+    Raises
+    ------
+    InputError
+        The process cannot be started.
     """
 
     def __init__(
@@ -99,24 +105,24 @@ class RecorderProcess(Sink):
             self._gone = "the recorder did not start"
 
     def begin(self, start: int) -> None:
-        """Wait until the file is open; then ticks may be pushed.
+        """Wait until the file is open; after that, ticks may be pushed.
 
         Parameters
         ----------
         start
-            Wall-clock time of the trial's beginning [ns].
+            Wall-clock time of the beginning of the trial [ns].
 
         Raises
         ------
         InputError
-            It cannot be written, or the recorder does not start.
+            The file cannot be written, or the recorder does not start.
         """
         status = self._status()
         if status is None or status["problem"]:
             self.process.kill()
             self._release()
-            why = status["problem"] if status else "the recorder did not start"
-            raise InputError(f"{self.path or 'progress line'}: cannot be recorded to: {why}")
+            cause = status["problem"] if status else "the recorder did not start"
+            raise InputError(f"{self.path or 'progress line'}: cannot be recorded to: {cause}")
         with contextlib.suppress(BrokenPipeError):
             os.write(self._pipe, number_frame(BEGIN, start))
         if sys.platform == "linux":
@@ -127,7 +133,7 @@ class RecorderProcess(Sink):
             os.set_blocking(self._pipe, False)
 
     def push(self, message: bytes) -> None:
-        """Hand over one tick, or count it as dropped."""
+        """Send the message of one tick to the recorder, or count it as dropped."""
         if self._gone:
             return
         try:
@@ -146,12 +152,12 @@ class RecorderProcess(Sink):
             self._gone = "the recorder was killed"
 
     def event(self, event: Event) -> None:
-        """Hand over an event with the next tick that finds room in the pipe."""
+        """Send an event to the recorder with the next tick for which the pipe has room."""
         data = json.dumps(event_record(event)).encode()
         self._waiting.append(FRAME.pack(EVENT, len(data)) + data)
 
     def close(self) -> Outcome:
-        """Let the recorder finish; it is killed if the wait for it is interrupted."""
+        """Wait until the recorder has finished; kill it if this wait is interrupted."""
         assert self.process.stdin
         if self.process.stdin.closed:
             return Outcome(self.path, 0, 0, self._gone)
@@ -164,7 +170,7 @@ class RecorderProcess(Sink):
 
     def _finish(self) -> Outcome:
         assert self.process.stdin
-        with self._patience():
+        with self._timeout():
             with contextlib.suppress(OSError):
                 if hasattr(os, "set_blocking"):
                     os.set_blocking(self._pipe, True)
@@ -182,7 +188,7 @@ class RecorderProcess(Sink):
         return Outcome(self.path, self._pushed, self.dropped, status["problem"], at_path)
 
     def _release(self) -> None:
-        """Wait for the process to end, and let go of its pipes."""
+        """Wait for the process to end, and close its pipes."""
         assert self.process.stdin
         assert self.process.stdout
         with contextlib.suppress(OSError):
@@ -191,17 +197,17 @@ class RecorderProcess(Sink):
         self.process.wait()
 
     def _status(self) -> dict[str, Any] | None:
-        """What the recorder says next; None if it is gone, or says nothing for too long."""
+        """Return the next status of the recorder; None if it has ended or a timeout occurs."""
         assert self.process.stdout
-        with self._patience():
+        with self._timeout():
             line = self.process.stdout.readline()
         status: dict[str, Any] | None = json.loads(line) if line.endswith(b"\n") else None
         return status
 
     @contextlib.contextmanager
-    def _patience(self) -> Iterator[None]:
-        """Kill a recorder that keeps the control process waiting for too long."""
-        watchdog = threading.Timer(PATIENCE, self.process.kill)
+    def _timeout(self) -> Iterator[None]:
+        """Kill the recorder if the block lasts longer than `TIMEOUT`."""
+        watchdog = threading.Timer(TIMEOUT, self.process.kill)
         watchdog.start()
         try:
             yield

@@ -1,4 +1,4 @@
-"""What a trial recorded: columns by name with their units, events, and the session's settings."""
+"""Recordings of trials: columns by name with their units, events, session and settings."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from teleop.recording.mcap_writer import END
 from teleop.recording.message import REGRESSOR
 
 FIELD = re.compile(r"float64 (\w+)(?:\s*#\s*\[([^]]*)\]\s*(.*))?")
-"""A line of a tick's definition: name, unit, meaning."""
+"""Line of a tick's definition: name, unit and meaning of a column."""
 
 
 @dataclass(frozen=True)
 class Recording:
-    """A trial's ticks, events and settings.
+    """Ticks, events and settings of a trial.
 
     Examples
     --------
@@ -35,25 +35,25 @@ class Recording:
     """
 
     columns: dict[str, Floats]
-    """Every column by name, arrays of shape (ticks,) in SI units."""
+    """Columns by name, each an array of shape (ticks,) in SI units."""
     units: dict[str, str]
-    """Unit of each column; - for none."""
+    """Unit of each column; - for a column without a unit."""
     events: list[dict[str, Any]] = field(default_factory=list)
     """Changes of the safety mode, and faults."""
     session: dict[str, str] = field(default_factory=dict)
-    """Software, machine, date."""
+    """Text records about the session, such as software, machine and date."""
     settings: dict[str, Any] = field(default_factory=dict)
     """Settings of the trial."""
     gaps: tuple[Gap, ...] = ()
-    """Where ticks are missing from the whole recording, because the recorder was too slow."""
+    """Gaps with missing ticks in the whole recording, because the recorder was too slow."""
 
     def __getitem__(self, name: str) -> Floats:
-        """A column.
+        """Return a column, shape (ticks,).
 
         Raises
         ------
         MissingColumn
-            There is none of this name; names those that there are.
+            There is no column of this name; the message lists the columns.
         """
         if name not in self.columns:
             raise MissingColumn(
@@ -71,17 +71,17 @@ class Recording:
 
     @property
     def fault(self) -> dict[str, Any] | None:
-        """The event that tripped the supervisor, if any did."""
+        """Event of the first fault; None if there was no fault."""
         return next((event for event in self.events if event["fault"]), None)
 
     @property
     def estimated_channels(self) -> list[str]:
-        """The channels that an observer estimated: no sensor measured them."""
-        told = self.session.get("estimated_channels", "none")
-        return [] if told == "none" else told.split(", ")
+        """Channels that were estimated by an observer, not measured by a sensor."""
+        names = self.session.get("estimated_channels", "none")
+        return [] if names == "none" else names.split(", ")
 
     def estimated(self) -> Recording:
-        """The ticks alone at which the estimators were given a sample."""
+        """Return the recording with only the ticks at which the estimators were updated."""
         part = np.isfinite(self["x"])
         columns = self.columns
         if not part.all():
@@ -89,11 +89,11 @@ class Recording:
         return replace(self, columns=columns)
 
     def estimates(self) -> dict[str, Estimates]:
-        """Return the estimates of each estimator."""
+        """Return the estimates by the name of the estimator."""
         return {name: estimates_in(self.columns, name) for name in self.estimators}
 
     def regression(self) -> Regression:
-        """What the estimators were given."""
+        """Return the samples that were passed to the estimators."""
         further = [column for name, column in self.columns.items() if name.startswith(REGRESSOR)]
         x, v, f, dt = (self[name] for name in ("x", "v", "f", "paired_dt"))
         return Regression(x, v, f, dt, np.reshape(further, (len(further), len(self))).T)
@@ -105,7 +105,19 @@ def from_messages(
     events: list[dict[str, Any]],
     metadata: dict[str, dict[str, str]],
 ) -> Recording:
-    """A recording from the messages of its ticks, one after the other."""
+    """Return a recording from the messages of its ticks.
+
+    Parameters
+    ----------
+    definition
+        Definition of the message in the language of ROS 2.
+    messages
+        The concatenated messages.
+    events
+        Events of the trial.
+    metadata
+        Named records of text about the session.
+    """
     fields = FIELD.findall(definition)
     rows = np.frombuffer(messages, dtype=np.uint8).reshape(-1, len(CDR) + 8 * len(fields))
     values = np.ascontiguousarray(rows[:, len(CDR) :].T.reshape(len(fields), 8, -1).swapaxes(1, 2))
@@ -121,11 +133,19 @@ def from_messages(
     )
 
 
-def gaps_of(columns: dict[str, Floats], in_all: str) -> tuple[Gap, ...]:
-    """Where ticks are missing, of which `in_all` were dropped."""
+def gaps_of(columns: dict[str, Floats], total_dropped: str) -> tuple[Gap, ...]:
+    """Return the gaps of a recording.
+
+    Parameters
+    ----------
+    columns
+        Columns of the recording, each of shape (ticks,).
+    total_dropped
+        Total number of dropped ticks, as the file has it; text that is not a number counts as 0.
+    """
     if not {"time", "dt", "dropped"} <= columns.keys():
         return ()
-    count = int(in_all) if re.fullmatch(r"[0-9]{1,15}", in_all) else 0
+    count = int(total_dropped) if re.fullmatch(r"[0-9]{1,15}", total_dropped) else 0
     return missing_ticks(columns["time"], columns["dt"], columns["dropped"], count)
 
 
@@ -135,8 +155,8 @@ def load(path: Path | str) -> Recording:
     Raises
     ------
     InputError
-        The file cannot be read, is no recording of ours, or is not complete; the latter tells
-        how to recover it.
+        The file cannot be read, is not a recording of `teleop run`, or is not complete. For a
+        file that is not complete, the message names the command that recovers it.
     """
     path = Path(path)
     contents = read_intact(path)
@@ -144,16 +164,18 @@ def load(path: Path | str) -> Recording:
         contents.definition, contents.messages, contents.events, contents.metadata
     )
     if contents.damage:
-        kept = f"{recording['time'][-1]:.3f} s are intact" if len(recording) else "nothing is left"
+        kept = (
+            f"{recording['time'][-1]:.3f} s are intact" if len(recording) else "no tick is intact"
+        )
         raise InputError(
             f"{path}: the recording is not complete ({contents.damage}): {kept}; "
-            f"rescue them with: teleop recover {path}"
+            f"recover it with: teleop recover {path}"
         )
     return recording
 
 
 def salvage(path: Path) -> Recording | None:
-    """What is intact of a recording; None for nothing."""
+    """Return the intact part of a recording; None if no part is intact."""
     try:
         contents = read_intact(path)
     except InputError:

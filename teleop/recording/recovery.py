@@ -1,4 +1,4 @@
-"""What is intact of a recording that was cut off, as a complete recording."""
+"""Recovery of the intact part of an incomplete recording as a complete one."""
 
 from __future__ import annotations
 
@@ -15,37 +15,45 @@ from teleop.recording.mcap_writer import McapFile
 from teleop.recording.recording import FIELD, from_messages
 
 CHUNK = 1000
-"""Ticks after which a chunk is written."""
+"""Number of ticks per chunk."""
 
 
 @dataclass(frozen=True)
 class Recovery:
-    """What could be had of a recording."""
+    """Result of recovering a recording."""
 
     ticks: int
+    """Number of intact ticks."""
     duration: float
-    """Time of the last tick that is intact [s]."""
+    """Time of the last intact tick [s]."""
     damage: str
-    """Why the recording is not complete; empty if it is."""
+    """Reason why the recording is not complete; empty if it is complete."""
     gaps: tuple[Gap, ...]
-    """Where ticks are missing that the recorder never got."""
+    """Gaps with ticks that the recorder did not receive."""
 
     @property
-    def lost(self) -> str:
-        """What became of the rest."""
+    def loss(self) -> str:
+        """Text that states why the rest of the recording is missing."""
         if self.damage == CUT:
             return f"the rest was cut off ({self.damage})"
         return f"the rest could not be read ({self.damage})"
 
 
 def recover_recording(file: Path, out: Path) -> Recovery:
-    """Write what is intact of a recording to a new file; nothing if it is complete.
+    """Write the intact part of a recording to a new file, unless the recording is complete.
+
+    Parameters
+    ----------
+    file
+        The recording.
+    out
+        The new file.
 
     Raises
     ------
     InputError
-        The file cannot be read or is no recording of ours, nothing of it is intact, or the new
-        file exists or cannot be written.
+        The file cannot be read or is not a recording of `teleop run`, no tick is intact, or the
+        new file exists or cannot be written.
     """
     contents = read_intact(file)
     ticks = list(messages(contents))
@@ -59,14 +67,20 @@ def recover_recording(file: Path, out: Path) -> Recovery:
 
 
 def messages(contents: Contents) -> Iterator[bytes]:
-    """The message of each tick."""
+    """Yield the message of each tick."""
     size = len(CDR) + 8 * len(FIELD.findall(contents.definition))
     for place in range(0, len(contents.messages), size):
         yield bytes(contents.messages[place : place + size])
 
 
 def write_contents(out: Path, contents: Contents, ticks: list[bytes]) -> None:
-    """Write a complete recording, every event before the first tick that is later."""
+    """Write a complete recording with ticks and events in the order of their times.
+
+    Raises
+    ------
+    InputError
+        The file exists or cannot be written.
+    """
     try:
         file = McapFile(
             out,
@@ -75,11 +89,11 @@ def write_contents(out: Path, contents: Contents, ticks: list[bytes]) -> None:
             contents.metadata,
         )
     except FileExistsError as error:
-        raise InputError(f"{out}: exists already: give another file with --out") from error
+        raise InputError(f"{out}: exists already: choose another file with --out") from error
     except OSError as error:
         raise unwritable(out, error) from error
     file.begin(contents.start)
-    events = contents.events[1:]  # the file begins with the first of itself
+    events = contents.events[1:]  # McapFile.begin wrote the first event
     for number, message in enumerate(ticks, start=1):
         t = TIME.unpack_from(message)[0]
         while events and events[0]["time"] < t:

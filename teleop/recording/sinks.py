@@ -1,4 +1,4 @@
-"""Sinks: what takes the ticks and events of the loop."""
+"""Sinks: they receive the ticks and events of the loop."""
 
 from __future__ import annotations
 
@@ -10,44 +10,53 @@ from teleop.json_documents import finite
 from teleop.safety import Event
 
 LONGEST_TEXT = 400
-"""Most characters in the text of an event."""
+"""Largest number of characters in the text of an event."""
 
 
 class Outcome(NamedTuple):
     """State of a recording at its end."""
 
     path: Path | None
+    """The file; None if there is none."""
     pushed: int
-    """Ticks that the loop handed over."""
+    """Number of ticks that the sink received."""
     dropped: int
-    """Ticks that found the pipe full: they are not in the file."""
+    """Number of ticks that were dropped because the pipe was full."""
     problem: str
-    """Why the file does not hold all ticks that were handed over; empty if it does."""
+    """Reason why the file does not contain all received ticks; empty if it does."""
     at_path: bool = True
     """Whether the file is still at its path."""
 
 
 class Sink(ABC):
-    """Takes in the ticks and events of the loop; never makes the loop wait for a disk."""
+    """Receives the ticks and events of the loop, without making the loop wait for a disk."""
 
     dropped = 0
-    """Ticks that were not taken in."""
+    """Number of ticks that were dropped."""
 
     @abstractmethod
     def push(self, message: bytes) -> None:
-        """Take in the message of one tick."""
+        """Receive the message of one tick."""
 
     @abstractmethod
     def event(self, event: Event) -> None:
-        """Take in an event."""
+        """Receive an event."""
 
     @abstractmethod
     def close(self) -> Outcome:
-        """Finish; returns the state of the recording."""
+        """Finish and return the state of the recording."""
 
 
 class Memory(Sink):
-    """Keeps everything."""
+    """Stores all ticks and events in memory.
+
+    Attributes
+    ----------
+    messages
+        The concatenated messages of all ticks.
+    events
+        All events, as values of JSON.
+    """
 
     def __init__(self) -> None:
         self.messages = bytearray()
@@ -55,21 +64,21 @@ class Memory(Sink):
         self._pushed = 0
 
     def push(self, message: bytes) -> None:
-        """Keep the message of one tick."""
+        """Store the message of one tick."""
         self.messages += message
         self._pushed += 1
 
     def event(self, event: Event) -> None:
-        """Keep an event."""
+        """Store an event."""
         self.events.append(event_record(event))
 
     def close(self) -> Outcome:
-        """Return that everything was kept."""
+        """Return the outcome, with the number of stored ticks."""
         return Outcome(None, self._pushed, 0, "")
 
 
 def event_record(event: Event) -> dict[str, Any]:
-    """Return an event as values of JSON."""
+    """Return an event as values of JSON, with texts of limited length."""
     record: dict[str, Any] = finite(event._asdict())
     return record | {
         "mode": event.mode.name.lower(),

@@ -1,4 +1,4 @@
-"""Columns of a tick: name, unit, meaning, and the attribute of its record that has the value."""
+"""Columns of a tick: name, unit, meaning, and the attribute of the record with the value."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class TickColumn(NamedTuple):
     name: str
     unit: str
     source: str
-    """Attribute of `teleop.control.tick_record.Record` that has the value."""
+    """Attribute of `teleop.control.tick_record.Record` with the value."""
     meaning: str
 
 

@@ -1,4 +1,4 @@
-"""Timing of the control loop, from the columns of a recording."""
+"""Timing of the control loop, computed from the columns of a recording."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ HISTOGRAM = (1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0, 3000.0, 10000.0)
 
 
 def loop_timing(rate: float, dt: Floats, lateness: Floats, overruns: Floats) -> dict[str, Any]:
-    """Return rate and lateness of a loop that ran at a nominal `rate` [Hz].
+    """Return statistics of rate, lateness and overruns of the loop.
 
     Parameters
     ----------
     rate
         Nominal rate [Hz].
     dt, lateness, overruns
-        Time since the previous tick [s], lateness [s], and whether the previous tick was still
-        at work at the deadline, each of shape (ticks,). The first `dt` is not measured.
+        Time since the previous tick [s], lateness [s], and whether the previous tick had not
+        ended at the deadline, each of shape (ticks,). The first `dt` is not measured.
     """
     periods = dt[1:]
     return {
@@ -40,9 +40,9 @@ def loop_timing(rate: float, dt: Floats, lateness: Floats, overruns: Floats) -> 
 
 
 def tick_times(recording: Recording) -> dict[str, Any]:
-    """Return the times of the parts of a tick and a histogram of lateness [us].
+    """Return percentiles of the durations of a tick's parts, and a histogram of lateness.
 
-    The classes of the histogram have the bounds `HISTOGRAM`.
+    All times are in us. `HISTOGRAM` has the bounds of the histogram's classes.
     """
     parts = ("read_time", "compute_time", "write_time", "busy_time")
     counts, _ = np.histogram(recording["lateness"] * 1e6, (0.0, *HISTOGRAM, math.inf))

@@ -1,1 +1,1 @@
-"""Rigs before a trial: loading, check, tare, emulation, lag of the force channel."""
+"""Rigs before a trial: rig files, check, tare, emulation, lag of the force channel."""

@@ -1,4 +1,4 @@
-"""The check of a rig: every channel as it comes in, and the round trip to each device."""
+"""The check of a rig: samples of every channel, and the round-trip time to each device."""
 
 from __future__ import annotations
 
@@ -19,37 +19,40 @@ from teleop.safety import ChannelLimits
 from teleop.safety.rig_limits import rig_limits
 
 NEAR_END = 0.98
-"""Share of a channel's range beyond which a sample counts as saturated."""
+"""Fraction of a channel's range beyond which a sample counts as saturated."""
 PINGS = 20
-"""Round trips that are timed."""
-ANSWER = 0.5
-"""Longest wait for an answer [s]."""
+"""Number of round trips that are timed."""
+TIMEOUT = 0.5
+"""Longest wait for a response [s]."""
 
 
 class ChannelReport(NamedTuple):
-    """What came in on a channel; values in its SI unit."""
+    """Statistics of a channel's samples, in its SI unit."""
 
     name: str
+    """Name of the channel."""
     source: str
+    """Device and signal of the channel, DEVICE.SIGNAL."""
     rate_hz: float
-    """Of the samples, by the median time between two."""
+    """Sampling rate, from the median interval between samples [Hz]."""
     jitter_s: float
-    """Standard deviation of that time."""
+    """Standard deviation of the interval between samples [s]."""
     age_s: float
-    """Median age at a tick."""
+    """Median age of the last sample at a tick [s]."""
     oldest_s: float
-    """Greatest age at a tick."""
+    """Greatest age of the last sample at a tick [s]."""
     mean: float
+    """Mean of the samples."""
     noise: float
-    """Standard deviation."""
+    """Standard deviation of the samples."""
     saturated: float
-    """Share of samples near the ends of the range, or beyond."""
+    """Fraction of the samples near or beyond the ends of the range."""
     problem: str
-    """What the supervisor would trip on; empty for nothing."""
+    """Problem for which the supervisor would stop a trial; empty if there is none."""
 
 
-def problems(channels: Sequence[ChannelReport], drives: Sequence[DriveReport]) -> list[str]:
-    """All that is wrong, each with its channel or drive."""
+def list_problems(channels: Sequence[ChannelReport], drives: Sequence[DriveReport]) -> list[str]:
+    """Return all problems, each with the name of its channel or drive."""
     parts: list[ChannelReport | DriveReport] = [*channels, *drives]
     return [f"{part.name}: {part.problem}" for part in parts if part.problem]
 
@@ -57,21 +60,21 @@ def problems(channels: Sequence[ChannelReport], drives: Sequence[DriveReport]) -
 def listen(
     rig: WiredRig, clock: Clock, seconds: float, show: Callable[[list[ChannelReport]], None]
 ) -> list[ChannelReport]:
-    """Read an opened rig for a while and tell of every channel.
+    """Read an opened rig for some time and return a report of every channel.
 
     Parameters
     ----------
     rig
         The rig, opened; its drives stay idle.
     clock
-        What paces the reading.
+        Clock by whose ticks the rig is read.
     seconds
-        How long [s].
+        Duration of the reading [s].
     show
-        Told what is known so far, four times a second.
+        Called with the reports so far, four times per second.
     """
     limits = rig_limits(rig.file.sections).channels
-    logs = {name: Log() for name, _ in rig.file.sections.channels.items()}
+    logs = {name: ChannelLog() for name, _ in rig.file.sections.channels.items()}
     sources = [(log, CHANNELS.index(name)) for name, log in logs.items()]
     start = clock.now()
     shown = start
@@ -87,8 +90,8 @@ def listen(
     return [log.report(name, rig.file, limits[name]) for name, log in logs.items()]
 
 
-class Log:
-    """The samples of a channel."""
+class ChannelLog:
+    """Stores the samples of a channel."""
 
     def __init__(self) -> None:
         self._values: list[float] = []
@@ -96,14 +99,24 @@ class Log:
         self._ages: list[float] = []
 
     def add(self, now: float, value: float, age: float) -> None:
-        """Take in what a tick has read."""
+        """Add the sample of a tick; one that was read before adds its age only.
+
+        Parameters
+        ----------
+        now
+            Time of the tick [s].
+        value
+            The sample, in the channel's SI unit.
+        age
+            Age of the sample [s].
+        """
         self._ages.append(age)
         if not self._times or now - age - self._times[-1] > 1e-6:
             self._times.append(now - age)
             self._values.append(value)
 
     def report(self, name: str, rig: RigFile, limits: ChannelLimits) -> ChannelReport:
-        """What they come to."""
+        """Return the statistics of the samples."""
         values, intervals = np.array(self._values), np.diff(self._times)
         channel = dict(rig.sections.channels.items())[name]
         middle, half = 0.5 * (limits.low + limits.high), 0.5 * (limits.high - limits.low)
@@ -128,7 +141,19 @@ def channel_problem(
     saturated: float,
     limits: ChannelLimits,
 ) -> str:
-    """What is wrong with a channel at rest."""
+    """Return the problem of a channel at rest; empty if there is none.
+
+    Parameters
+    ----------
+    values
+        Samples, shape (n,), in the channel's SI unit.
+    oldest
+        Greatest age of a sample at a tick [s].
+    saturated
+        Fraction of the samples near or beyond the ends of the range.
+    limits
+        Limits of the channel.
+    """
     if oldest > limits.max_age:
         return f"{oldest * 1e3:.1f} ms old, limit {limits.max_age * 1e3:g} ms"
     if saturated:
@@ -139,7 +164,7 @@ def channel_problem(
 
 
 def round_trips(rig: WiredRig, clock: Clock) -> Iterator[tuple[str, float]]:
-    """Median time from a question to its answer [s] of each device that can be asked."""
+    """Yield the name and the median round-trip time [s] of each device that supports it."""
     for name, device in rig.devices.items():
         times = []
         for _ in range(PINGS):
@@ -147,7 +172,7 @@ def round_trips(rig: WiredRig, clock: Clock) -> Iterator[tuple[str, float]]:
                 break
             sent = clock.now()
             bus = rig.buses[device.settings.bus]
-            while not device.answered() and clock.now() - sent < ANSWER:
+            while not device.answered() and clock.now() - sent < TIMEOUT:
                 bus.poll()
             times.append(clock.now() - sent)
             time.sleep(1e-3)

@@ -1,6 +1,6 @@
-"""The check of a rig's drives: small strokes that are judged as they go, and their watchdogs.
+"""The check of a rig's drives: small strokes that are checked at each tick, and the watchdogs.
 
-It is a trial under the safety supervisor, with tighter limits than those of the rig.
+The check is a trial under the safety supervisor, with tighter limits than those of the rig.
 """
 
 from __future__ import annotations
@@ -30,76 +30,79 @@ from teleop.trial.settings import TrialSettings
 from teleop.trial.stop_switch import StopSwitch
 
 STROKES = (50e-6, 100e-6, 200e-6, 400e-6)
-"""Lengths of the strokes, each forth and back [m]."""
+"""Lengths of the strokes, each forward and back [m]."""
 STROKE_TIMES = (2.0, 0.4, 0.4, 0.4)
-"""Time of each stroke, in one direction [s].
+"""Duration of each stroke in one direction [s].
 
-The first is so slow that a force sensor of 100 Hz stops a drive that is 20 times too fast in time.
+The first stroke is slow, so that the samples of a 100 Hz force sensor suffice to stop a drive that
+moves 20 times too fast.
 """
 ENOUGH = 0.9
-"""Share of a stroke that has to be commanded for it to count."""
+"""Smallest fraction of a stroke's length that has to be commanded."""
 WARM, SETTLING = 0.2, 0.2
-"""Standstill before the first stroke and after each [s]."""
+"""Standstill before the first stroke and after each stroke [s]."""
 SILENCE = 2.0
 """Longest wait for a watchdog [s]."""
 LONGEST = 60.0
-"""Bound of the whole test [s]."""
+"""Longest duration of the whole check [s]."""
 REACH = 1e-3
-"""Farthest that the slave may get from where it stood [m]."""
+"""Largest distance of the slave from its position at the start [m]."""
 SOFT_FORCE, HARD_FORCE = 0.025, 0.05
-"""Limits of the change of the contact force, as a share of the rig's hard limit."""
+"""Limits of the change of the contact force, as fractions of the rig's hard limit."""
 QUICK = AdmittanceParameters(mass=0.015, damping=15.0)
-"""Follows the wanted velocity with a time constant of 1 ms."""
+"""Admittance whose velocity follows the requested one with a time constant of 1 ms."""
 
 
 class DriveReport(NamedTuple):
-    """The result of a drive's tests."""
+    """Result of the check of one drive."""
 
     name: str
+    """Name of the drive, `master` or `slave`."""
     watchdog_s: float
-    """From the last command to the drive's own stop; NaN where there was none."""
+    """Time from the last command until the watchdog stopped the drive [s]; NaN if it did not."""
     commanded_m: float
-    """Travel of the longest stroke as commanded; NaN without a motion."""
+    """Commanded travel of the longest stroke [m]; NaN without a motion."""
     moved_m: float
-    """The same as the encoder shows it; NaN without a motion or an encoder."""
+    """Travel of the longest stroke by the encoder [m]; NaN without a motion or an encoder."""
     problem: str
-    """What is wrong; empty for nothing."""
+    """Problem of the drive; empty if there is none."""
 
 
 class DrivesReport(NamedTuple):
-    """The result of the whole test."""
+    """Result of the check of all drives."""
 
     drives: list[DriveReport]
+    """Result of each drive."""
     fault: dict[str, Any] | None
-    """The event by which the supervisor stopped it, if it did."""
+    """Event of the fault by which the supervisor stopped the check; None if there was none."""
     interrupted: bool
-    """Whether a person stopped it."""
+    """Whether a person stopped the check."""
 
 
 class DriveCheck(Condition):
-    """Moves forth and back in growing strokes, and lets the watchdogs run out then.
+    """Moves in strokes of increasing length, then stops the commands until the watchdogs act.
 
     Parameters
     ----------
     rig
         The rig.
     drives
-        What adds up the travel of each drive, by its name.
+        The travel of each drive, by the drive's name.
     damping
-        Force on the admittance for a velocity [N s/m].
+        Ratio of the force on the admittance to the velocity [N s/m].
     direction
-        Of the first half of each stroke, 1 or -1; 0 for no motion.
+        Direction of the first half of each stroke, 1 or -1; 0 for no motion.
     """
 
     def __init__(
         self, rig: PausableRig, drives: Mapping[str, DriveTravel], damping: float, direction: int
     ) -> None:
         self.problems: dict[str, str] = {}
-        """What is wrong with a drive; what was found first ends the test."""
+        """Problem of each drive that has one; the first problem ends the check."""
         self.watchdogs: dict[str, float] = {}
-        """Time from the last command to each drive's own stop [s]."""
+        """Time from the last command until the watchdog stopped each drive [s]."""
         self.longest: dict[str, tuple[float, float]] = {}
-        """Travel of the longest stroke as commanded and as the encoder shows it [m]."""
+        """Commanded and measured travel of each drive's longest stroke [m]."""
         self._rig = rig
         self._drives = drives
         self._damping = damping
@@ -108,7 +111,7 @@ class DriveCheck(Condition):
         self._steps = self._plan()
 
     def drive_force(self, t: float, measurement: Measurement) -> float:
-        """Add up what the drives did since the last tick, and go on."""
+        """Update the travel of the drives and return the force for the next velocity [N]."""
         dt, self._time = t - self._time, t
         for name, drive in self._drives.items():
             drive.advance(self._rig.applied[AXES.index(name)], measurement, dt)
@@ -117,13 +120,13 @@ class DriveCheck(Condition):
         return 0.0 if self.finished or velocity is None else self._damping * velocity
 
     def _plan(self) -> Iterator[float]:
-        """The velocity [m/s] at each tick."""
+        """Yield the velocity at each tick [m/s]."""
         yield from self._stand(WARM)
         if self._direction:
             for length, seconds in zip(STROKES, STROKE_TIMES, strict=True):
                 yield from self._stroke(self._direction, length, seconds)
-                self._note_longest()
-                self._judge_length(length)
+                self._store_longest()
+                self._check_length(length)
                 back = abs(self._drives["slave"].commanded)
                 yield from self._stroke(-self._direction, back, seconds)
         self._rig.paused = True
@@ -133,7 +136,7 @@ class DriveCheck(Condition):
             for name in self._rig.stopped():
                 self.watchdogs.setdefault(name, self._time - begun)
         for name in self._drives.keys() - self.watchdogs.keys():
-            self.problems[name] = f"its watchdog did not act in {SILENCE:g} s without a command"
+            self.problems[name] = f"its watchdog did not act within {SILENCE:g} s without a command"
 
     def _stand(self, seconds: float) -> Iterator[float]:
         end = self._time + seconds
@@ -141,58 +144,58 @@ class DriveCheck(Condition):
             yield 0.0
 
     def _stroke(self, direction: int, length: float, seconds: float) -> Iterator[float]:
-        """Go that far [m] in that time [s], or as far as the limits allow, and stand.
+        """Move a length [m] in a time [s], or as far as the limits allow, and stand still.
 
-        Every tick is judged.
+        The travel is checked at every tick.
         """
         for drive in self._drives.values():
             drive.begin()
-        given_up = self._time + 2.0 * seconds
-        while self._time < given_up and abs(self._drives["slave"].commanded) < length:
+        deadline = self._time + 2.0 * seconds
+        while self._time < deadline and abs(self._drives["slave"].commanded) < length:
             yield direction * length / seconds
-            self._judge(settled=False)
+            self._check_travel(settled=False)
         for _ in self._stand(SETTLING):
             yield 0.0
-            self._judge(settled=False)
-        self._judge(settled=True)
+            self._check_travel(settled=False)
+        self._check_travel(settled=True)
 
-    def _judge(self, settled: bool) -> None:
+    def _check_travel(self, settled: bool) -> None:
         for name, drive in self._drives.items():
             if problem := drive.problem(settled):
                 self.problems.setdefault(name, problem)
 
-    def _note_longest(self) -> None:
+    def _store_longest(self) -> None:
         for name, drive in self._drives.items():
             self.longest[name] = (
                 abs(drive.commanded),
                 math.copysign(1.0, drive.commanded) * drive.moved,
             )
 
-    def _judge_length(self, length: float) -> None:
-        """A stroke that the limits cut short proves nothing, and a faster one is not tried."""
+    def _check_length(self, length: float) -> None:
+        """Add a problem if the limits shortened a stroke too much; faster strokes then end."""
         for name, (commanded, _) in self.longest.items():
             if commanded < ENOUGH * length:
                 self.problems.setdefault(
                     name,
-                    f"the limits let it go {commanded * 1e3:.3f} mm of {length * 1e3:g} mm, "
-                    "too little to prove sign and scale: expected a slave that is free to move",
+                    f"the limits allowed {commanded * 1e3:.3f} mm of {length * 1e3:g} mm, too "
+                    "little to check sign and scale: expected a slave that is free to move",
                 )
 
 
 def limits_about(limits: Limits, zero: ForceZero) -> Limits:
-    """The limits of a rig, narrowed to where the slave stands; positions count from there.
+    """Return narrower limits around the slave's position, relative to that position.
 
     Parameters
     ----------
     limits
         Limits of the rig.
     zero
-        What its sensors read at rest.
+        Readings of the sensors at rest.
 
     Raises
     ------
     InputError
-        The slave is beyond a hard limit.
+        The slave is beyond a hard position limit.
     """
     low, high = (end - zero.position for end in limits.hard_position)
     if not low <= 0.0 <= high:
@@ -212,23 +215,26 @@ def limits_about(limits: Limits, zero: ForceZero) -> Limits:
 
 
 def check_drives(rig: WiredRig, clock: Clock, move: bool) -> DrivesReport:
-    """Let the watchdogs of the drives run out, after strokes forth and back if wanted.
+    """Check the drives' watchdogs, and, with `move`, their sign and scale by small strokes.
 
-    The drives are enabled at standstill. They are idle afterwards.
+    The drives are enabled at standstill, and are idle afterwards. The watchdogs are checked by
+    sending no commands.
 
     Parameters
     ----------
     rig
         The rig, opened.
     clock
-        The clock that paces the test.
+        The clock of the loop.
     move
-        Whether to move.
+        Whether to move the drives.
 
     Raises
     ------
     InputError
-        The rig is not at rest, or stands beyond its hard limits.
+        The rig is not at rest, or the slave is beyond a hard limit.
+    Exception
+        An exception of a tick other than RigError.
     """
     sections = rig.file.sections
     limits, zero = rig_limits(sections), force_zero(rig, clock)

@@ -1,4 +1,4 @@
-"""The travel of a drive: as it was commanded, and as its sensors show it."""
+"""The travel of a drive: commanded, and measured by its sensors."""
 
 from __future__ import annotations
 
@@ -8,28 +8,28 @@ from drivers import Measurement
 from drivers.rig_sections import ChannelsSettings
 
 BAND = 0.25
-"""Share of the commanded travel by which a sensor may differ from it."""
+"""Tolerance of the measured travel, as a fraction of the commanded travel."""
 SLACK = 50e-6
-"""Travel by which it may differ besides: backlash, and the lag of a small motion [m]."""
+"""Additional tolerance for backlash and for the lag of a small motion [m]."""
 
 
 class DriveTravel:
-    """The travel of a drive since a stroke began.
+    """The travel of a drive since the beginning of a stroke.
 
     Parameters
     ----------
     name
-        Of the drive: `master` or `slave`.
+        Name of the drive, `master` or `slave`.
     channels
         The channels of the rig.
     compliance
-        How far the slave's drive yields to the contact force [m/N].
+        Compliance of the slave's drive under the contact force [m/N].
     """
 
     def __init__(self, name: str, channels: ChannelsSettings, compliance: float) -> None:
         encoder = channels.master_position if name == "master" else channels.slave_position
         self.commanded = 0.0
-        """[m]"""
+        """Commanded travel [m]."""
         self._name = name
         self._compliance = compliance if name == "slave" else 0.0
         self._slack = SLACK + (encoder.resolution_um * 1e-6 if encoder else 0.0)
@@ -37,21 +37,21 @@ class DriveTravel:
         self._integral = 0.0
 
     def begin(self) -> None:
-        """Start a stroke here."""
+        """Start a stroke at the present position."""
         self.commanded = self._integral = 0.0
         self._start, self._start_force = self._position, self._force
 
     def advance(self, velocity: float, measurement: Measurement, dt: float) -> None:
-        """Add a tick.
+        """Update the travel with one tick.
 
         Parameters
         ----------
         velocity
-            What the drive was commanded since the last tick [m/s].
+            Commanded velocity since the previous tick [m/s].
         measurement
-            What the rig reads now.
+            Measurement of this tick.
         dt
-            Time since the last tick [s].
+            Time since the previous tick [s].
         """
         self.commanded += velocity * dt
         slave = self._name == "slave"
@@ -61,17 +61,17 @@ class DriveTravel:
 
     @property
     def moved(self) -> float:
-        """The travel that the encoder shows [m]; NaN without an encoder."""
+        """Travel measured by the encoder [m]; NaN without an encoder."""
         return self._position - self._start
 
     def problem(self, settled: bool) -> str:
-        """What is wrong with the travel so far; empty for nothing.
+        """Return the problem of the travel so far; empty if there is none.
 
         Parameters
         ----------
         settled
-            Whether the drive had time to reach its position. Before, it may be behind its
-            command, but neither ahead of it nor on the wrong side.
+            Whether the drive had enough time to reach its position. If not, the measured travel
+            may be smaller than the commanded one, but not larger and not in the other direction.
         """
         slack = self._slack + self._compliance * abs(self._force - self._start_force)
         band = BAND * abs(self.commanded) + slack
@@ -85,8 +85,8 @@ class DriveTravel:
                 part = "sign" if along < 0.0 else "scale"
                 return (
                     f"commanded {self.commanded * 1e3:+.3f} mm, {channel} shows "
-                    f"{moved * 1e3:+.3f} mm: expected {BAND:.0%} and {slack * 1e3:.2f} mm at most "
-                    f"between them: check the {part} of drives.{self._name} and of "
+                    f"{moved * 1e3:+.3f} mm: expected a difference of at most {BAND:.0%} and "
+                    f"{slack * 1e3:.2f} mm: check the {part} of drives.{self._name} and of "
                     f"channels.{channel}"
                 )
         return ""

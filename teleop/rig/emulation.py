@@ -1,4 +1,4 @@
-"""An emulator with the simulated telemanipulator of a trial behind it."""
+"""Emulation of a rig's devices, connected to the simulated telemanipulator of a trial."""
 
 from __future__ import annotations
 
@@ -21,12 +21,19 @@ if TYPE_CHECKING:
 
 
 def read_fault(text: str, rig: RigFile) -> PlannedFault:
-    """A fault such as `corrupt:force@3`.
+    """Return the fault that an option gives, such as `corrupt:force@3`.
+
+    Parameters
+    ----------
+    text
+        Kind of fault, bus or device, and time after the drives are enabled [s].
+    rig
+        Rig file whose devices are emulated.
 
     Raises
     ------
     InputError
-        It is not as expected.
+        The kind is unknown, the bus or device does not exist, or the time is not a number.
     """
     kind, _, rest = text.partition(":")
     where, _, at = rest.partition("@")
@@ -51,7 +58,10 @@ def read_fault(text: str, rig: RigFile) -> PlannedFault:
 
 
 def suits(kind: str, bus: SerialSettings | CanSettings) -> bool:
-    """Whether a fault can befall a bus: bits flip on serial lines, error frames are CAN's."""
+    """Return whether a kind of fault can occur on a bus.
+
+    Corrupted bits need a serial line, error frames a CAN bus.
+    """
     if kind in ON_CAN:
         return isinstance(bus, CanSettings)
     return (
@@ -62,7 +72,18 @@ def suits(kind: str, bus: SerialSettings | CanSettings) -> bool:
 def make_emulator(
     rig: RigFile, settings: TrialSettings, folder: Path, faults: Sequence[PlannedFault] = ()
 ) -> Emulator:
-    """A rig's devices, emulated, with a trial's telemanipulator behind them.
+    """Return an emulator of a rig's devices, connected to the telemanipulator of a trial.
+
+    Parameters
+    ----------
+    rig
+        Rig file whose devices are emulated.
+    settings
+        Settings of the simulated telemanipulator.
+    folder
+        Folder for the links to the pseudo-terminals.
+    faults
+        Faults of the wires and devices.
 
     Raises
     ------
@@ -81,7 +102,13 @@ def make_emulator(
 
 @contextlib.contextmanager
 def opened(emulator: Emulator) -> Iterator[None]:
-    """The emulator serving within the block; InputError where a bus cannot be joined."""
+    """Open an emulator within the block.
+
+    Raises
+    ------
+    InputError
+        A bus cannot be opened on this machine.
+    """
     with contextlib.ExitStack() as stack:
         try:
             stack.enter_context(emulator)

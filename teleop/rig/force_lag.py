@@ -13,7 +13,7 @@ LONGEST = 0.1
 
 
 class ForceLag(NamedTuple):
-    """Lag of a force channel, from a reference spring."""
+    """Result of measuring the lag of a force channel on a reference spring."""
 
     lag: Interval
     """Time constant of a first-order lag with its 95 % interval [s]."""
@@ -23,7 +23,7 @@ class ForceLag(NamedTuple):
     """Root mean square of the residual [N]."""
 
     def summary(self) -> dict[str, Any]:
-        """Return the values that `teleop lag --json` prints."""
+        """Return the result in the form of `teleop lag --json`, in SI units."""
         return {
             "lag_s": self.lag.value,
             "lag_low_s": self.lag.low,
@@ -34,22 +34,24 @@ class ForceLag(NamedTuple):
 
 
 def measure_lag(position: Floats, force: Floats, dt: Floats) -> ForceLag:
-    """Fit f = L(k x) to a spring without damping, L a first-order lag.
+    """Fit f = L(k x) to the data of a spring without damping, where L is a first-order lag.
 
-    A lag delays the force of a spring relative to its displacement, f = k x - k lag v + ..., as
-    negative damping does. So the reference must have no damping of its own: a steel spring.
+    A lag delays the force of a spring relative to its displacement, f = k x - k lag v + ..., and
+    has the same effect as negative damping. The reference must therefore have no damping, such as
+    a steel spring.
 
     Parameters
     ----------
     position, force
-        From the spring's rest [m], [N], each of shape (n,).
+        Displacement from the unloaded spring [m] and force [N], each of shape (n,).
     dt
-        Time since the sample before [s], of shape (n,).
+        Time since the previous sample [s], shape (n,).
 
     Raises
     ------
     InputError
-        Nothing moves, or the best lag is nil or longer than `LONGEST`.
+        Position or force is zero throughout, the stiffness is negative, or the lag with the
+        smallest residual is close to zero or to `LONGEST`.
     """
     from scipy.optimize import minimize_scalar
 
@@ -67,13 +69,13 @@ def measure_lag(position: Floats, force: Floats, dt: Floats) -> ForceLag:
     fit = signals.fit(best, damping=False, stiffening=False)
     if fit.k <= 0.0:
         raise InputError(
-            f"the spring's stiffness comes out as {fit.k:.4g} N/m: expected force and position "
-            "to be positive in compression"
+            f"the estimated stiffness of the spring is {fit.k:.4g} N/m: expected force and "
+            "position to be positive in compression"
         )
     if not 1e-5 < best < 0.99 * LONGEST:
         raise InputError(
-            f"the best lag is {best * 1e3:.2f} ms: expected one between 0.01 and "
-            f"{LONGEST * 1e3:g} ms, as on a spring without damping with the datum at its rest"
+            f"the estimated lag is {best * 1e3:.2f} ms: expected 0.01 to {LONGEST * 1e3:g} ms, "
+            "from a spring without damping, with the datum at the unloaded spring"
         )
     least, step = fit.rms**2, 0.05 * best
     curvature = (squared(best + step) - 2.0 * least + squared(best - step)) / step**2

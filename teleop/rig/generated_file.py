@@ -1,4 +1,4 @@
-"""A first line by which a text file shows that nobody has changed it since it was written."""
+"""Text files with a checksum in the first line, which shows whether they were edited."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from drivers.input_file import read_input
 
 
 def stamped(text: str, writer: str) -> str:
-    """The text below a comment with its writer and its check sum."""
+    """Return a text with a first line that names the writer and the checksum of the text."""
     return f"{head(text, writer)}\n{text}"
 
 
 def is_unchanged(path: Path, writer: str) -> bool:
-    """Whether a file is there, is of this writer, and stands as it was written."""
+    """Return whether a file exists, is from this writer, and was not edited since."""
     try:
         first, _, text = read_input(path).decode().partition("\n")
     except (OSError, UnicodeDecodeError):
@@ -23,6 +23,6 @@ def is_unchanged(path: Path, writer: str) -> bool:
 
 
 def head(text: str, writer: str) -> str:
-    """The first line."""
+    """Return the first line: a comment with the writer and the checksum of the text."""
     digest = sha256(text.encode("utf-8", "backslashreplace")).hexdigest()[:16]
     return f"# written by {writer}, which replaces this file unless it was edited: {digest}"

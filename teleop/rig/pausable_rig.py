@@ -9,13 +9,19 @@ from drivers.wired_rig import WiredRig
 
 
 class PausableRig(Rig):
-    """An opened rig whose commands can be paused, so that its watchdogs run out."""
+    """An opened rig whose commands can be paused, so that the drives' watchdogs act.
+
+    Parameters
+    ----------
+    rig
+        The rig, opened.
+    """
 
     def __init__(self, rig: WiredRig) -> None:
         self.paused = False
-        """Whether commands, and the errors of drives that miss them, are withheld."""
+        """Whether no commands are sent, and errors of the drives are not reported."""
         self.applied = STANDSTILL
-        """What the drives made of the last command."""
+        """Command that the drives applied last."""
         drives = dict(rig.file.sections.drives.items())
         self._rig = rig
         self._drives = {name: rig.devices[drive.device] for name, drive in drives.items()}
@@ -23,13 +29,13 @@ class PausableRig(Rig):
         self._others = [device for device in rig.devices.values() if device not in moving]
 
     def open(self) -> None:
-        """Nothing: the rig is open."""
+        """Do nothing, because the rig is open."""
 
     def close(self) -> None:
-        """Nothing: whoever opened the rig closes it."""
+        """Do nothing: the caller that opened the rig closes it."""
 
     def read(self) -> Measurement:
-        """The rig's measurement; while it is paused, without errors of the drives."""
+        """Return the measurement of the rig; while paused, without errors of the drives."""
         measurement = self._rig.read()
         if not self.paused:
             return measurement
@@ -37,22 +43,22 @@ class PausableRig(Rig):
         return measurement._replace(drive_error=next(errors, ""))
 
     def stopped(self) -> Iterator[str]:
-        """Names of the drives that report an error."""
+        """Return the names of the drives that report an error."""
         return (name for name, device in self._drives.items() if device.error)
 
     def enable(self) -> bool:
-        """Ask the drives to take commands."""
+        """Enable the drives; return whether they are ready for commands."""
         return self._rig.enable()
 
     def rearm(self) -> None:
-        """Forget the errors of drives."""
+        """Clear the errors of the drives."""
         self._rig.rearm()
 
     def write(self, command: Command) -> Command:
-        """Command the drives, unless it is paused."""
+        """Command the drives unless paused; return the applied command."""
         self.applied = STANDSTILL if self.paused else self._rig.write(command)
         return self.applied
 
     def idle(self) -> None:
-        """Take the drives out of operation."""
+        """Disable the drives."""
         self._rig.idle()

@@ -1,4 +1,4 @@
-"""A simulated reference spring, on which the lag of the simulated force channel is measured."""
+"""Measurement of the simulated force channel's lag on a simulated reference spring."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ SPRING = 5000.0
 
 
 def measure_simulated_lag(cube: str, seed: int = 0) -> tuple[ForceLag, float]:
-    """Return the lag of the simulated force channel on a spring, and the true lag [s].
+    """Return the measured lag of the simulated force channel, and its true lag [s].
 
     Parameters
     ----------

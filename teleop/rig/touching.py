@@ -1,4 +1,4 @@
-"""The contact datum: a trial under the supervisor that moves forward until it touches."""
+"""The contact datum, found by a trial in which the slave moves forward until contact."""
 
 from __future__ import annotations
 
@@ -29,15 +29,18 @@ SPEED = 1e-3
 REACH = 4e-3
 """Greatest travel of the approach [m]."""
 SOFT_FORCE = 5.0
-"""Contact force at which the approach ends in any case [N]."""
+"""Soft limit of the contact force during the approach [N]."""
 AWAY = 2e-3
 """Distance from the cube at which the simulated slave starts [m]."""
 TOUCH = 0.5
-"""Least contact force that counts as contact [N]; the threshold is at least ten times the noise."""
+"""Smallest contact force that counts as contact [N].
+
+The threshold is ten times the noise if that is larger.
+"""
 
 
 class Touch(Condition):
-    """Moves forward at a constant speed until contact, and back again.
+    """Moves forward at a constant speed until contact, then backward.
 
     Parameters
     ----------
@@ -46,7 +49,7 @@ class Touch(Condition):
     threshold
         Contact force that counts as contact [N].
     retreat
-        Distance of the retreat [m].
+        Distance of the motion backward [m].
     """
 
     def __init__(self, force: float, threshold: float, retreat: float) -> None:
@@ -71,12 +74,12 @@ def touch(
     seed: int,
     record: Path | None = None,
 ) -> float:
-    """Return the reading of the slave's encoder where contact begins [m].
+    """Move the slave until contact, and return its encoder reading where contact begins [m].
 
     Parameters
     ----------
     zero
-        Readings of the sensors at no force.
+        Readings of the sensors without load.
     rig
         The rig of devices; None for the simulated rig, whose slave starts away from the cube.
     cube
@@ -91,11 +94,11 @@ def touch(
     Raises
     ------
     InputError
-        There was no contact within the reach.
+        There was no contact within `REACH`.
     SafetyStop
-        The trial was stopped for safety.
+        The safety supervisor stopped the trial.
     KeyboardInterrupt
-        A person stopped it.
+        A person stopped the trial.
     """
     settings = TrialSettings(
         condition="autonomous",
@@ -125,7 +128,7 @@ def touch(
 
 
 def touch_limits(limits: Limits) -> Limits:
-    """Return narrow limits about the start; the datum is not known yet."""
+    """Return narrow limits relative to the start, because the datum is not yet known."""
     return replace(
         limits,
         soft_position=(-AWAY, REACH),
@@ -142,7 +145,9 @@ def off_the_cube(cube: str, now: Callable[[], float], sensors: Sensors, seed: in
 
 
 def contact_begins(recording: Recording) -> float:
-    """Return where contact begins in a recorded approach [m]: f = 0 before, linear after.
+    """Return the position at which contact begins in a recorded approach [m].
+
+    It is fitted to a force that is zero before contact and increases linearly after it.
 
     Raises
     ------
@@ -152,13 +157,21 @@ def contact_begins(recording: Recording) -> float:
     deepest = int(np.argmax(recording["slave_position"])) if len(recording) else -1
     x, f = (recording[name][: deepest + 1] for name in ("slave_position", "contact_force"))
     if not len(f) or f.max() < 0.5 * TOUCH:
-        raise InputError("tare: nothing was touched within the range: expected a contact")
+        raise InputError(f"tare: no contact within {REACH * 1e3:g} mm: expected a contact")
     candidates = np.linspace(x.max() - 0.5 * np.ptp(x), x.max(), 400, endpoint=False)
     return float(candidates[int(np.argmin([misfit(x, f, start) for start in candidates]))])
 
 
 def misfit(x: Floats, f: Floats, start: float) -> float:
-    """Return the sum of squared residuals of a spring that begins at `start` [N^2]."""
+    """Return the sum of squared residuals of the best spring with contact at `start` [N^2].
+
+    Parameters
+    ----------
+    x, f
+        Position [m] and contact force [N], each of shape (n,).
+    start
+        Position at which contact begins [m].
+    """
     pressed = np.maximum(x - start, 0.0)
     power = float(pressed @ pressed)
     k = float(pressed @ f) / power if power > 0.0 else 0.0
@@ -166,6 +179,16 @@ def misfit(x: Floats, f: Floats, start: float) -> float:
 
 
 def dated_tare(zero: ForceZero, position: float, rig: str) -> Tare:
-    """Return the tare of the rig of this name, with the present date."""
+    """Return the tare of a rig with the present date.
+
+    Parameters
+    ----------
+    zero
+        Readings of the force sensors without load.
+    position
+        Contact datum, a reading of the slave's encoder [m].
+    rig
+        Name of the rig.
+    """
     now = datetime.now().astimezone().isoformat(timespec="seconds")
     return Tare(zero.master, zero.contact, position, now, rig)

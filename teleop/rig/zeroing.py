@@ -1,4 +1,4 @@
-"""The force zero of a rig at rest, with idle drives and no load."""
+"""Force zero of a rig at rest, with idle drives and without load."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ from teleop.errors import InputError
 LISTENING = 0.5
 """Time over which the force is averaged [s]."""
 REST = 5e-5
-"""Greatest apparent motion of a slave at rest in that time [m]."""
-LIVELIEST = 0.5
+"""Largest measured motion of a slave at rest during that time [m]."""
+MAX_NOISE = 0.5
 """Largest standard deviation of a force that is only noise [N]."""
 
 
 @dataclass(frozen=True)
 class ForceZero:
-    """Readings of the sensors at no force."""
+    """Readings of the sensors without load."""
 
     master: float
-    """Master force [N]."""
+    """Mean of the master force [N]."""
     contact: float
-    """Contact force [N]."""
+    """Mean of the contact force [N]."""
     noise: float
-    """Standard deviation of a sample of the contact force [N]."""
+    """Standard deviation of the contact force [N]."""
     position: float
-    """Reading of the slave's encoder [m]."""
+    """Mean reading of the slave's encoder [m]."""
 
 
 def force_zero(rig: Rig, clock: Clock) -> ForceZero:
@@ -48,8 +48,8 @@ def force_zero(rig: Rig, clock: Clock) -> ForceZero:
     position = np.array([m.slave_position for m in samples])
     if not np.ptp(position) <= REST:
         raise InputError(
-            f"the slave moves, by {np.ptp(position) * 1e3:.3f} mm in "
-            f"{LISTENING:g} s: expected it at rest"
+            f"the slave moves by {np.ptp(position) * 1e3:.3f} mm in "
+            f"{LISTENING:g} s: expected it to be at rest"
         )
     forces = {
         "master": np.array([m.master_force for m in samples]),
@@ -61,10 +61,10 @@ def force_zero(rig: Rig, clock: Clock) -> ForceZero:
                 f"the {name} force sensor reads {force.mean():.2f} N: expected no "
                 f"load, and a zero within {LARGEST_ZERO:g} N"
             )
-        if not force.std() <= LIVELIEST:
+        if not force.std() <= MAX_NOISE:
             raise InputError(
                 f"the {name} force varies by {force.std():.2f} N rms: expected "
-                f"nothing but noise, {LIVELIEST:g} N at the most"
+                f"noise of at most {MAX_NOISE:g} N"
             )
     return ForceZero(
         float(forces["master"].mean()),

@@ -1,1 +1,1 @@
-"""Studies of many trials."""
+"""Studies: series of trials that are run and evaluated together."""

@@ -1,4 +1,4 @@
-"""Worker processes that end with whoever started them."""
+"""Worker processes that end when the process that started them ends."""
 
 from __future__ import annotations
 
@@ -16,15 +16,19 @@ from teleop.interruption import ENDING
 
 @contextlib.contextmanager
 def workers() -> Iterator[ProcessPoolExecutor]:
-    """Give a pool of processes, one a core, that ends with the block.
+    """Provide a pool of processes, one per core, that ends with the block.
 
-    If the block raises, KeyboardInterrupt included, the processes are killed: work that is under
-    way is not waited for. If this process is killed, they end by themselves.
+    If the block raises an exception, including KeyboardInterrupt, the processes are killed
+    without waiting for their tasks. If this process is killed, they end by themselves.
+
+    Yields
+    ------
+    The pool of processes.
 
     Raises
     ------
     InputError
-        The system grants no semaphores, as where /dev/shm cannot be written.
+        The system provides no semaphores, for example because /dev/shm is not writable.
     """
     others = set(multiprocessing.active_children())
     try:
@@ -44,9 +48,10 @@ def workers() -> Iterator[ProcessPoolExecutor]:
 
 
 def end_with_parent() -> None:
-    """Leave signals to the parent process, and end when it has ended.
+    """Ignore signals except SIGTERM, and end this process when its parent process has ended.
 
-    A terminal sends its signals to the workers too.
+    Called at the start of each worker process. A terminal sends its signals to the workers too,
+    but the parent process handles them.
     """
     for name in ENDING:
         if number := getattr(signal, name, None):
@@ -55,7 +60,7 @@ def end_with_parent() -> None:
 
 
 def await_parent() -> None:
-    """Wait for the end of the parent process, and end."""
+    """Wait until the parent process has ended, then end this process."""
     if parent := multiprocessing.parent_process():
         parent.join()
     os._exit(1)

@@ -1,4 +1,4 @@
-"""Assembly: the parts of a trial, made from its settings."""
+"""Assembly of the parts of a trial from its settings."""
 
 from __future__ import annotations
 
@@ -20,19 +20,37 @@ RigMaker = Callable[[Callable[[], float]], Rig]
 
 
 def make_clock(settings: TrialSettings) -> Clock:
-    """Return a new clock."""
+    """Return a new clock, real or virtual."""
     return RealClock(settings.rate) if settings.clock == "real" else VirtualClock(settings.rate)
 
 
 def make_rig(settings: TrialSettings, now: Callable[[], float]) -> Rig:
-    """Return a new rig on this clock: of devices, or simulated."""
+    """Return a new rig of devices, or a simulated one if the settings have no rig file.
+
+    Parameters
+    ----------
+    settings
+        Settings of the trial.
+    now
+        Returns the time of the clock [s].
+    """
     return WiredRig(settings.rig, now) if settings.rig else make_simulated_rig(settings, now)
 
 
 def make_simulated_rig(
     settings: TrialSettings, now: Callable[[], float], watchdog: float = 0.1
 ) -> SimulatedRig:
-    """Return a new simulated rig, with an operator where the condition has one."""
+    """Return a new simulated rig, with a simulated operator if the condition needs one.
+
+    Parameters
+    ----------
+    settings
+        Settings of the trial.
+    now
+        Returns the time of the clock [s].
+    watchdog
+        Timeout of the drives' watchdogs [s].
+    """
     setup = settings.setup
     depth = setup.depth / settings.coupling.scale
     operator = {"free": FreePalpation, "mimic": MimickedSine}.get(settings.condition)
@@ -48,7 +66,7 @@ def make_simulated_rig(
 
 
 def make_condition(settings: TrialSettings) -> Condition:
-    """Return a new control condition."""
+    """Return a new control condition, with the PE injector if it is autonomous."""
     if settings.condition != "autonomous":
         return Teleoperation()
     return Autonomous(
@@ -72,11 +90,11 @@ def make_controller(
     settings
         Settings of the trial.
     rig
-        The rig that it reads and commands.
+        The rig that the controller reads and commands.
     bank
         The estimators.
     clock
-        The clock that paces it.
+        The clock of the loop.
     condition
         Control condition; None for that of the settings.
     """

@@ -15,6 +15,7 @@ from teleop.safety.events import ACTIVE, FAULT, IDLE
 from teleop.trial.stop_switch import StopSwitch
 
 END = "end of the trial"
+"""Reason of the stop at the end of the duration."""
 
 
 class Loop:
@@ -25,15 +26,20 @@ class Loop:
     controller
         The controller of the rig.
     clock
-        The clock that paces the loop.
+        The clock of the loop.
     layout
         Layout of the message of a tick.
     sinks
-        Where ticks and events are pushed.
+        They receive the ticks and events.
     switch
-        How a person stops the trial.
+        Stop switch, by which a person stops the trial.
     duration
         Duration of the trial [s].
+
+    Attributes
+    ----------
+    ticks
+        Number of ticks so far.
     """
 
     def __init__(
@@ -55,13 +61,13 @@ class Loop:
         self._end = ""
         self._armed = False
         self._elapsed = 0
-        """Periods of the clock, skipped ones included."""
+        """Number of periods of the clock, including skipped ones."""
         self._leave = math.inf
         """Number of periods after which the loop ends."""
 
     @property
     def error(self) -> Exception | None:
-        """The first exception of a tick."""
+        """First exception of a tick; None if there was none."""
         return self.controller.error
 
     def run(self) -> None:
@@ -103,5 +109,8 @@ class Loop:
         if record.mode is not IDLE or self.error:
             return self._elapsed < self._leave
         if self._end and not self._armed:
-            raise RigError("the drives did not get ready in the time of the trial")
+            raise RigError(
+                "the drives did not get ready: expected them to be ready within the duration of "
+                "the trial"
+            )
         return not (self._armed or self._switch.interrupted)

@@ -14,7 +14,7 @@ from teleop.trial.settings_json import to_document
 
 
 def session_metadata(settings: TrialSettings) -> dict[str, dict[str, str]]:
-    """Return the records of text about a session that stand in its recording."""
+    """Return the text records about a session that its recording contains, by name."""
     return {
         "session": {
             "software": f"teleop {version('teleop')}",

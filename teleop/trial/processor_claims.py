@@ -1,4 +1,4 @@
-"""Names of which each belongs to one process of this machine at a time."""
+"""Claims on names, each of which at most one process of this machine can hold at a time."""
 
 from __future__ import annotations
 
@@ -9,24 +9,24 @@ import socket
 def claim(name: str) -> socket.socket | None:
     """Claim a name until the socket is closed, at the latest when the process ends.
 
-    A claim is an abstract Unix socket: all users share the names, no file remains, and the kernel
-    gives the name back when the process ends, in whatever way.
+    A claim is an abstract Unix socket: the names are common to all users, no file remains, and
+    the kernel releases the name when the process ends, also if it is killed.
 
     Parameters
     ----------
     name
-        What is claimed.
+        The name to claim.
 
     Returns
     -------
-    The socket that holds the claim; None if another process has it.
+    The socket that holds the claim; None if another process holds it.
 
     Raises
     ------
     AttributeError
-        There are no Unix sockets on this system.
+        The system has no Unix sockets.
     OSError
-        There are no abstract ones.
+        The system has no abstract Unix sockets.
     """
     held = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
     try:
@@ -40,7 +40,7 @@ def claim(name: str) -> socket.socket | None:
 
 
 def is_claimed(name: str) -> bool:
-    """Whether a process has claimed this name."""
+    """Return whether a process has claimed a name."""
     if not hasattr(socket, "AF_UNIX"):
         return False
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as probe:
@@ -52,5 +52,5 @@ def is_claimed(name: str) -> bool:
 
 
 def address(name: str) -> bytes:
-    """The socket's abstract address."""
+    """Return the abstract address of the socket that claims a name."""
     return b"\0teleop " + name.encode()

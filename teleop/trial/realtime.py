@@ -1,9 +1,9 @@
-"""Real-time set-up of a process, step by step, and back again.
+"""Real-time settings of a process, applied step by step and reverted at the end.
 
-Several processes on one machine must not disturb each other. Each takes a processor of its own
-while there are free ones, and one processor always remains for everything else: recorders,
-drivers of the kernel, other programs. A process that finds no free processor shares the remaining
-ones at a lower priority, the lower the later it came.
+Several processes on one machine must not disturb each other. Each process claims one processor
+for itself while there are free ones. One processor always remains for everything else: recorders,
+kernel drivers, other programs. A process that finds no free processor shares the remaining ones
+at a lower priority; each further process has a lower priority than the previous one.
 """
 
 from __future__ import annotations
@@ -20,36 +20,67 @@ from teleop.names import RealtimeName
 from teleop.trial.processor_claims import claim, is_claimed
 
 PRIORITY = 80
-"""Of SCHED_FIFO on a processor of its own: above interrupt threads (50), below the kernel's
-watchdogs (99)."""
+"""Priority of SCHED_FIFO on a claimed processor.
+
+It is above the interrupt threads (50) and below the kernel's watchdogs (99).
+"""
 SHARED_PRIORITIES = range(60, 50, -1)
-"""Of SCHED_FIFO on shared processors, each for one process."""
+"""Priorities of SCHED_FIFO on shared processors, each for one process."""
 RECORDER_PRIORITY = 40
-"""Of the process that reads the loop's pipe: above all of ordinary priority. The kernel locks a
-pipe while it is read: a reader that waits for a processor meanwhile would hold up the loop. Below
-all loops, since compressing takes longer than their periods."""
+"""Priority of SCHED_FIFO for the recorder process, which reads the loop's pipe.
+
+It is above all normal processes: the kernel locks the pipe while it is read, so that a reader
+that waits for a processor would delay the loop. It is below all loops, because compression takes
+longer than their periods.
+"""
 MCL_CURRENT, MCL_FUTURE = 1, 2
-"""Linux's flags of mlockall."""
+"""Flags of mlockall on Linux."""
 DONE = "done"
+"""Report of a step that was applied."""
 FIFO = "SCHED_FIFO"
+"""Name of the step that sets the real-time priority."""
 PROCESSOR = "one processor"
+"""Name of the step that claims a processor."""
 
 
 def set_priority(process: int, priority: int) -> None:
-    """Give a process, 0 for this one, a priority of SCHED_FIFO that its children do not inherit."""
+    """Set a process to SCHED_FIFO at a priority that its children do not inherit.
+
+    Parameters
+    ----------
+    process
+        Process id; 0 for this process.
+    priority
+        Priority of SCHED_FIFO, 1 to 99.
+
+    Raises
+    ------
+    PermissionError
+        The system does not permit the priority.
+    """
     policy = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
     os.sched_setscheduler(process, policy, os.sched_param(priority))
 
 
 def first_in_first_out(priority: int = PRIORITY) -> Callable[[], object]:
-    """SCHED_FIFO: nothing of ordinary priority keeps the loop waiting."""
+    """Set SCHED_FIFO, so that no normal process delays the loop; return a function to revert."""
     before = os.sched_getscheduler(0), os.sched_getparam(0)
     set_priority(0, priority)
     return lambda: os.sched_setscheduler(0, *before)
 
 
 def shared_first_in_first_out() -> Callable[[], object]:
-    """SCHED_FIFO at the highest priority that no process on the shared processors has."""
+    """Set SCHED_FIFO at the highest free priority for shared processors.
+
+    Returns
+    -------
+    A function that reverts the step.
+
+    Raises
+    ------
+    OSError
+        Another process has claimed each of the priorities, or none is permitted.
+    """
     for priority in SHARED_PRIORITIES:
         if not (taken := claim(f"priority {priority}")):
             continue
@@ -61,12 +92,24 @@ def shared_first_in_first_out() -> Callable[[], object]:
 
 
 def processor_name(processor: int) -> str:
-    """The name under which a process claims a processor."""
+    """Return the name under which a process claims a processor."""
     return f"processor {processor}"
 
 
 def own_processor() -> Callable[[], object]:
-    """The last free processor alone: caches stay warm, and no other process of ours uses it."""
+    """Restrict this process to the last free processor, and claim it.
+
+    Its caches then keep the data of the loop, and no other teleop process runs on it.
+
+    Returns
+    -------
+    A function that reverts the step.
+
+    Raises
+    ------
+    OSError
+        No processor is free.
+    """
     before = os.sched_getaffinity(0)
     for processor in sorted(before)[:0:-1]:
         if taken := claim(processor_name(processor)):
@@ -75,15 +118,21 @@ def own_processor() -> Callable[[], object]:
     else:
         raise OSError("no free processor, lower priority on the shared ones")
 
-    def back() -> None:
+    def revert() -> None:
         os.sched_setaffinity(0, before)
         taken.close()
 
-    return back
+    return revert
 
 
 def locked_memory() -> Callable[[], object]:
-    """Memory that is never paged out."""
+    """Lock the memory, so that it is never paged out; return a function to revert.
+
+    Raises
+    ------
+    PermissionError
+        The system's limit of locked memory is too low.
+    """
     libc = ctypes.CDLL(None, use_errno=True)
     if libc.mlockall(MCL_CURRENT | MCL_FUTURE):
         raise PermissionError("the limit of locked memory, memlock, is too low")
@@ -91,18 +140,21 @@ def locked_memory() -> Callable[[], object]:
 
 
 def frozen_collector() -> Callable[[], object]:
-    """No garbage collection: what is there is set aside, and a tick leaves no cycles."""
+    """Disable garbage collection; return a function to revert.
+
+    A tick creates no reference cycles, so that memory does not grow.
+    """
     was_enabled = gc.isenabled()
     gc.collect()
     gc.freeze()
     gc.disable()
 
-    def back() -> None:
+    def revert() -> None:
         gc.unfreeze()
         if was_enabled:
             gc.enable()
 
-    return back
+    return revert
 
 
 SET_UP = {
@@ -110,17 +162,18 @@ SET_UP = {
     "no garbage collection": frozen_collector,
     PROCESSOR: own_processor,
 }
-"""Steps that are taken at once: slow, at ordinary priority. Each returns what takes it back."""
+"""Slow steps, applied at normal priority. Each returns a function that reverts it."""
 STEPS = (*SET_UP, FIFO)
+"""Names of all steps."""
 
 
 class RealTime:
-    """The real-time set-up of this process; see `realtime`.
+    """The real-time settings of this process; see `realtime`.
 
     Attributes
     ----------
     report
-        For each step taken so far: `done`, or why not.
+        Result of each step by its name: `done`, or the reason why it was not applied.
     """
 
     def __init__(self, mode: RealtimeName, steps: Iterable[str]) -> None:
@@ -130,17 +183,17 @@ class RealTime:
         self._undo = contextlib.ExitStack()
 
     def start(self, recorder: int | None = None) -> None:
-        """Take the real-time priority: from here on only the loop is to run.
+        """Set the real-time priority; called directly before the loop.
 
         Parameters
         ----------
         recorder
-            Process that reads what the loop writes to its pipe; it gets `RECORDER_PRIORITY`.
+            Process id of the recorder, which gets `RECORDER_PRIORITY`.
 
         Raises
         ------
         InputError
-            A required step could not be taken.
+            The mode is `require` and a step could not be applied.
         """
         if FIFO in self._steps:
             own = self.report.get(PROCESSOR) == DONE
@@ -151,9 +204,9 @@ class RealTime:
         missing = [f"{name} ({why})" for name, why in self.report.items() if why != DONE]
         if self._mode == "require" and missing:
             raise InputError(
-                f"realtime: {', '.join(missing)}: expected every step to be taken; run as root, "
+                f"realtime: {', '.join(missing)}: expected every step to succeed; run as root, "
                 "grant rtprio and memlock in /etc/security/limits.conf, end other teleop "
-                "processes, or take --realtime try"
+                "processes, or use --realtime try"
             )
 
     def _take(self, name: str, step: Callable[[], Callable[[], object]]) -> None:
@@ -165,7 +218,7 @@ class RealTime:
         except OSError as error:
             self.report[name] = str(error.strerror or error).lower()
         except (AttributeError, TypeError):
-            self.report[name] = "not there on this system"
+            self.report[name] = "not available on this system"
 
     def __enter__(self) -> Self:
         for name in self._steps:
@@ -178,18 +231,18 @@ class RealTime:
 
 
 def realtime(mode: RealtimeName, steps: Iterable[str] = STEPS) -> RealTime:
-    """Set the process up for real time, and back on exit.
+    """Return a context manager that applies real-time settings and reverts them on exit.
 
-    Used as a context manager. On entry the slow steps are taken at ordinary priority; `start`
-    takes the real-time priority, once everything is ready for the loop.
+    On entry the slow steps are applied at normal priority. `RealTime.start` sets the real-time
+    priority when everything is ready for the loop.
 
     Parameters
     ----------
     mode
-        Whether to insist on every step, to take those that the system permits, or to leave all
-        as it is.
+        `require` raises an error if a step fails, `try` applies the steps that the system
+        permits, `off` applies none.
     steps
-        Names of the steps to take, of `STEPS`.
+        Names of the steps to apply, of `STEPS`.
 
     Raises
     ------
@@ -202,10 +255,11 @@ def realtime(mode: RealtimeName, steps: Iterable[str] = STEPS) -> RealTime:
 
 
 @contextlib.contextmanager
-def clear_of_claimed_processors() -> Iterator[None]:
-    """Keep this process off the processors that other processes have claimed, within the block.
+def avoid_claimed_processors() -> Iterator[None]:
+    """Do not run on the processors that other processes have claimed, within the block.
 
-    Where the real-time priority is not permitted, nothing else protects their loops.
+    If the real-time priority is not permitted, nothing else protects the loops of these
+    processes.
     """
     if not hasattr(os, "sched_setaffinity"):
         yield

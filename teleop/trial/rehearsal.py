@@ -1,4 +1,4 @@
-"""The rehearsal before a trial: checks that this machine holds the rate of the loop."""
+"""The rehearsal before a trial: checks that this machine can run the loop at its rate."""
 
 from __future__ import annotations
 
@@ -22,23 +22,23 @@ from teleop.trial.settings import TrialSettings
 from teleop.trial.stop_switch import StopSwitch
 
 TICKS = 600
-"""Ticks of a rehearsal; the second half of the active ones counts."""
+"""Number of ticks of a rehearsal; the second half of its active ticks is evaluated."""
 WIRE_TIME = 0.25
 """Time for which the devices of a rig are read before a trial [s]."""
 SHARE = 0.9
-"""Greatest share of a period that a tick may take."""
+"""Largest fraction of a period that a tick may take."""
 
 
 def tick_cost(settings: TrialSettings) -> float:
-    """Return the 90th percentile of the time of a tick on this machine [s], in virtual time.
+    """Return the 90th percentile of the duration of a tick on this machine [s].
 
-    The rehearsal runs on the simulated rig, without the tare and the limits of the real one, and
-    at 1 kHz at most, so that it reaches the motion.
+    The rehearsal runs in virtual time on the simulated rig, without the tare and the limits of
+    the real one. Its rate is at most 1 kHz, so that it reaches the motion within `TICKS`.
 
     Raises
     ------
     InputError
-        The rehearsal was stopped for safety, so that its ticks are not those of a trial.
+        The rehearsal was stopped by a fault, so that its ticks do not represent a trial.
     Exception
         An exception of a tick.
     """
@@ -75,16 +75,16 @@ def tick_cost(settings: TrialSettings) -> float:
 
 
 def check_rate(settings: TrialSettings) -> float:
-    """Make sure that this machine can hold the rate, in the best of three rehearsals.
+    """Check, by the fastest of up to three rehearsals, that this machine can run at the rate.
 
     Returns
     -------
-    Time [s] that a tick takes, without the devices of a rig.
+    Duration of a tick without the devices of a rig [s].
 
     Raises
     ------
     InputError
-        It cannot.
+        A tick takes longer than `SHARE` of the period.
     """
     cost = math.inf
     for _ in range(3):
@@ -98,10 +98,11 @@ def check_rate(settings: TrialSettings) -> float:
 
 
 def check_wire(rig: Rig, clock: Clock, cost: float) -> None:
-    """Make sure that the devices of an opened rig leave time enough for the rest of a tick.
+    """Check that reading the devices of a rig leaves enough time for the rest of a tick.
 
-    The rig is read at the rate of the clock for a moment; nothing is sent to its drives. The
-    write of a tick is taken to cost no more than the simulated rig in the rehearsal.
+    The rig is read at the rate of the clock for `WIRE_TIME`; nothing is sent to its drives. It
+    is assumed that the commands to the drives take no longer than the simulated rig takes in
+    the rehearsal.
 
     Parameters
     ----------
@@ -110,12 +111,12 @@ def check_wire(rig: Rig, clock: Clock, cost: float) -> None:
     clock
         The clock of the trial.
     cost
-        Time that the rest of a tick takes [s], from `check_rate`.
+        Duration of the rest of a tick [s], from `check_rate`.
 
     Raises
     ------
     InputError
-        The rate cannot be held.
+        A tick takes longer than `SHARE` of the period.
     RigError
         A device cannot be read.
     """

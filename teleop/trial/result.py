@@ -24,41 +24,42 @@ from teleop.trial.settings import TrialSettings
 
 @dataclass(frozen=True)
 class Trial:
-    """A trial that has been run."""
+    """Result of a trial."""
 
     settings: TrialSettings
+    """Settings of the trial."""
     recording: Recording
-    """Every tick; of a recording that broke off, as much as is intact."""
+    """All ticks; the intact ones if the recording is not complete."""
     bank: Bank
     """The estimators in their final state."""
     interrupted: bool
-    """Whether a person ended it before its time."""
+    """Whether a person ended the trial before its full duration."""
     outcome: Outcome
     """State of the recording at the end."""
     realtime: dict[str, str]
-    """Result of each step of the real-time set-up."""
+    """Result of each step of the real-time settings."""
     fault: dict[str, Any] | None
-    """The event that stopped it for safety; None for none."""
+    """Event of the first fault; None if there was no fault."""
     rejected: dict[str, dict[str, int]]
     """Number of frames that each device of the rig rejected, by reason."""
     black_box: Path | None
-    """Folder of the black box; None without a fault."""
+    """Folder of the black box; None if there was no fault."""
     black_box_problem: str = ""
-    """Why the black box could not be written; empty if it could, or if there was no fault."""
+    """Reason why the black box could not be written; empty if it was, or if there was no fault."""
 
     @property
     def columns(self) -> dict[str, Floats]:
-        """The ticks at which the estimators were given a sample, by column; shape (ticks,)."""
+        """Columns of the ticks at which the estimators were updated, each of shape (ticks,)."""
         return self.recording.estimated().columns
 
     @property
     def estimates(self) -> dict[str, Estimates]:
-        """Estimates of each estimator at those ticks."""
+        """Estimates at these ticks, by the name of the estimator."""
         return self.recording.estimated().estimates()
 
     @property
     def incomplete(self) -> str:
-        """What is missing in the files of the trial; empty for nothing."""
+        """Text that states what is missing in the files of the trial; empty if nothing is."""
         path, _, dropped, problem, _ = self.outcome
         problems = []
         if problem:
@@ -71,7 +72,7 @@ class Trial:
         return "; ".join(problems)
 
     def summary(self) -> dict[str, Any]:
-        """Return the results of the trial, as `teleop run --json` prints them."""
+        """Return the results of the trial, in the form of `teleop run --json`."""
         settings, active = self.settings, self.recording.estimated()
         t, regression = active["time"], active.regression()
         if len(t):
@@ -117,7 +118,15 @@ class Trial:
 
 
 def truth(settings: TrialSettings, depth: float) -> dict[str, float]:
-    """Return the parameters of the simulated cube, up to the greatest displacement [m]."""
+    """Return the true parameters of the simulated cube, in SI units.
+
+    Parameters
+    ----------
+    settings
+        Settings of the trial.
+    depth
+        Largest displacement [m], at which `k_deepest` is computed.
+    """
     cube = settings.setup.cube
     return {
         "b": cube.b,
@@ -128,7 +137,7 @@ def truth(settings: TrialSettings, depth: float) -> dict[str, float]:
 
 
 def safety_summary(active: Recording, fault: dict[str, Any] | None) -> dict[str, Any]:
-    """Return the fault, those after it, and the ticks at which soft limits reduced the command."""
+    """Return the first fault, further ones, and the number of ticks limited by each soft limit."""
     flags = active["limited"].astype(int)
     names = {"velocity": VELOCITY, "acceleration": ACCELERATION, "position": POSITION}
     held = {

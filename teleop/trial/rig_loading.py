@@ -1,4 +1,4 @@
-"""A rig file as the command line takes it: one line for each thing that is wrong in it."""
+"""Loading of rig files for the command line, with errors as InputError."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from teleop.safety.rig_limits import rig_limits
 
 
 def load_rig_file(path: Path) -> RigFile:
-    """Read and check a rig file, its limits too.
+    """Read and check a rig file, including its limits.
 
     Raises
     ------
     InputError
-        It cannot be read, or is not as expected.
+        The file cannot be read or is not a valid rig file; the message has one line per problem.
     """
     try:
         rig_file = read_rig_file(path)

@@ -36,34 +36,36 @@ def run_trial(
     condition: Condition | None = None,
     rig_maker: RigMaker | None = None,
 ) -> Trial:
-    """Run a trial to its end, to a fault, or to Ctrl-C; the drives are idle afterwards.
+    """Run a trial until its end, a fault, or Ctrl-C; the drives are disabled afterwards.
 
     Parameters
     ----------
     settings
         Settings of the trial.
     record
-        MCAP file to record to, in a process of its own; None to keep the ticks in memory.
+        MCAP file to which another process records; None to store the ticks in memory.
     show
-        Whether to draw a progress line on standard error.
+        Whether to show a progress line on standard error.
     switch
-        How a person stops it, entered; by default only signals stop it.
+        Stop switch, whose context has been entered; by default only signals stop the trial.
     real
-        Whether to set the process up for real time: `require`, `try` or `off`.
+        Whether to apply real-time settings: `require`, `try` or `off`, see `realtime`.
     overwrite
-        Whether the MCAP file may exist.
+        Whether to overwrite an existing MCAP file.
     condition
-        Control condition in place of that of the settings.
+        Control condition instead of that of the settings.
     rig_maker
-        Makes the rig in place of that of the settings.
+        Creates the rig instead of that of the settings.
 
     Raises
     ------
     InputError
-        The machine cannot hold the rate, the recording cannot be written, or a required
+        The machine cannot run at the rate, the recording cannot be written, or a required
         real-time step failed.
+    RigError
+        The rig cannot be opened, a device cannot be read, or the drives did not get ready.
     Exception
-        An exception of a tick, after the drives stopped and the recording was completed.
+        An exception of a tick, raised after the drives stopped and the recording was completed.
     """
     if switch is None:
         with StopSwitch() as switch:
@@ -146,9 +148,9 @@ def run_trial(
 def write_black_box(
     folder: Path, box: BlackBox, metadata: dict[str, dict[str, str]], start: int
 ) -> None:
-    """Write the ticks about a fault and a report on it.
+    """Write the ticks before and after a fault, and a report on it.
 
-    matplotlib is imported here, after the loop has ended.
+    matplotlib is imported here, after the loop has ended, because its import is slow.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Settings of a trial: data that are checked once, when they are made."""
+"""Settings of a trial: data that are checked once, when they are created."""
 
 from __future__ import annotations
 
@@ -27,11 +27,17 @@ from teleop.safety.palpation_limits import palpation_limits
 from teleop.safety.rig_limits import rig_limits
 
 RATES = (50.0, 100_000.0)
-"""Lowest and highest rate of the loop [Hz]. Below, hand and admittance are not stable."""
+"""Lowest and highest rate of the loop [Hz].
+
+Below the lowest rate, the operator's hand and the admittance are not stable together.
+"""
 DEEPEST = 0.1
-"""Greatest depth of palpation [m]."""
+"""Largest depth of palpation [m]."""
 LONGEST = 3600.0
-"""Longest trial [s]. Its summary takes all ticks into memory, 0.4 MB per second at 1 kHz."""
+"""Longest duration of a trial [s].
+
+The summary reads all ticks into memory, 0.4 MB per second at 1 kHz.
+"""
 
 
 @dataclass(frozen=True)
@@ -61,7 +67,7 @@ class TrialSettings:
     admittance: AdmittanceParameters = field(default_factory=AdmittanceParameters)
     """Virtual dynamics of the master."""
     coupling: Coupling = field(default_factory=Coupling)
-    """From the motion of the master to that of the slave."""
+    """Maps the motion of the master to that of the slave."""
     conditioning: ConditioningName = "matched"
     """Signal conditioning before the estimators."""
     bandwidth: float = BANDWIDTH
@@ -71,13 +77,13 @@ class TrialSettings:
     preset: Preset | None = None
     """Settings of the estimators; None for those of the paper, with the gain for this cube."""
     estimators: tuple[str, ...] = PAPER
-    """Names of the estimators, where no preset gives them."""
+    """Names of the estimators, used if `preset` is None."""
     model: Model = KELVIN_VOIGT
-    """Model of the estimators that take any model, where no preset gives it."""
+    """Model of the estimators that support any model, used if `preset` is None."""
     custom_setup: Setup | None = None
-    """What is palpated instead of the named cube, and how deep."""
+    """Body, force channel and depth of the palpation, instead of those of the named cube."""
     custom_limits: Limits | None = None
-    """Limits of the safety supervisor; None for those that suit the palpation."""
+    """Limits of the safety supervisor; None for those of the rig file or of the palpation."""
     sensors: Sensors = field(default_factory=Sensors)
     """Imperfections of the simulated sensors."""
     tare: Tare = NO_TARE
@@ -137,13 +143,13 @@ class TrialSettings:
 
     @property
     def setup(self) -> Setup:
-        """Body that is palpated, its force channel, and the depth."""
+        """Body, force channel and depth of the palpation."""
         setup = self.custom_setup or paper_setup(self.condition, self.cube)
         return replace(setup, depth=self.depth) if self.depth else setup
 
     @property
     def rig_name(self) -> str:
-        """Name of the rig."""
+        """Name of the rig; `simulated` if there is no rig file."""
         return self.rig.sections.name if self.rig else "simulated"
 
     @property
@@ -158,7 +164,7 @@ class TrialSettings:
 
     @property
     def raw_limits(self) -> Limits:
-        """The same limits in the readings of the sensors, without the tare."""
+        """The same limits relative to the raw readings of the sensors, without the tare."""
         if self.custom_limits:
             return self.custom_limits
         if self.rig:
@@ -174,18 +180,18 @@ class TrialSettings:
 
     @property
     def plant_parameters(self) -> PlantParameters:
-        """Drives and force channels of the simulated rig."""
+        """Parameters of the simulated drives and force channels."""
         return PlantParameters(contact_force_lag=self.setup.force_lag)
 
     @property
     def encoder_resolution(self) -> float:
-        """Position of one count of the slave's encoder [m]."""
+        """Resolution of the slave's encoder, the travel of one count [m]."""
         if self.rig:
             return self.rig.sections.channels.slave_position.resolution_um * 1e-6
         return self.sensors.encoder_resolution
 
     def make_conditioner(self) -> Conditioner:
-        """Return new signal conditioning."""
+        """Return a new conditioner, which computes the regressors from position and force."""
         return make_conditioner(
             self.conditioning,
             self.bandwidth,

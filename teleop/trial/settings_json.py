@@ -56,9 +56,9 @@ PARTS = (
 
 
 def to_document(settings: TrialSettings) -> dict[str, Any]:
-    """Return the settings as values of JSON, together with values that follow from them.
+    """Return the settings as values of JSON, together with values derived from them.
 
-    An infinite number is the text `Infinity`, so that `from_document` restores it.
+    An infinite number becomes the text `Infinity`, which `from_document` converts back.
     """
     stated = {field.name: getattr(settings, field.name) for field in fields(settings)}
     if rig := settings.rig:

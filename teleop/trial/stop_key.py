@@ -13,29 +13,30 @@ from types import FrameType
 from typing import Any, Self
 
 KEYS = b"\r\n "
-"""Enter and Space."""
+"""Codes of Enter and Space."""
 NAP = 0.2
-"""Time between two looks at a terminal that cannot be read for now [s]."""
+"""Time between two attempts to read a terminal that cannot be read at present [s]."""
 IN_BACKGROUND = (
-    "\nteleop: in the background: the stop key does not act until the run is in the foreground\n"
+    "\nteleop: in the background: the stop key does not work until the run is in the foreground\n"
 )
+"""Message when the process continues in the background."""
 
 
 class StopKey:
     """Reads the keys of the terminal on standard input in a thread.
 
-    Used as a context manager about a run, in the main thread. Meanwhile the terminal passes on
-    each key at once and does not echo it; Ctrl-C and Ctrl-Z act as ever. The terminal is as before
-    on exit, and while the process is suspended.
+    Used as a context manager around a run, in the main thread. Within it, the terminal passes
+    each key to the process immediately and does not show it; Ctrl-C and Ctrl-Z work as usual. The
+    terminal's modes are restored on exit, and while the process is suspended.
 
     Attributes
     ----------
     pressed
         Whether Enter or Space was pressed.
     lost
-        Why the key cannot be read any more; empty while it can.
+        Reason why the keys can no longer be read; empty while they can.
     missing
-        Why there is no key; empty if there is one.
+        Reason why there is no stop key; empty if there is one.
     """
 
     def __init__(self) -> None:
@@ -45,7 +46,7 @@ class StopKey:
         self._undo = contextlib.ExitStack()
         self._descriptor = -1
         self._before: list[Any] | None = None
-        """The terminal's modes before the run; None while they are in force."""
+        """Modes of the terminal before the run; None if they are restored."""
 
     def __enter__(self) -> Self:
         if self.missing:
@@ -84,7 +85,7 @@ class StopKey:
         self._undo.close()
 
     def _take_keys(self) -> None:
-        """Let the terminal pass on each key at once."""
+        """Set the terminal to pass each key to the process immediately."""
         import termios
 
         before = termios.tcgetattr(self._descriptor)
@@ -103,9 +104,9 @@ class StopKey:
         self._before = None
 
     def _on_suspend(self, number: int, frame: FrameType | None) -> None:
-        """Ctrl-Z: give the terminal back, and stop as without a handler.
+        """Restore the terminal after Ctrl-Z, and stop the process as without a handler.
 
-        Without a shell that could continue the process, the system does not stop it.
+        If there is no shell that could continue the process, the system does not stop it.
         """
         self._restore_modes()
         signal.signal(signal.SIGTSTP, signal.SIG_DFL)
@@ -114,7 +115,7 @@ class StopKey:
         self._on_continue()
 
     def _on_continue(self, *_: object) -> None:
-        """Take the keys again, if the terminal is this process's again."""
+        """Read the keys again if the process is in the foreground."""
         if is_foreground():
             self._take_keys()
         else:
@@ -124,9 +125,9 @@ class StopKey:
     def _watch(self, ended: int) -> None:
         """Read keys until the end of the run.
 
-        Ctrl-D is a key like any other. A terminal that gives nothing, or an error, is lost unless
-        it still is a terminal: then the process is in the background, or the modes were changed
-        from outside.
+        Ctrl-D has no special meaning. If a read returns no data or fails, and standard input is
+        still a terminal, then the process is in the background, or another program changed the
+        modes; reading is tried again. Otherwise the terminal is lost.
         """
         while not self.lost:
             try:
@@ -145,18 +146,18 @@ class StopKey:
 
 
 def unavailable() -> str:
-    """Why there is no key; empty if there is one."""
+    """Return the reason why there is no stop key; empty if there is one."""
     if find_spec("termios") is None:
         return "not available on this system"
     if not is_foreground():
-        return "standard input is no terminal of this process"
+        return "standard input is not a terminal of this process"
     if threading.current_thread() is not threading.main_thread():
         return "not the main thread"
     return ""
 
 
 def is_foreground() -> bool:
-    """Whether standard input is a terminal from which this process may read."""
+    """Return whether standard input is a terminal from which this process may read."""
     try:
         descriptor = sys.stdin.fileno()
         if not os.isatty(descriptor):

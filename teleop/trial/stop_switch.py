@@ -1,4 +1,4 @@
-"""How a person stops a run: Ctrl-C, a request to end, and the emergency-stop key."""
+"""The stop switch of a run: Ctrl-C, other signals that end a program, and the stop key."""
 
 from __future__ import annotations
 
@@ -12,17 +12,19 @@ from teleop.safety.state import NO_REQUEST
 from teleop.trial.stop_key import StopKey
 
 ARM = Request(arm=True)
+"""Request to arm the drives."""
 KEY = DetectedFault(Fault.EMERGENCY_STOP, "key", math.nan, math.nan, math.nan)
-ANSWER = 0.1
-"""Time in which a loop that runs answers a signal [s]."""
+"""Fault of the stop key."""
+RESPONSE_TIME = 0.1
+"""Time in which a running loop responds to a signal [s]."""
 
 
 class StopSwitch(Interruption):
-    """Turns signals and the stop key into requests to the safety supervisor.
+    """Converts signals and the stop key to requests to the safety supervisor.
 
-    Used as a context manager about a run and what is printed of it. Before the loop's first tick a
-    signal raises KeyboardInterrupt: nothing moves yet. From then on it is a request to the
-    supervisor, and raises KeyboardInterrupt only if the loop hangs.
+    Used as a context manager around a run and its output. Before the first tick of the loop, when
+    nothing moves yet, a signal raises KeyboardInterrupt. Afterwards it becomes a request to the
+    supervisor, and raises KeyboardInterrupt only if the loop does not respond.
 
     Parameters
     ----------
@@ -46,34 +48,34 @@ class StopSwitch(Interruption):
 
     @property
     def hint(self) -> str:
-        """How to stop the run, in two words."""
+        """Key that stops the run, for the progress line."""
         return "Enter stops" if self._has_key else "Ctrl-C stops"
 
     @property
     def instructions(self) -> str:
-        """How to stop the run, in a line."""
+        """How to stop the run, in one line."""
         if self._has_key:
             return "Enter or Space stops at once, Ctrl-C ramps down"
-        why = f"; no stop key: {self.key.missing}" if self.key.missing else ""
-        return f"Ctrl-C ramps down, Ctrl-C twice stops at once{why}"
+        no_key = f"; no stop key: {self.key.missing}" if self.key.missing else ""
+        return f"Ctrl-C ramps down, Ctrl-C twice stops at once{no_key}"
 
     def attended(self) -> StopKey | contextlib.AbstractContextManager[None]:
-        """A context in which the key acts."""
+        """Return a context manager within which the stop key is read."""
         return self.key if self._wants_key else contextlib.nullcontext()
 
     def request(self, arm: bool, end: str = "") -> Request:
-        """What the person wants at a tick.
+        """Return the request to the supervisor at a tick.
 
         Parameters
         ----------
         arm
-            Whether the drives are still to be armed.
+            Whether to request that the drives are armed.
         end
-            Why the run is to end by itself; empty to go on.
+            Reason why the run ends by itself; empty to continue.
         """
-        self.patience = ANSWER
+        self.timeout = RESPONSE_TIME
         reason, key = self.reason or self.key.lost or end, self.key
         if not (reason or key.pressed):
             return ARM if arm else NO_REQUEST
-        self.answer()
+        self.acknowledge()
         return Request(arm, reason, self.count > 1, (KEY,) if key.pressed else ())

@@ -149,10 +149,10 @@ def test_estimate_prints_the_estimators_beside_batch_least_squares(capsys, recor
         (["run", "--bandwidth", "-1"], ["bandwidth"]),
         (
             ["run", "--record", f"{__file__}/run.mcap"],
-            [__file__, "expected a folder, this is a file"],
+            [__file__, "is a file: expected a folder"],
         ),
         (["run", "--record", "run.csv"], ["run.csv", "ending in .mcap"]),
-        (["run", "--record", "a.mcap", "--no-record"], ["expected one of them"]),
+        (["run", "--record", "a.mcap", "--no-record"], ["expected at most one of them"]),
         (["run", "--tare", "nothing.json"], ["nothing.json: no such file"]),
         (["run", "--realtime", "maybe"], ["maybe", "require"]),
         (["run", "--plot", "run.xyz"], ["run.xyz", ".png"]),

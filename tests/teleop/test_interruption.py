@@ -66,17 +66,17 @@ def test_a_second_signal_does_not_break_off_the_clean_up_until_it_hangs(passes):
 
 def test_a_loop_that_answers_is_never_interrupted(passes):
     with Interruption() as interrupted:
-        interrupted.patience = 0.1
+        interrupted.timeout = 0.1
         for _ in range(5):
             send()
-            interrupted.answer()
+            interrupted.acknowledge()
             passes(1.0)
         assert interrupted.count == 5
 
 
 def test_a_loop_that_hangs_is_interrupted_by_the_second_signal(passes):
     with Interruption() as interrupted:
-        interrupted.patience = 0.1
+        interrupted.timeout = 0.1
         send()
         passes(0.2)
         with pytest.raises(KeyboardInterrupt):

@@ -1,15 +1,15 @@
 """Calibrate the simulated rig against part of Table I: `python -m teleop.studies.paper.calibrate`.
 
-Used are b and k of the RLS rows under the conditions free and autonomous, four numbers a
-cube, for three unknowns a cube: k1, k3 and the lag of the force channel. All other cells of
+For each cube, three parameters are fitted: k1, k3 and the lag of the force channel. The data are b
+and k of RLS under the conditions free and autonomous, four numbers per cube. All other cells of
 Table I are predictions.
 
-Depths are fixed beforehand, since Table I tells only k3 times the depth squared: 13, 7.5 and
-2.6 mm of a block of 40 mm under `free`, and less under `autonomous`, as the paper says, but
-deep enough for adaptive identification with the paper's gains to rise as fast as the paper's
-Figure 5 shows; for the same reason the autonomous sine has 2 Hz. So the rise time of `ai` is no
-independent prediction. Under `mimic` nothing is known of depth: it is that of `free`.
-The true damping is an assumption of a few N s/m, rising with stiffness.
+The depths are fixed before the fit, because Table I determines only k3 times the depth squared.
+Under `free` they are 13, 7.5 and 2.6 mm for a block of 40 mm. Under `autonomous` they are smaller,
+as in the paper, but large enough that adaptive identification with the paper's gains rises as
+fast as in the paper's Figure 5. For the same reason the autonomous sine has 2 Hz. The rise time of
+`ai` is therefore not an independent prediction. Under `mimic` the depth is unknown; that of `free`
+is used. The true damping is assumed to be a few N s/m, and to increase with stiffness.
 """
 
 from __future__ import annotations
@@ -26,20 +26,28 @@ from teleop.studies.workers import workers
 from teleop.trial.run import run_trial
 
 K_TOLERANCE = 0.02
-"""Error of k, as a share of it, that weighs as much as ..."""
+"""Relative error of k by which its residual is divided."""
 B_TOLERANCE = 0.2
-"""... this error of b, as a share of it."""
+"""Relative error of b by which its residual is divided."""
 
 
 def rls_averages(condition: str, cube: str, setup: Setup) -> tuple[float, float]:
-    """Average (b, k) of RLS over a trial of the paper with another set-up."""
+    """Return the averages of RLS's b [N s/m] and k [N/m] over a trial of the paper.
+
+    Parameters
+    ----------
+    condition, cube
+        Names of condition and cube.
+    setup
+        Body, force channel and depth that replace those of the paper.
+    """
     settings = replace(paper_trial(condition, cube), custom_setup=setup, estimators=("rls",))
     columns = run_trial(settings).columns
     return float(columns["rls_b"].mean()), float(columns["rls_k"].mean())
 
 
 def calibrate(cube: str) -> tuple[Cube, float]:
-    """The cube and the lag [s] whose RLS averages are nearest to the paper's."""
+    """Return the cube and the lag [s] whose RLS averages best fit the paper's."""
     b_true = CUBES[cube].b
     start = np.array([CUBES[cube].k1, CUBES[cube].k3, FORCE_LAG[cube]])
 
@@ -60,7 +68,7 @@ def calibrate(cube: str) -> tuple[Cube, float]:
 
 
 def main() -> None:
-    """Print the values for `sim_backend/paper_rig.py`, and how near they come."""
+    """Print the values for `sim_backend/paper_rig.py`, and the averages beside the paper's."""
     with workers() as pool:
         fits = list(pool.map(calibrate, CUBES))
     for cube, (body, lag) in zip(CUBES, fits, strict=True):

@@ -1,4 +1,4 @@
-"""What the paper says of its results, held against ours."""
+"""The paper's claims about its results, checked against the simulated trials."""
 
 from __future__ import annotations
 
@@ -12,19 +12,22 @@ from teleop.studies.paper.table1 import ESTIMATORS
 from teleop.studies.paper.trials import Damping, Outcome, as_rows
 
 RISE = 0.6
-"""The paper's longest rise time [s]."""
+"""Longest rise time in the paper [s]."""
 
 
 class Claim(NamedTuple):
-    """A claim, whether it holds here, and what says so."""
+    """A claim of the paper, and whether it holds for the simulated trials."""
 
     claim: str
+    """The claim in words."""
     holds: bool
+    """Whether the claim holds."""
     evidence: str
+    """Numbers that show whether the claim holds."""
 
 
 def check_claims(outcomes: Sequence[Outcome]) -> list[Claim]:
-    """Hold the nine trials of one seed against the paper."""
+    """Check the paper's claims against the nine trials of one seed."""
     rows = as_rows(outcomes)
     cell = {(row["condition"], row["cube"], row["estimator"]): row for row in rows}
     return [
@@ -37,7 +40,7 @@ def check_claims(outcomes: Sequence[Outcome]) -> list[Claim]:
 
 
 def table_claims(rows: list[dict[str, Any]]) -> list[Claim]:
-    """How near the stiffness cells come."""
+    """Check the differences of the stiffness cells from the paper's."""
     off = {
         f"{row['condition']} {row['cube']} {row['estimator']}": row["k"] / row["paper"]["k"] - 1.0
         for row in rows
@@ -46,22 +49,22 @@ def table_claims(rows: list[dict[str, Any]]) -> list[Claim]:
     worst = max(off, key=lambda name: abs(off[name]))
     evidence = (
         f"{within[0.1]} of {len(off)} within 10 %, {within[0.2]} within 20 %; "
-        f"furthest {worst}, {off[worst]:+.1%}"
+        f"largest difference {worst}, {off[worst]:+.1%}"
     )
     return [
         Claim(
-            "at least 25 of 27 stiffness cells lie within 10 % of the paper's",
+            "at least 25 of 27 stiffness cells are within 10 % of the paper's",
             within[0.1] >= 25,
             evidence,
         ),
         Claim(
-            "all stiffness cells lie within 20 % of the paper's", within[0.2] == len(off), evidence
+            "all stiffness cells are within 20 % of the paper's", within[0.2] == len(off), evidence
         ),
     ]
 
 
 def error_claims(cell: dict[tuple[str, str, str], dict[str, Any]]) -> list[Claim]:
-    """Which estimator has the largest and which the smallest force error."""
+    """Check which estimator has the largest and which the smallest force error."""
     claims = []
     for wording, name, pick, least in (
         ("adaptive identification has the largest force error in every trial", "ai", max, 9),
@@ -84,7 +87,7 @@ def error_claims(cell: dict[tuple[str, str, str], dict[str, Any]]) -> list[Claim
 
 
 def rise_claim(rows: list[dict[str, Any]]) -> Claim:
-    """Whether every estimator rises fast enough for one palpation."""
+    """Check that every rise time is at most `RISE`."""
     slowest = max(
         rows, key=lambda row: math.inf if math.isnan(row["rise_time_s"]) else row["rise_time_s"]
     )
@@ -97,7 +100,7 @@ def rise_claim(rows: list[dict[str, Any]]) -> Claim:
 
 
 def stiffness_claims(cell: dict[tuple[str, str, str], dict[str, Any]]) -> list[Claim]:
-    """Whether stiffness rises with the cube, and is least at the small depth of autonomous."""
+    """Check that stiffness increases with the cube, and is smaller under autonomous than free."""
     rises = all(
         cell[c, "soft", e]["k"] < cell[c, "medium", e]["k"] < cell[c, "hard", e]["k"]
         for c in CONDITIONS
@@ -114,13 +117,17 @@ def stiffness_claims(cell: dict[tuple[str, str, str], dict[str, Any]]) -> list[C
         for e in ESTIMATORS
     )
     return [
-        Claim("stiffness rises from soft to medium to hard", rises, "each condition and estimator"),
-        Claim("stiffness falls from free to autonomous", held, "by RLS, " + "; ".join(falls)),
+        Claim(
+            "stiffness increases from soft to medium to hard",
+            rises,
+            "each condition and estimator",
+        ),
+        Claim("stiffness decreases from free to autonomous", held, "with RLS, " + "; ".join(falls)),
     ]
 
 
 def damping_claims(steps: list[Damping], outcomes: Sequence[Outcome]) -> list[Claim]:
-    """Whether damping is negative the paper's way, and right once both causes are removed."""
+    """Check the signs of RLS damping, and the damping after both causes of bias are removed."""
     positive = [
         f"{outcome.condition} {outcome.cube}: {step.rls:+.1f}"
         for outcome, step in zip(outcomes, steps, strict=True)

@@ -1,4 +1,4 @@
-"""The bank's methods on the nine trials, beside the truth that a simulated cube has."""
+"""Comparison of further estimators on the nine trials with the truth of the simulated cubes."""
 
 from __future__ import annotations
 
@@ -15,42 +15,53 @@ from teleop.trial.result import Trial
 
 
 class MethodResult(NamedTuple):
-    """One method on one trial, or on average over several."""
+    """Result of one estimator on one trial, or averaged over several trials."""
 
     k_error: float
-    """Root mean square error of the stiffness, as a share."""
+    """Root mean square error of the stiffness, relative to the true stiffness."""
     b_error: float
     """Root mean square error of the damping [N s/m]."""
     k_coverage: float
-    """Share of the samples whose 95 % interval of the stiffness holds the truth."""
+    """Fraction of samples whose 95 % interval of the stiffness contains the truth."""
     b_coverage: float
-    """The same of the damping."""
+    """Fraction of samples whose 95 % interval of the damping contains the truth."""
     rise_time_s: float
     """Rise time of the stiffness [s]."""
     e_f: float
     """Average force error [N]."""
     one_step_ratio: float
-    """One-step error over that of batch least squares over the last second."""
+    """One-step force error divided by that of batch least squares over the last second."""
     held: float
-    """Share of the samples at which the estimate was held."""
+    """Fraction of samples at which the estimate was held."""
 
 
 class Methods(NamedTuple):
-    """What is compared on the trials."""
+    """Estimators to compare on the trials."""
 
     estimators: tuple[str, ...] = ()
-    """Names out of `METHODS`."""
+    """Names of the estimators."""
     model: Model = KELVIN_VOIGT
-    """Of the estimators that take any."""
+    """Model for the estimators that support any model."""
 
 
 def compare_methods(trial: Trial, methods: Methods) -> dict[str, MethodResult]:
-    """Run methods over a trial's measured position and force.
+    """Run estimators on the measured position and force of a trial.
 
-    All have the paper's preset and the same signals, matched, with the force channel's lag made
-    up for. The truth is the cube's damping, and its stiffness against the displacement of each
-    sample (the secant k1 + k3 x^2), which Kelvin-Voigt has for its k; for a stiffening model it
-    is the stiffness at the surface, k1.
+    All have the paper's preset and the same signals with matched conditioning, which compensates
+    the lag of the force channel. The true damping is that of the cube. The true stiffness of a
+    Kelvin-Voigt model is the cube's secant stiffness at the displacement of each sample,
+    k1 + k3 x^2; that of a stiffening model is the stiffness at the surface, k1.
+
+    Parameters
+    ----------
+    trial
+        Result of a trial on the simulated rig.
+    methods
+        Estimators to compare.
+
+    Returns
+    -------
+    Result of each estimator by its name.
     """
     settings, columns = trial.settings, trial.columns
     model = methods.model
@@ -86,7 +97,15 @@ def compare_methods(trial: Trial, methods: Methods) -> dict[str, MethodResult]:
 
 
 def averages(results: Sequence[Mapping[str, MethodResult]]) -> dict[str, MethodResult]:
-    """Each method's mean over trials; of errors of the stiffness, the root mean square."""
+    """Return the mean of each estimator's results over trials.
+
+    The errors of the stiffness are averaged by their root mean square.
+
+    Parameters
+    ----------
+    results
+        Results by the name of the estimator, for each trial.
+    """
     found = {}
     for name in results[0]:
         rows = np.array([result[name] for result in results])

@@ -1,4 +1,4 @@
-"""The reproduction as one self-contained HTML page."""
+"""The results of the reproduction as one self-contained HTML page."""
 
 from __future__ import annotations
 
@@ -31,29 +31,29 @@ METHOD_HEADINGS = (
 
 
 def method_cells(methods: Mapping[str, MethodResult]) -> list[list[str]]:
-    """The table of methods as text, a row each, below `METHOD_HEADINGS`."""
+    """Return the table of further estimators as text, one row each, for `METHOD_HEADINGS`."""
 
-    def share(value: float, digits: int = 0) -> str:
+    def percent(value: float, digits: int = 0) -> str:
         return f"{value:.{digits}%}" if math.isfinite(value) else "-"
 
     return [
         [
             name,
-            share(row.k_error, 1),
+            percent(row.k_error, 1),
             f"{row.b_error:.1f}",
-            share(row.k_coverage),
-            share(row.b_coverage),
+            percent(row.k_coverage),
+            percent(row.b_coverage),
             f"{row.rise_time_s:.3f}" if math.isfinite(row.rise_time_s) else "-",
             f"{row.e_f:.3f}",
             f"{row.one_step_ratio:.2f}",
-            share(row.held),
+            percent(row.held),
         ]
         for name, row in methods.items()
     ]
 
 
 def table_one(outcomes: Sequence[Outcome]) -> Iterator[tuple[str, list[dict[str, object]]]]:
-    """Yield the rows of Table I: name, and each number with that of the paper."""
+    """Yield the rows of Table I: the name, and cells with our number and the paper's."""
     by_trial = {(outcome.condition, outcome.cube): outcome for outcome in outcomes}
     for condition in CONDITIONS:
         for estimator in ESTIMATORS:
@@ -74,7 +74,7 @@ def table_one(outcomes: Sequence[Outcome]) -> Iterator[tuple[str, list[dict[str,
 
 
 def damping_cells(outcomes: Sequence[Outcome]) -> list[list[str]]:
-    """Return the damping of each trial, its causes of error removed one by one."""
+    """Return the damping of each trial, with the causes of bias removed one after the other."""
     return [
         [
             f"{outcome.condition} {outcome.cube}",
@@ -89,7 +89,7 @@ def damping_cells(outcomes: Sequence[Outcome]) -> list[list[str]]:
 
 
 def slow_cells(slow: Sequence[SlowTrial]) -> list[list[str]]:
-    """Return lag and damping from one trial, fitted together, by the frequency of its motion."""
+    """Return lag and damping, fitted together to one trial, for each frequency of its motion."""
     return [
         [
             f"{trial.frequency:g}",
@@ -103,7 +103,7 @@ def slow_cells(slow: Sequence[SlowTrial]) -> list[list[str]]:
 
 
 def effect_cells(effects: Sequence[Effect]) -> list[list[str]]:
-    """Return the analysis of variance of one response."""
+    """Return the analysis of variance of one response as text, one row per effect."""
     return [
         [
             effect.source.replace(" x ", " \N{MULTIPLICATION SIGN} "),
@@ -126,7 +126,7 @@ def reproduction_page(
     seeds: int,
     methods: Mapping[str, MethodResult],
 ) -> str:
-    """Return the whole page.
+    """Return the whole page as HTML.
 
     Parameters
     ----------
@@ -137,13 +137,13 @@ def reproduction_page(
     figures
         SVG elements by caption.
     slow
-        Lag and damping, fitted together to one trial.
+        Lag and damping, fitted together to one trial per frequency.
     study
         Effects by response; empty for one seed.
     seeds
         Repetitions of the nine trials.
     methods
-        Further methods on average over the trials; empty for none.
+        Results of further estimators, averaged over the trials; empty if none were requested.
     """
     return web_page(
         "reproduction.html",

@@ -1,4 +1,4 @@
-"""The whole reproduction: trials, claims, study, and the files that hold them."""
+"""The whole reproduction: trials, claims, analysis of variance, and the files with them."""
 
 from __future__ import annotations
 
@@ -34,8 +34,9 @@ from teleop.studies.paper.trials import (
 from teleop.studies.workers import workers
 
 SLOW_FREQUENCIES = (0.1, 1.0)
-"""Frequencies [Hz] at which one trial is asked for lag and damping together."""
+"""Frequencies of the trials to which lag and damping are fitted together [Hz]."""
 TABLE, PAGE = "table1.csv", "index.html"
+"""Names of the files for table and page."""
 CAPTIONS = {
     "figure3": "Figure 3. Free palpation of the soft cube: estimated stiffness with the "
     "displacement profile (grey), estimated damping with the velocity profile (grey).",
@@ -46,33 +47,34 @@ CAPTIONS = {
 
 @dataclass(frozen=True)
 class Reproduction:
-    """Everything that was found."""
+    """Results of the reproduction."""
 
     outcomes: list[Outcome]
-    """The nine trials for every seed."""
+    """Results of the nine trials for every seed."""
     slow: list[SlowTrial]
+    """Lag and damping, fitted together to one trial per frequency."""
     claims: list[Claim]
-    """Of the first seed."""
+    """Claims of the paper, checked against the trials of the first seed."""
     study: dict[str, list[Effect]]
     """Analysis of variance by response; empty for one seed."""
 
     @property
     def first(self) -> list[Outcome]:
-        """The nine trials of the first seed."""
+        """Results of the nine trials of the first seed."""
         return self.outcomes[: len(CONDITIONS) * len(CUBES)]
 
     @property
     def seeds(self) -> int:
-        """Repetitions of the nine trials."""
+        """Number of repetitions of the nine trials."""
         return len(self.outcomes) // (len(CONDITIONS) * len(CUBES))
 
     @property
     def methods(self) -> dict[str, MethodResult]:
-        """Each method on average over all trials; empty where none were asked for."""
+        """Results of further estimators, averaged over all trials; empty if none were requested."""
         return averages([outcome.methods for outcome in self.outcomes])
 
     def summary(self) -> dict[str, Any]:
-        """What was found, as `teleop reproduce --json` prints it."""
+        """Return the results in the form of `teleop reproduce --json`."""
         return {
             "seeds": self.seeds,
             "trials": as_rows(self.first),
@@ -102,16 +104,16 @@ def reproduce(
     Parameters
     ----------
     seeds
-        Repetitions, with the seeds 0, 1, ...
+        Number of repetitions, with the seeds 0, 1, ...
     methods
-        What else is compared on the trials.
+        Further estimators to compare on the trials.
     on_done
         Called after each trial.
 
     Raises
     ------
     InputError
-        Fewer than one seed.
+        There is less than one seed, or worker processes are not available.
     """
     if seeds < 1:
         raise InputError(f"seeds {seeds}: expected at least 1")
@@ -130,17 +132,17 @@ def reproduce(
 
 
 def check_folder(folder: Path, overwrite: bool) -> None:
-    """Make the folder, and make sure before the trials that its files can be written.
+    """Create the folder, and check before the trials that its files can be written.
 
     Raises
     ------
     InputError
-        The folder cannot be made, or a file in it cannot be written or is there already.
+        The folder cannot be created, or a file in it cannot be written or exists.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except FileExistsError as error:
-        raise InputError(f"{folder}: expected a folder, this is a file") from error
+        raise InputError(f"{folder}: is a file: expected a folder") from error
     except OSError as error:
         raise unwritable(folder, error) from error
     drawings = (f"{name}{ending}" for name in CAPTIONS for ending in (".png", ".svg"))
@@ -149,21 +151,21 @@ def check_folder(folder: Path, overwrite: bool) -> None:
 
 
 def write(reproduction: Reproduction, folder: Path, overwrite: bool = False) -> Path:
-    """Write the table as CSV, the figures as SVG and PNG, and the page; returns the page's path.
+    """Write the table as CSV, the figures as SVG and PNG, and the page; return the page's path.
 
     Parameters
     ----------
     reproduction
-        What was found.
+        Results to write.
     folder
-        Where to; it is there.
+        An existing folder.
     overwrite
-        Whether to overwrite files that are there.
+        Whether to overwrite existing files.
 
     Raises
     ------
     InputError
-        A file cannot be written, or is there already.
+        A file cannot be written, or exists.
     """
     write_text(folder / TABLE, csv_table(as_rows(reproduction.first)), overwrite)
     with workers() as pool:
@@ -183,7 +185,7 @@ def write(reproduction: Reproduction, folder: Path, overwrite: bool = False) -> 
 
 
 def csv_table(rows: Sequence[dict[str, Any]]) -> str:
-    """Table I, a row for each trial and estimator, the paper's numbers beside ours."""
+    """Return Table I as CSV, one row per trial and estimator, with the paper's numbers."""
     text = StringIO(newline="")
     writer = csv.writer(text)
     ours = ["condition", "cube", "estimator", "b", "k", "e_f", "rise_time_s"]
@@ -194,7 +196,19 @@ def csv_table(rows: Sequence[dict[str, Any]]) -> str:
 
 
 def draw(name: str, outcomes: Sequence[Outcome], folder: Path, overwrite: bool) -> Markup:
-    """Draw one of the paper's Figures 3, 4 and 5 as PNG and SVG; returns the SVG element."""
+    """Draw one of the paper's Figures 3, 4 and 5 as PNG and SVG; return the SVG element.
+
+    Parameters
+    ----------
+    name
+        Key of `CAPTIONS`.
+    outcomes
+        Results of the nine trials of one seed.
+    folder
+        An existing folder.
+    overwrite
+        Whether to overwrite existing files.
+    """
     trial = {(outcome.condition, outcome.cube): outcome for outcome in outcomes}
     if name == "figure3":
         soft = trial["free", "soft"]
@@ -210,7 +224,7 @@ def draw(name: str, outcomes: Sequence[Outcome], folder: Path, overwrite: bool) 
             {c: table1()[c, "soft", "rls"].k for c in CONDITIONS},
         )
     save(figure, folder / f"{name}.png", overwrite)
-    figure.set_layout_engine("none")  # the layout that was found stays
+    figure.set_layout_engine("none")  # keep the layout of the PNG file
     drawing = svg(figure)
     write_text(folder / f"{name}.svg", drawing, overwrite)
     return drawing

@@ -1,9 +1,11 @@
-"""The three-factor finding: analysis of variance of the trials over many seeds.
+"""Analysis of variance of the trials over several seeds, with three factors.
 
-Cube and control condition differ between trials; the estimators work on the same trials. So it
-is a split-plot design: cube, condition and their interaction are held against the variance
-between trials of one kind, the estimator and its interactions against its interaction with the
-trial. Reference: R. E. Kirk, "Experimental Design", 4th ed., 2013, chapter 12.
+Cube and control condition differ between trials, and all estimators run on the same trials. The
+design is therefore a split plot. Cube, condition and their interaction are tested against the
+variance between trials with the same cube and condition. The estimator and its interactions are
+tested against the interaction of estimator and trial.
+
+Reference: R. E. Kirk, "Experimental Design", 4th ed., 2013, chapter 12.
 """
 
 from __future__ import annotations
@@ -21,25 +23,40 @@ from teleop.studies.paper.table1 import ESTIMATORS
 from teleop.studies.paper.trials import Outcome
 
 RESPONSES = {"e_f": "Average force error [N]", "rise_time_s": "Rise time [s]"}
+"""Responses that are analysed, with their headings."""
 FACTORS = ("cube", "condition", "estimator")
+"""Factors, in the order of the axes of a response."""
 
 
 class Effect(NamedTuple):
-    """One line of an analysis of variance."""
+    """One effect of an analysis of variance."""
 
     source: str
+    """Factor, or factors of the interaction."""
     degrees: int
+    """Degrees of freedom of the effect."""
     error_degrees: int
+    """Degrees of freedom of the error."""
     f: float
+    """F statistic."""
     p: float
+    """p value of the F test."""
     partial_eta_squared: float
-    """Share of the variance that is not due to other effects."""
+    """Sum of squares of the effect, divided by that of effect and error."""
     eta_squared: float
-    """Share of all variance."""
+    """Sum of squares of the effect, divided by the total sum of squares."""
 
 
 def responses(outcomes: Sequence[Outcome], name: str) -> NDArray[np.float64]:
-    """A response as an array of shape (cubes, conditions, estimators, seeds)."""
+    """Return a response as an array of shape (cubes, conditions, estimators, seeds).
+
+    Parameters
+    ----------
+    outcomes
+        Results of the nine trials for every seed.
+    name
+        Key of `RESPONSES`.
+    """
     value = {
         (o.cube, o.condition, e, o.seed): o.estimates[e][name] for o in outcomes for e in ESTIMATORS
     }
@@ -54,13 +71,13 @@ def responses(outcomes: Sequence[Outcome], name: str) -> NDArray[np.float64]:
 
 
 def split_plot(y: NDArray[np.float64]) -> list[Effect]:
-    """Analysis of variance of a balanced split-plot design.
+    """Return the analysis of variance of a balanced split-plot design.
 
     Parameters
     ----------
     y
-        Responses of shape (cubes, conditions, estimators, seeds): between trials vary the
-        first two axes and the seed, within a trial the estimator.
+        Responses, shape (cubes, conditions, estimators, seeds). Cube, condition and seed vary
+        between trials; the estimator varies within a trial.
 
     Returns
     -------
@@ -69,14 +86,14 @@ def split_plot(y: NDArray[np.float64]) -> list[Effect]:
     Raises
     ------
     ValueError
-        Fewer than two seeds, or a response that is not finite.
+        There are fewer than two seeds, or a response is not finite.
     """
     from scipy.special import fdtrc
 
     if y.shape[-1] < 2:
         raise ValueError(f"an analysis of variance needs at least 2 seeds, got {y.shape[-1]}")
     if not np.isfinite(y).all():
-        raise ValueError("a response is not finite, an estimate that never rose perhaps")
+        raise ValueError("a response is not finite: possibly an estimate has no rise time")
     squares: dict[tuple[int, ...], float] = {}
     degrees: dict[tuple[int, ...], int] = {}
     for size in (1, 2, 3):
@@ -112,21 +129,32 @@ def split_plot(y: NDArray[np.float64]) -> list[Effect]:
 
 
 def marginal_squares(y: NDArray[np.float64], axes: tuple[int, ...]) -> float:
-    """Sum of squares, over all responses, of the means over the axes that are not named."""
+    """Return the sum of squares of the marginal means of some axes, over all responses.
+
+    Parameters
+    ----------
+    y
+        Responses, shape (cubes, conditions, estimators, seeds).
+    axes
+        Axes that are kept; the mean is taken over the others.
+    """
     others = tuple(axis for axis in range(y.ndim) if axis not in axes)
     means = y.mean(axis=others, keepdims=True)
     return float(np.sum((np.broadcast_to(means, y.shape) - y.mean()) ** 2))
 
 
 def finding(effects: Sequence[Effect]) -> str:
-    """What an analysis says to "only the choice of the estimation algorithm has an effect"."""
+    """Return a sentence that compares an analysis with the paper's finding.
+
+    The paper states that "only the choice of the estimation algorithm has an effect".
+    """
     largest = max(effects, key=lambda effect: effect.eta_squared)
     others = [
         effect.source for effect in effects if effect.p < 0.01 and effect.source != "estimator"
     ]
     verdict = f"Most variance is due to {largest.source} ({largest.eta_squared:.0%})"
     if not others:
-        return f"{verdict}; only the estimator has an effect, as the paper says."
+        return f"{verdict}; only the estimator has an effect, as in the paper."
     return (
-        f"{verdict}; unlike in the paper, these have an effect too (p < 0.01): {', '.join(others)}."
+        f"{verdict}; unlike in the paper, there are other effects (p < 0.01): {', '.join(others)}."
     )

@@ -11,7 +11,7 @@ ESTIMATORS = ("rls", "ai", "me")
 
 
 class Cell(NamedTuple):
-    """Average estimates and force error of one estimator in one trial."""
+    """A cell of Table I: average estimates and force error of one estimator in one trial."""
 
     b: float
     """Damping [N s/m]."""
@@ -23,7 +23,7 @@ class Cell(NamedTuple):
 
 @cache
 def table1() -> dict[tuple[str, str, str], Cell]:
-    """The paper's 27 cells by (condition, cube, estimator)."""
+    """Return the 27 cells of the paper's Table I by (condition, cube, estimator)."""
     text = files(__package__).joinpath("table1.csv").read_text(encoding="utf-8")
     return {
         (row["condition"], row["cube"], row["estimator"]): Cell(
@@ -34,9 +34,9 @@ def table1() -> dict[tuple[str, str, str], Cell]:
 
 
 CALIBRATED = ("free", "autonomous")
-"""Conditions whose RLS cells (b and k) the simulated rig is calibrated against."""
+"""Conditions whose b and k of RLS were used to calibrate the simulated rig."""
 
 
 def is_calibrated(condition: str, estimator: str) -> bool:
-    """Whether b and k of a cell were used to calibrate the simulated rig."""
+    """Return whether b and k of a cell were used to calibrate the simulated rig."""
     return estimator == "rls" and condition in CALIBRATED

@@ -1,4 +1,4 @@
-"""Table I on the console, beside the numbers of the paper, and the claims of the paper."""
+"""Console output of the reproduction: Table I with the paper's numbers, and the claims."""
 
 from __future__ import annotations
 
@@ -12,7 +12,13 @@ from teleop.output.console import number, plain_console
 
 
 def print_reproduction(summary: Mapping[str, Any]) -> None:
-    """Table I cube by cube, the paper's numbers beside ours, and what became of its claims."""
+    """Print Table I with the paper's numbers, one table per cube, and whether its claims hold.
+
+    Parameters
+    ----------
+    summary
+        Results, from `Reproduction.summary`.
+    """
     console = plain_console()
     for cube in ("soft", "medium", "hard"):
         table = Table(

@@ -1,4 +1,4 @@
-"""The paper's nine trials, run with the paper's settings, and what became of their damping."""
+"""The paper's nine trials, run with the paper's settings, and the causes of their damping bias."""
 
 from __future__ import annotations
 
@@ -19,66 +19,75 @@ from teleop.trial.run import run_trial
 from teleop.trial.settings import TrialSettings
 
 DURATION = 10.0
-"""Length of a trial [s]."""
+"""Duration of a trial [s]."""
 BANDWIDTH = 50.0
-"""Bandwidth of the filtered difference that gives velocity [Hz]; the paper tells none."""
+"""Bandwidth of the filtered difference for the velocity [Hz]; the paper does not state it."""
 NO_METHODS = Methods()
+"""No further estimators."""
 DRAWN = 10
-"""Every so many ticks are drawn in figures."""
+"""Interval between the ticks that figures show, in ticks."""
 
 
 class Damping(NamedTuple):
-    """Damping of one trial [N s/m], its causes of error removed one by one."""
+    """Damping of one trial [N s/m], with the causes of bias removed one after the other."""
 
     true: float
+    """True damping of the simulated cube."""
     paper: float
-    """The paper's own RLS, on the paper's rig."""
+    """Average of RLS in the paper's Table I."""
     rls: float
-    """RLS as in the paper."""
+    """Average of RLS in the simulated trial, with the paper's settings."""
     matched: float
-    """Kelvin-Voigt, with force and position matched."""
+    """Fit of a Kelvin-Voigt model with matched force and position."""
     stiffening: float
-    """Matched, and with x^3 among the regressors."""
+    """Fit with matched force and position, and with x^3 as a further regressor."""
 
 
 class Outcome(NamedTuple):
-    """One trial."""
+    """Results of one trial."""
 
     condition: str
+    """Name of the control condition."""
     cube: str
+    """Name of the cube."""
     seed: int
+    """Seed of the trial."""
     estimates: dict[str, dict[str, Any]]
-    """Summary of each estimator."""
+    """Summary of each estimator, by its name."""
     damping: Damping
+    """Damping, with the causes of bias removed one after the other."""
     t: Floats
+    """Time of every tenth tick [s], shape (n,)."""
     x: Floats
+    """Displacement at these ticks [m], shape (n,)."""
     v: Floats
+    """Velocity at these ticks [m/s], shape (n,)."""
     series: dict[str, Estimates]
-    """Estimates over time, thinned out like t, x and v for drawing."""
+    """Estimates at these ticks, by the name of the estimator."""
     methods: dict[str, MethodResult]
-    """What other methods made of the same trial; empty where none were asked for."""
+    """Results of further estimators on the same trial; empty if none were requested."""
 
 
 class SlowTrial(NamedTuple):
-    """What one trial tells of the force channel's lag and of damping, fitted together."""
+    """Lag of the force channel and damping, fitted together to one trial."""
 
     frequency: float
-    """Of the excitation [Hz]."""
+    """Frequency of the excitation [Hz]."""
     lag: Interval
-    """[s]"""
+    """Estimated lag with its 95 % interval [s]."""
     b: Interval
-    """[N s/m]"""
+    """Estimated damping with its 95 % interval [N s/m]."""
     true_lag: float
-    """[s]"""
+    """True lag [s]."""
     true_b: float
-    """[N s/m]"""
+    """True damping [N s/m]."""
 
 
 def paper_trial(condition: str, cube: str, seed: int = 0) -> TrialSettings:
-    """One of the nine trials.
+    """Return the settings of one of the nine trials.
 
-    Force is taken as it comes and velocity from the encoder by a filtered difference, as the
-    paper has it; the estimators have the paper's settings.
+    As in the paper, the force is not filtered, velocity is a filtered difference of the encoder
+    position, and the estimators have the paper's settings.
     """
     return TrialSettings(
         condition=condition,
@@ -92,7 +101,7 @@ def paper_trial(condition: str, cube: str, seed: int = 0) -> TrialSettings:
 
 
 def damping_steps(trial: Trial) -> Damping:
-    """The damping that the paper's way gives, and what is left once its two errors are removed."""
+    """Return the damping of a trial with the paper's method, and after removing each bias."""
     settings, columns = trial.settings, trial.columns
     signals = MatchedSignals(columns["slave_position"], columns["contact_force"], columns["dt"])
     lag = settings.setup.force_lag
@@ -106,7 +115,15 @@ def damping_steps(trial: Trial) -> Damping:
 
 
 def palpate(trial: tuple[str, str, int], methods: Methods = NO_METHODS) -> Outcome:
-    """Run one trial (condition, cube, seed), and further methods over it."""
+    """Run one trial, and further estimators on its data.
+
+    Parameters
+    ----------
+    trial
+        Condition, cube and seed.
+    methods
+        Further estimators.
+    """
     condition, cube, seed = trial
     run = run_trial(paper_trial(condition, cube, seed))
     thin = slice(None, None, DRAWN)
@@ -125,7 +142,13 @@ def palpate(trial: tuple[str, str, int], methods: Methods = NO_METHODS) -> Outco
 
 
 def lag_and_damping(frequency: float) -> SlowTrial:
-    """Fit lag and damping together to an autonomous trial on the medium cube, ramps left out."""
+    """Fit lag and damping together to an autonomous trial on the medium cube, without its ramps.
+
+    Parameters
+    ----------
+    frequency
+        Frequency of the excitation [Hz].
+    """
     settings = replace(
         paper_trial("autonomous", "medium"),
         signal=Sine(frequency),
@@ -153,7 +176,7 @@ def lag_and_damping(frequency: float) -> SlowTrial:
 
 
 def as_rows(outcomes: Iterable[Outcome]) -> list[dict[str, Any]]:
-    """A row for each trial and estimator, with the paper's cell beside ours."""
+    """Return one row per trial and estimator, with the paper's cell."""
     return [
         {
             "condition": outcome.condition,

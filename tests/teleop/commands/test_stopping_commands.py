@@ -15,7 +15,7 @@ from teleop.cli import main
 from teleop.commands import run as command
 from teleop.interruption import CLEAN_UP
 from teleop.safety import Request
-from teleop.trial.stop_switch import ANSWER
+from teleop.trial.stop_switch import RESPONSE_TIME
 
 ROOT = Path(__file__).parents[3]
 
@@ -75,7 +75,11 @@ def test_ctrl_c_twice_ends_a_run_in_virtual_time_whose_recorder_is_stopped(tmp_p
         os.kill(recorder, signal.SIGSTOP)
         while has_worked(process.pid):
             pass
-        for pause in (2 * ANSWER, 1.2 * CLEAN_UP, 0.0):  # the loop, and then the recorder's end
+        for pause in (
+            2 * RESPONSE_TIME,
+            1.2 * CLEAN_UP,
+            0.0,
+        ):  # the loop, and then the recorder's end
             process.send_signal(signal.SIGINT)
             time.sleep(pause)
         process.communicate()
@@ -91,7 +95,7 @@ def test_a_run_that_is_stopped_before_arming_is_not_drawn_and_says_so(monkeypatc
     monkeypatch.setattr("teleop.trial.stop_switch.StopSwitch.request", request)
     arguments = ["run", "--clock", "virtual", "--no-record", "--plot", "a.png"]
     assert main(arguments) == 130
-    assert "a.png: not drawn: nothing was estimated" in capsys.readouterr().err
+    assert "a.png: not drawn: there are no estimates" in capsys.readouterr().err
     assert not Path("a.png").exists()
 
 

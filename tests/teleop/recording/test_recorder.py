@@ -172,7 +172,7 @@ def test_a_tick_that_the_pipe_takes_in_parts_comes_back_whole(tmp_path):
 def test_a_recorder_that_hangs_does_not_hang_the_end(tmp_path, monkeypatch):
     if not hasattr(signal, "SIGSTOP"):
         pytest.skip("needs SIGSTOP")
-    monkeypatch.setattr("teleop.recording.recorder.PATIENCE", 0.5)
+    monkeypatch.setattr("teleop.recording.recorder.TIMEOUT", 0.5)
     sink = recorder(tmp_path / "a.mcap", wait=False)
     sink.process.send_signal(signal.SIGSTOP)
     for i in range(10_000):

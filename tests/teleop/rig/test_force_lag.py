@@ -45,7 +45,7 @@ def test_a_recording_that_is_no_lagging_spring_is_told():
     x, f, dt = spring(6e-3)
     with pytest.raises(InputError, match="positive in compression"):
         measure_lag(x, -f, dt)
-    with pytest.raises(InputError, match="the best lag is 0.00 ms"):
+    with pytest.raises(InputError, match="the estimated lag is 0.00 ms"):
         measure_lag(x, 8000.0 * x + 100.0 * np.gradient(x, 1e-3), dt)
     with pytest.raises(InputError, match="zero throughout"):
         measure_lag(x, 0.0 * f, dt)

@@ -19,7 +19,7 @@ from teleop.trial.realtime import (
     PROCESSOR,
     SHARED_PRIORITIES,
     STEPS,
-    clear_of_claimed_processors,
+    avoid_claimed_processors,
     realtime,
 )
 
@@ -108,7 +108,7 @@ def test_off_leaves_everything_as_it_is():
     ("error", "reported"),
     [
         (PermissionError(1, "Operation not permitted"), "not permitted"),
-        (AttributeError("mlockall"), "not there on this system"),
+        (AttributeError("mlockall"), "not available on this system"),
         (OSError(12, "Cannot allocate memory"), "cannot allocate memory"),
     ],
 )
@@ -159,10 +159,10 @@ def test_with_require_a_process_without_a_processor_of_its_own_is_refused(proces
 def test_other_commands_keep_off_a_claimed_processor(processors):
     with realtime("try", (PROCESSOR,)):
         os.sched_setaffinity(0, {0, 1, 2, 3})
-        with clear_of_claimed_processors():
+        with avoid_claimed_processors():
             assert processors() == {0, 1, 2}
         assert processors() == {0, 1, 2, 3}
-    with clear_of_claimed_processors():
+    with avoid_claimed_processors():
         assert processors() == {0, 1, 2, 3}
 
 

@@ -80,8 +80,8 @@ def test_every_claim_holds_for_the_papers_own_numbers():
         (("free", "hard", "me", "e_f", 4.99), "largest force error"),
         (("mimic", "soft", "ai", "rise_time_s", 0.7), "rise time"),
         (("mimic", "soft", "ai", "rise_time_s", float("nan")), "rise time"),
-        (("autonomous", "soft", "rls", "k", 2230.0), "falls from free"),
-        (("mimic", "medium", "rls", "k", 2000.0), "rises from soft"),
+        (("autonomous", "soft", "rls", "k", 2230.0), "decreases from free"),
+        (("mimic", "medium", "rls", "k", 2000.0), "increases from soft"),
         (("mimic", "medium", "rls", "b", 3.0), "negative"),
     ],
 )
