@@ -119,7 +119,12 @@ def estimate(
             evaluation = evaluate(signals, chosen(recording, columns.datum, cube, given))
         except InputError as error:
             raise InputError(f"{path}: {error}" if more else str(error)) from error
-        summary = {"file": str(path), **evaluation.summary(cost)}
+        summary = {
+            "file": str(path),
+            "force_filter": signals.force_filter,
+            "reading": signals.notes,
+            **evaluation.summary(cost),
+        }
         if recording:
             summary["as_online"] = agrees(evaluation, recording)
             summary["missing_ticks"] = gap_rows(recording.gaps)

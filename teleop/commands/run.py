@@ -217,7 +217,7 @@ def draw(trial: Trial, plot: Path, overwrite: bool) -> None:
 def read_depth(text: str | None) -> float | None:
     """A depth with its unit [m]; InputError if it has none."""
     from teleop.errors import InputError
-    from teleop.evaluation.formats.delimited import quantity
+    from teleop.evaluation.units import quantity
 
     depth = None if text is None else quantity(text, "position")
     if text is not None and depth is None:

@@ -26,9 +26,9 @@ from estimation.model import KELVIN_VOIGT
 from estimation.registry import PAPER
 from teleop.errors import InputError
 from teleop.evaluation.datum import Datum, find_datum, moving_part, smallest_step
-from teleop.evaluation.formats.delimited import Signals
 from teleop.evaluation.model_comparison import compare
 from teleop.evaluation.model_comparison import cost as sample_cost
+from teleop.evaluation.signals import Signals
 from teleop.names import ConditioningName, PresetName
 from teleop.recording.gaps import closed_up, condition
 from teleop.recording.message import answers, estimate_columns

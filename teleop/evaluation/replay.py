@@ -8,7 +8,8 @@ from estimation import Preset
 from teleop.control.tare import problems
 from teleop.errors import InputError
 from teleop.evaluation.evaluation import EstimateSettings, Evaluation
-from teleop.evaluation.formats.delimited import LARGEST, Signals
+from teleop.evaluation.signals import Signals
+from teleop.evaluation.units import LARGEST
 from teleop.recording.recording import Recording
 
 

@@ -9,7 +9,7 @@ from estimation.excitation import dominant_frequency
 from teleop.errors import InputError
 from teleop.evaluation.datum import moving_part
 from teleop.evaluation.evaluation import EstimateSettings, evaluate
-from teleop.evaluation.formats.delimited import Signals, periods, read_signals
+from teleop.evaluation.signals import Signals, periods, read_signals
 
 VENDORED = Path(__file__).parents[2] / "data" / "mach1"
 SHARED = Path(__file__).parents[4] / "shared" / "data" / "mach1"

@@ -14,8 +14,8 @@ from estimation import MatchedFilter
 from teleop.cli import main
 from teleop.errors import InputError
 from teleop.evaluation.evaluation import EstimateSettings, evaluate
-from teleop.evaluation.formats.delimited import Signals, periods, read_signals
 from teleop.evaluation.replay import agrees, recorded_settings, recorded_signals
+from teleop.evaluation.signals import Signals, periods, read_signals
 from teleop.recording.gaps import condition, missing_text, missing_ticks
 from teleop.recording.recording import load
 from teleop.recording.sinks import RecorderProcess

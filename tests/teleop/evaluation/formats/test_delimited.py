@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from teleop.errors import InputError
-from teleop.evaluation.formats.delimited import quantity, read_signals, write_table
+from teleop.evaluation.formats.delimited import write_table
+from teleop.evaluation.signals import read_signals
+from teleop.evaluation.units import quantity
 from teleop.files import new_file
 
 GOOD = "Time [s],Position [mm],Force [gf]\n0.0,1.0,100\n0.01,1.5,150\n0.03,2.0,200\n"
