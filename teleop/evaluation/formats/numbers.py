@@ -59,6 +59,11 @@ class Dialect(NamedTuple):
         return float(cell.replace(",", ".") if self.decimal == "," else cell)
 
 
+QUOTED = re.compile(r'"[^"\n]*"')
+ODD = 64
+"""So many lines are read one by one if they are not alike."""
+
+
 def count_cells(line: str, delimiter: str | None) -> int:
     """Number of cells of a line without quotes."""
     return line.count(delimiter) + 1 if delimiter else len(line.split())
@@ -105,6 +110,10 @@ class Rows:
             self._values.append(values)
             self._numbers.append(np.arange(first, first + len(lines), dtype=np.int64))
             return len(lines)
+        half = len(lines) // 2
+        if half >= ODD:
+            taken = self.feed(first, lines[:half])
+            return taken if taken < half else half + self.feed(first + half, lines[half:])
         samples, numbers = array("d"), array("q")
         taken = len(lines)
         for i, line in enumerate(lines):
@@ -128,21 +137,29 @@ class Rows:
         """The values of lines that are alike and without fault, else None."""
         delimiter, decimal, thousands = self._dialect
         width = len(self.headings)
-        cells = {count_cells(line, delimiter) for line in lines}
+        text = "\n".join(lines)
+        bare = lines
+        if '"' in text:
+            bare = QUOTED.sub("", text).split("\n")
+        cells = {count_cells(line, delimiter) for line in bare}
         if cells == {width + 1} and delimiter:
-            if not all(line.rstrip(" ").endswith(delimiter) for line in lines):
+            if not all(line.rstrip(" ").endswith(delimiter) for line in bare):
                 return None
         elif cells != {width}:
             return None
-        text = "\n".join(lines)
-        foreign = {'"', "#", thousands or '"'} - {delimiter}
+        foreign = {"#", thousands or "#"} - {delimiter}
         if any(mark in text for mark in foreign):
             return None
         if decimal == "," != delimiter and "," in text:
             lines = text.replace(",", ".").split("\n")
         try:
             values: Floats = np.loadtxt(
-                lines, delimiter=delimiter, usecols=self.picked, comments=None, ndmin=2
+                lines,
+                delimiter=delimiter,
+                usecols=self.picked,
+                comments=None,
+                quotechar='"' if delimiter else None,
+                ndmin=2,
             )
         except ValueError:
             return None

@@ -242,7 +242,25 @@ def test_more_units_are_known(write, kind, unit, size):
     ),
 )
 def test_lines_read_in_bulk_give_what_single_lines_give(data, dialect):
-    cell = st.sampled_from(["1", "2.5", "2,5", "1e3", "nan", "", "x", '"3"', "1_0", " 4 ", "#"])
+    cell = st.sampled_from(
+        [
+            "1",
+            "2.5",
+            "2,5",
+            "1e3",
+            "nan",
+            "",
+            "x",
+            '"3"',
+            ' "3"',
+            '"3"4',
+            '"5,6"',
+            '"',
+            "1_0",
+            " 4 ",
+            "#",
+        ]
+    )
     rows = data.draw(st.lists(st.lists(cell, min_size=2, max_size=4), min_size=1, max_size=5))
     text = [(dialect.delimiter or " ").join(row) for row in rows]
     headings = [Heading("a"), Heading("b"), Heading("c")]
@@ -280,3 +298,14 @@ def test_a_file_of_several_parts_is_read_as_one(write):
     np.testing.assert_array_equal(signals.f, np.arange(n) % 5 + 0.5)
     with pytest.raises(InputError, match=f"line {n + 1}: 'Force .N.' is 'x'"):
         read_signals(write("Time [s],Position [mm],Force [N]\n" + rows[:-4] + "x\n"))
+
+
+@pytest.mark.parametrize("place", [1, 63, 64, 65, 250, 499])
+def test_an_odd_line_among_many_is_found_at_its_place(write, place):
+    rows = [f"{i},{i},{i * 0.5}\n" for i in range(500)]
+    header = "Time [s],Position [mm],Force [N]\n"
+    with_comment = [*rows[:place], "# here\n", "\n", *rows[place:]]
+    np.testing.assert_array_equal(read_signals(write(header + "".join(with_comment))).t, range(500))
+    rows[place] = f"{place},{place},x\n"
+    with pytest.raises(InputError, match=f"line {place + 2}: 'Force .N.' is 'x'"):
+        read_signals(write(header + "".join(rows)))
