@@ -30,6 +30,10 @@ ALLOWED = {
         "h5py",
         "pyarrow",
         "zstandard",
+        "nptdms",
+        "python_calamine",
+        "rosbags",
+        "mcap_ros2",
     },
 }
 POSIX_ONLY = {"fcntl", "termios", "pty", "resource", "grp", "pwd", "posix", "syslog", "tty"}

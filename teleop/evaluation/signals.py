@@ -136,10 +136,10 @@ def signals_of(table: Table, wanted: Wanted) -> Signals:
     for kind, channel in channels.items():
         finite = np.isfinite(channel)
         if not finite.all():
-            i = int(np.argmin(finite))
+            i, place = int(np.argmin(finite)), columns[kind].place
             raise InputError(
-                f"{table.sample(i)}: {columns[kind].name!r} is {channel[i]}, "
-                "expected a finite number"
+                f"{table.sample(i)}: {table.headings[place].title!r} is "
+                f"{table.columns[place][i]}, expected a finite number"
             )
         if not np.abs(channel).max() < LARGEST:
             i = int(np.argmax(np.abs(channel)))

@@ -61,7 +61,7 @@ Heading(name='Position (z)', unit='um'))
         return Heading(cell) if unit in AXES else Heading(name, canonical(unit))
     for separator in (",", " in ", "/", "_", " "):
         name, found, unit = cell.rpartition(separator)
-        known = separator in (",", " in ") or plain(name) in KNOWN
+        known = separator in (",", " in ") or last_name(name) in KNOWN
         if found and name.strip() and known and is_unit(unit):
             return Heading(name.strip(), canonical(unit))
     return Heading(cell)
@@ -147,7 +147,12 @@ def place_of(
         ends = [last_name(heading.name) for heading in headings]
         for synonym in map(plain, NAMES[kind]):
             matches = [i for i, name in enumerate(names) if name == synonym]
-            matches = matches or [i for i, name in enumerate(ends) if name == synonym]
+            if not matches:  # of a vector x, y, z, which axis is meant is for the user to say
+                matches = [
+                    i
+                    for i, end in enumerate(ends)
+                    if end == synonym and f"{names[i][:-1]}y" not in names
+                ]
             if matches:
                 return only(where, headings, kind, matches), None
         rate = ", or --rate HZ for samples at equal times" if kind == "time" else ""
@@ -164,6 +169,8 @@ def place_of(
     matches = by_name or [
         i for i, h in enumerate(headings) if h.name.casefold() == wanted.name.casefold()
     ]
+    parts = (f".{asked}".casefold(), f"/{asked}".casefold())
+    matches = matches or [i for i, h in enumerate(headings) if h.name.casefold().endswith(parts)]
     unit = unit or (None if by_name else wanted.unit)
     if not matches and asked.isdecimal() and 1 <= int(asked[:9]) <= len(headings):
         return int(asked) - 1, unit

@@ -7,23 +7,23 @@ import csv
 import io
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from itertools import pairwise
 from pathlib import Path
 from typing import BinaryIO
 
-from drivers.input_file import open_input
+from drivers.input_file import open_input, read_input
 from estimation.compiled import Floats
 from teleop.errors import InputError
 from teleop.evaluation.formats.columns import Wanted
+from teleop.evaluation.formats.dialect import Dialect, dialect_of
 from teleop.evaluation.formats.encoding import encoding_of
 from teleop.evaluation.formats.layout import (
     fitted,
     headings_above,
-    is_number,
     is_samples,
 )
-from teleop.evaluation.formats.numbers import Dialect, Rows
+from teleop.evaluation.formats.numbers import Rows
 from teleop.evaluation.formats.table import Heading, Pick, Table, stated_filter
+from teleop.json_documents import dumps, loads
 
 LONGEST_LINE = 1 << 18
 """Most characters in a line of a table."""
@@ -33,9 +33,6 @@ PART = 1 << 20
 """How much of a file is read at once [characters]."""
 PREAMBLE = 1000
 """Most lines above a header that are searched for what they state."""
-DELIMITERS = ("\t", ";", ",", "|", None)
-"""Between cells; None for spaces."""
-
 FEWEST = 3
 """Fewest samples of a table whose columns have no usual names."""
 
@@ -67,9 +64,26 @@ def read(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
         errors = "strict" if strict else "replace"
         try:
             with io.TextIOWrapper(file, encoding, errors) as text:
-                return tables_in(path, parts(path, text), pick)
+                tables = tables_in(path, parts(path, text), pick)
         except UnicodeError as error:
             raise not_text(path) from error
+    for table in tables:
+        table.about |= described(path)
+    return tables
+
+
+def described(path: Path) -> dict[str, str]:
+    """What `teleop export` wrote beside a CSV file: `settings`, `session` and `events`."""
+    beside = path.with_name(f"{path.name}-metadata.json")
+    try:
+        notes = loads(read_input(beside)).get("notes")
+    except FileNotFoundError:
+        return {}
+    except (OSError, ValueError) as error:
+        raise InputError(f"{beside}: cannot be read: {error}") from error
+    notes = notes[0] if isinstance(notes, list) and notes else {}
+    names = ("settings", "session", "events")
+    return {name: dumps(notes[name]) for name in names if isinstance(notes, dict) and name in notes}
 
 
 def not_text(path: Path) -> InputError:
@@ -113,40 +127,6 @@ def tables_in(path: Path, lines: Iterable[Part], pick: Pick) -> list[Table]:
     if scan is None:
         raise InputError(f"{path}: the file is empty: expected a header line and samples")
     return scan.end()
-
-
-def dialect_of(lines: Sequence[str]) -> Dialect:
-    """The delimiter and decimal mark that make samples of most of the first lines."""
-    lines = [line for line in lines[:PREAMBLE] if line.strip() and not line.startswith("#")]
-    best, dialect = (0.0, 0.0), None
-    for delimiter in DELIMITERS:
-        try:
-            rows = [Dialect(delimiter).split(line) for line in lines]
-        except csv.Error:
-            continue
-        rows = [cells for cells in rows if is_samples(cells)]
-        filled = sum(bool(cell) for cells in rows for cell in cells)
-        numbers = [cell for cells in rows for cell in cells if is_number(cell)]
-        alike = sum(len(a) == len(b) for a, b in pairwise(rows)) + bool(rows)
-        score = (alike * len(numbers) / max(filled, 1), float(len(numbers)))
-        if score > best:
-            best, dialect = score, Dialect(delimiter, *marks(numbers, delimiter))
-    first = lines[0] if lines else ""
-    return dialect or Dialect(max("\t;,", key=first.count), ",")
-
-
-def marks(numbers: Sequence[str], delimiter: str | None) -> tuple[str, str | None]:
-    """Decimal mark and separator of thousands of numbers."""
-    both = [cell for cell in numbers if "," in cell and "." in cell]
-    if both:
-        return (".", ",") if both[0].rfind(".") > both[0].rfind(",") else (",", ".")
-    point, comma = (any(mark in cell for cell in numbers) for mark in ".,")
-    if point and comma:
-        grouped = all(re.fullmatch(r"[-+]?\d{1,3}(,\d{3})+", c) for c in numbers if "," in c)
-        return (".", ",") if grouped else (",", None)
-    if comma:
-        return ",", "."
-    return (".", ",") if point or delimiter == "," else (",", None)
 
 
 def title_of(lines: Sequence[str]) -> str:

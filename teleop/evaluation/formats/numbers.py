@@ -3,61 +3,18 @@
 from __future__ import annotations
 
 import csv
-import math
 import re
 from array import array
 from collections.abc import Callable, Collection, Sequence
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from estimation.compiled import Floats
 from teleop.errors import InputError
+from teleop.evaluation.formats.dialect import Dialect
 from teleop.evaluation.formats.layout import fitted, is_number
 from teleop.evaluation.formats.table import Heading
-
-
-class Dialect(NamedTuple):
-    """How a text table writes its cells."""
-
-    delimiter: str | None
-    """None for spaces."""
-    decimal: str = "."
-    """Decimal mark. With a comma a point is one as well, unless it separates thousands."""
-    thousands: str | None = None
-
-    def split(self, line: str) -> list[str]:
-        """The cells of a line.
-
-        Raises
-        ------
-        csv.Error
-            It cannot be split.
-        """
-        if self.delimiter is None:
-            return line.split()
-        if '"' not in line and len(line) < csv.field_size_limit():
-            return [cell.strip() for cell in line.split(self.delimiter)]
-        return [cell.strip() for cell in next(csv.reader([line], delimiter=self.delimiter), [])]
-
-    def number(self, cell: str) -> float:
-        """The number in a cell.
-
-        Raises
-        ------
-        ValueError
-            It is none.
-        """
-        if "_" in cell:
-            raise ValueError(cell)
-        if self.thousands and self.thousands in cell:
-            mark = re.escape(self.thousands)
-            if not re.match(rf"[-+]?\d{{1,3}}({mark}\d{{3}})+(?!\d)", cell):
-                raise ValueError(cell)
-            cell = cell.replace(self.thousands, "")
-        return float(cell.replace(",", ".") if self.decimal == "," else cell)
-
 
 QUOTED = re.compile(r'"[^"\n]*"')
 ODD = 64
@@ -140,7 +97,7 @@ class Rows:
         text = "\n".join(lines)
         bare = lines
         if '"' in text:
-            bare = QUOTED.sub("", text).split("\n")
+            bare = QUOTED.sub("0", text).split("\n")
         cells = {count_cells(line, delimiter) for line in bare}
         if cells == {width + 1} and delimiter:
             if not all(line.rstrip(" ").endswith(delimiter) for line in bare):
@@ -163,7 +120,7 @@ class Rows:
             )
         except ValueError:
             return None
-        return values if len(values) == len(lines) and np.isfinite(values).all() else None
+        return values if len(values) == len(lines) else None
 
     def _row(self, number: int, line: str) -> list[float] | None:
         """The picked values of a line; None for a line without any number."""
@@ -182,17 +139,12 @@ class Rows:
 
     def _value(self, where: str, cell: str, column: int) -> float:
         """The number in a cell."""
-        name, unit = self.headings[column]
-        title = f"{name} [{unit}]" if unit else name
         try:
-            value = self._dialect.number(cell)
+            return self._dialect.number(cell)
         except ValueError:
-            value = math.nan
-            if cell.lower() not in ("nan", ""):
-                raise InputError(f"{where}: {title!r} is {cell!r}, expected a number") from None
-        if not math.isfinite(value):
-            raise InputError(f"{where}: {title!r} is {cell or 'empty'}, expected a finite number")
-        return value
+            title = self.headings[column].title
+            shown = f"{cell!r}, expected a number" if cell else "empty, expected a finite number"
+            raise InputError(f"{where}: {title!r} is {shown}") from None
 
     def _skip(self, lines: list[str]) -> int:
         """How many lines have a number: those of a table that is not loaded."""

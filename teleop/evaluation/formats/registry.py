@@ -11,29 +11,29 @@ from teleop.evaluation.formats.columns import Wanted
 from teleop.evaluation.formats.table import Pick, Table
 from teleop.files import unreadable
 
-ENDINGS = {
-    ".csv": "delimited",
-    ".tsv": "delimited",
-    ".txt": "delimited",
-    ".dat": "delimited",
-    ".asc": "delimited",
+BEGINNINGS = {
+    b"MATLAB ": "matlab",
+    b"\x89HDF": "hdf5",
+    b"PAR1": "parquet",
 }
-"""Module of this package that reads a file of each ending."""
-BEGINNINGS: dict[bytes, str] = {}
-"""Module for a file of any other ending, by how it begins; text otherwise."""
+"""Module of this package that reads a file, by how the file begins; `delimited` for any other."""
+OF_MESSAGES = ("mcap", "bag")
+ROS_2_BAG = "metadata.yaml"
+"""File in the folder of a ROS 2 bag."""
 
 
 def reader_of(path: Path) -> str:
     """Name of the module that reads a file.
+
+    The ending does not count: testing machines write text to files that end in .xls or .dat.
 
     Raises
     ------
     OSError
         The file cannot be read.
     """
-    ending = path.suffix.lower()
-    if ending in ENDINGS:
-        return ENDINGS[ending]
+    if path.is_dir() and (path / ROS_2_BAG).is_file():
+        return "bag"
     with open_input(path) as file:
         head = file.read(64)
     return next((name for mark, name in BEGINNINGS.items() if head.startswith(mark)), "delimited")
@@ -57,7 +57,10 @@ def read_tables(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
         The file cannot be read, is not as its format demands, or a library is not installed.
     """
     try:
-        module = import_module(f"{__package__}.{reader_of(path)}")
+        name = reader_of(path)
+        if wanted.topic and name not in OF_MESSAGES:
+            raise InputError(f"{path}: --topic is for a ROS bag or an MCAP file")
+        module = import_module(f"{__package__}.{name}")
         tables: list[Table] = module.read(path, pick, wanted)
     except OSError as error:
         raise unreadable(path, error) from error

@@ -17,6 +17,11 @@ class Heading(NamedTuple):
     name: str
     unit: str | None = None
 
+    @property
+    def title(self) -> str:
+        """Name and unit, such as `Force [N]`."""
+        return f"{self.name} [{self.unit}]" if self.unit else self.name
+
 
 Pick = Callable[[Sequence[Heading]], Collection[int]]
 """Chooses the columns that a reader loads, by their number; none where a table is of no use."""

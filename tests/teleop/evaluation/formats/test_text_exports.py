@@ -13,7 +13,8 @@ from teleop.cli import main
 from teleop.errors import InputError
 from teleop.evaluation.formats.columns import Wanted, split_heading
 from teleop.evaluation.formats.delimited import PART
-from teleop.evaluation.formats.numbers import Dialect, Rows
+from teleop.evaluation.formats.dialect import Dialect
+from teleop.evaluation.formats.numbers import Rows
 from teleop.evaluation.formats.table import Heading
 from teleop.evaluation.signals import read_signals
 from teleop.evaluation.units import canonical
@@ -273,7 +274,7 @@ def test_lines_read_in_bulk_give_what_single_lines_give(data, dialect):
             place += taken
             if taken < len(part):
                 break
-        values = {i: column.tolist() for i, column in rows.columns().items()}
+        values = {i: repr(column.tolist()) for i, column in rows.columns().items()}
         return values, rows.numbers().tolist() if not rows.problem else None, str(rows.problem)
 
     class OneByOne(Rows):
@@ -284,7 +285,7 @@ def test_lines_read_in_bulk_give_what_single_lines_give(data, dialect):
     one.feed(1, text)
     bulk, numbers, problem = result([text])
     assert problem == str(one.problem)
-    assert bulk == {i: column.tolist() for i, column in one.columns().items()}
+    assert bulk == {i: repr(column.tolist()) for i, column in one.columns().items()}
     assert numbers is None or numbers == one.numbers().tolist()
     assert result([[line] for line in text]) == (bulk, numbers, problem)
 
