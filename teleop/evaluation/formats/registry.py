@@ -15,6 +15,7 @@ BEGINNINGS = {
     b"MATLAB ": "matlab",
     b"\x89HDF": "hdf5",
     b"PAR1": "parquet",
+    b"TDSm": "tdms",
 }
 """Module of this package that reads a file, by how the file begins; `delimited` for any other."""
 OF_MESSAGES = ("mcap", "bag")
