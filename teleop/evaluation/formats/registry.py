@@ -16,6 +16,8 @@ BEGINNINGS = {
     b"\x89HDF": "hdf5",
     b"PAR1": "parquet",
     b"TDSm": "tdms",
+    b"PK\x03\x04": "excel",
+    b"\xd0\xcf\x11\xe0": "excel",
 }
 """Module of this package that reads a file, by how the file begins; `delimited` for any other."""
 OF_MESSAGES = ("mcap", "bag")
