@@ -12,6 +12,7 @@ from teleop.evaluation.formats.table import Pick, Table
 from teleop.files import unreadable
 
 BEGINNINGS = {
+    b"LabVIEW Measurement": "lvm",
     b"MATLAB ": "matlab",
     b"\x89HDF": "hdf5",
     b"PAR1": "parquet",
