@@ -19,6 +19,8 @@ BEGINNINGS = {
     b"TDSm": "tdms",
     b"PK\x03\x04": "excel",
     b"\xd0\xcf\x11\xe0": "excel",
+    b"\x89MCAP": "mcap",
+    b"#ROSBAG": "bag",
 }
 """Module of this package that reads a file, by how the file begins; `delimited` for any other."""
 OF_MESSAGES = ("mcap", "bag")
