@@ -27,6 +27,9 @@ class Columns:
     """Column of the time, likewise."""
     block: int | None = None
     """Number of the table, from 1, in a file with several: tests, sheets or groups."""
+    topic: str | None = None
+    """Topic of a ROS bag or an MCAP file, whose fields are the columns; without it they are named
+    /topic.field."""
     rate: float | None = None
     """Sampling rate [Hz] of a file without a time column."""
     lever: str | None = None
@@ -48,13 +51,20 @@ class Columns:
             The file is not as expected, or a column was asked of a recorded trial.
         """
         from teleop.errors import InputError
-        from teleop.evaluation.signals import read_signals
-
-        if file.suffix.lower() != ".mcap":
-            return read_signals(file, self.position, self.force, self.time, self.wanted()), None
+        from teleop.evaluation import exported
+        from teleop.evaluation.formats.mcap import is_foreign
         from teleop.evaluation.replay import recorded_signals
+        from teleop.evaluation.signals import chosen_table, signals_of
+        from teleop.files import RECORDING
         from teleop.recording.recording import load
 
+        if file.suffix.lower() != RECORDING or is_foreign(file):
+            wanted = self.wanted()
+            table = chosen_table(file, wanted, () if any(wanted) else exported.COLUMNS)
+            recording = exported.exported_recording(table)
+            if recording is None:
+                return signals_of(table, wanted), None
+            return recorded_signals(recording), recording if recording.settings else None
         for option in OF_TABLES:
             if getattr(self, option) is not None:
                 raise InputError(
@@ -83,11 +93,18 @@ class Columns:
         if self.rate is not None and self.time is not None:
             raise InputError("--rate and --time exclude each other: expected one of them")
         return Wanted(
-            self.position, self.force, self.time, self.block, self.rate, lever, self.invert
+            self.position,
+            self.force,
+            self.time,
+            self.block,
+            self.rate,
+            lever,
+            self.invert,
+            self.topic,
         )
 
 
-OF_TABLES = ("position", "force", "time", "block", "rate", "lever", "invert")
+OF_TABLES = ("position", "force", "time", "block", "topic", "rate", "lever", "invert")
 """Options that a recorded trial does not take."""
 ColumnOptions = Annotated[Columns, Parameter(name="*")]
 """The options, without a common prefix."""
