@@ -18,6 +18,10 @@ AXES = frozenset("xyz0123456789")
 """What stands in brackets after a name and is no unit."""
 
 
+MASTER = ("_", "m")
+"""How names of a master's channels end, such as `position_m`: no unit."""
+
+
 class Wanted(NamedTuple):
     """What a user asks of a measurement file."""
 
@@ -61,10 +65,16 @@ Heading(name='Position (z)', unit='um'))
         return Heading(cell) if unit in AXES else Heading(name, canonical(unit))
     for separator in (",", " in ", "/", "_", " "):
         name, found, unit = cell.rpartition(separator)
-        known = separator in (",", " in ") or last_name(name) in KNOWN
-        if found and name.strip() and known and is_unit(unit):
-            return Heading(name.strip(), canonical(unit))
+        if found and name.strip() and is_unit(unit):
+            clear = separator in (",", " in ") or has_unit(last_name(name), unit)
+            if clear and (separator, unit) != MASTER:
+                return Heading(name.strip(), canonical(unit))
     return Heading(cell)
+
+
+def has_unit(name: str, unit: str) -> bool:
+    """Whether this is a usual name of a quantity that has this unit."""
+    return any(name in KNOWN[kind] and size_of(unit, kind) for kind in KNOWN)
 
 
 def last_name(name: str) -> str:

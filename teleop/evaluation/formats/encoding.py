@@ -40,13 +40,13 @@ def encoding_of(head: bytes, names: Sequence[str] = ()) -> str | None:
         if max(even, odd) < len(head) // 4 or min(even, odd) > len(head) // 16:
             return None
         return "utf-16-le" if odd > even else "utf-16-be"
-    asked = {plain(name.rpartition("=")[0] or name) for name in names}
+    usual = {plain(name.rpartition("=")[0] or name) for name in names}.union(*KNOWN.values())
 
     def familiar(code_page: str) -> int:
         text = head.decode(code_page, errors="replace")
         cells = {cell.strip(' "') for cell in re.split(r"[\t\r\n;,|\"]", text)}
         headings = [split_heading(cell) for cell in cells if cell and len(cell) < 100]
-        score = sum(plain(h.name) in KNOWN or plain(h.name) in asked for h in headings)
+        score = sum(plain(h.name) in usual for h in headings)
         return score + sum(is_unit(h.unit or h.name.strip("[]()")) for h in headings)
 
     order = [page for page in CODE_PAGES if page != "utf-8" or decodes(head, page)]

@@ -15,7 +15,7 @@ from teleop.errors import InputError
 from teleop.evaluation.formats.columns import Wanted
 from teleop.evaluation.formats.dialect import Dialect
 from teleop.evaluation.formats.layout import headings_above, is_number, is_samples
-from teleop.evaluation.formats.table import Pick, Table, missing, stated_filter
+from teleop.evaluation.formats.table import Pick, Table, missing, reading, stated_filter
 
 NUMBERS = Dialect(None, ".")
 """How a number that stands as text in a cell is written."""
@@ -29,13 +29,10 @@ def read(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
         raise missing("python-calamine", "Excel") from error
     with open_input(path) as file:
         content = BytesIO(file.read())
-    try:
+    with reading(path, "a spreadsheet"):
         workbook = python_calamine.load_workbook(content)
-        sheets = {
-            name: workbook.get_sheet_by_name(name).to_python() for name in workbook.sheet_names
-        }
-    except (python_calamine.CalamineError, python_calamine.ZipError, ValueError) as error:
-        raise InputError(f"{path}: cannot be read as a spreadsheet: {error}") from error
+        names = workbook.sheet_names
+        sheets = {name: workbook.get_sheet_by_name(name).to_python() for name in names}
     tables = []
     for name, rows in sheets.items():
         table = table_in(f"{path}, sheet {name!r}", name, rows, pick)

@@ -10,7 +10,6 @@ import numpy as np
 
 from drivers.input_file import open_input
 from estimation.compiled import Floats
-from teleop.errors import InputError
 from teleop.evaluation.formats.arrays import (
     tables_by_group,
     tables_by_length,
@@ -18,7 +17,7 @@ from teleop.evaluation.formats.arrays import (
     vectors,
 )
 from teleop.evaluation.formats.columns import Wanted
-from teleop.evaluation.formats.table import Pick, Table, missing
+from teleop.evaluation.formats.table import Pick, Table, missing, reading
 from teleop.json_documents import dumps
 
 UNIT = ("unit", "units", "Unit", "Units")
@@ -29,7 +28,7 @@ def read(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
     """The tables in an HDF5 file: the datasets of one length in each group."""
     groups: dict[str, dict[str, Floats]] = {}
     units: dict[str, dict[str, Any]] = {}
-    with open_input(path) as disk, opened(path, disk) as file:
+    with open_input(path) as disk, reading(path, "HDF5"), opened(disk) as file:
         for name, dataset in datasets(path, file):
             group, _, last = name.rpartition("/")
             if dataset.dtype.names:
@@ -51,7 +50,7 @@ def read_matlab(path: Path, pick: Pick) -> list[Table]:
     """The tables in a MATLAB file of version 7.3: arrays of one length, also within structs."""
     columns: dict[str, Floats] = {}
     units: dict[str, Any] = {}
-    with open_input(path) as disk, opened(path, disk) as file:
+    with open_input(path) as disk, reading(path, "HDF5"), opened(disk) as file:
         for name, dataset in datasets(path, file):
             if name.startswith("#"):
                 continue
@@ -67,16 +66,13 @@ def read_matlab(path: Path, pick: Pick) -> list[Table]:
     return tables_by_length(path, columns, pick, units)
 
 
-def opened(path: Path, disk: Any) -> Any:
+def opened(disk: Any) -> Any:
     """The HDF5 file on a disk file."""
     try:
         import h5py
     except ImportError as error:
         raise missing("h5py", "HDF5") from error
-    try:
-        return h5py.File(disk, "r")
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read as HDF5: {error}") from error
+    return h5py.File(disk, "r")
 
 
 def datasets(path: Path, group: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:

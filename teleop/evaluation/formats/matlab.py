@@ -9,11 +9,10 @@ import numpy as np
 
 from drivers.input_file import open_input
 from estimation.compiled import Floats
-from teleop.errors import InputError
 from teleop.evaluation.formats import hdf5
 from teleop.evaluation.formats.arrays import tables_by_length, texts, vectors
 from teleop.evaluation.formats.columns import Wanted
-from teleop.evaluation.formats.table import Pick, Table
+from teleop.evaluation.formats.table import Pick, Table, reading
 from teleop.json_documents import dumps
 
 EXPORTED = ("settings", "events")
@@ -31,12 +30,8 @@ def read(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
         file.seek(0)
         from scipy.io import loadmat
 
-        try:
+        with reading(path, "a MATLAB file"):
             content = loadmat(file, squeeze_me=True, simplify_cells=True)
-        except OSError:
-            raise
-        except Exception as error:  # scipy raises errors of any kind for damaged content
-            raise InputError(f"{path}: cannot be read as a MATLAB file: {error}") from error
     columns: dict[str, Floats] = {}
     units: dict[str, Any] = {}
     for name, value in content.items():

@@ -18,7 +18,7 @@ from drivers.input_file import open_input
 from teleop.errors import InputError
 from teleop.evaluation.formats.columns import Wanted
 from teleop.evaluation.formats.messages import Message, tables_of
-from teleop.evaluation.formats.table import Pick, Table, missing
+from teleop.evaluation.formats.table import Pick, Table, missing, reading
 from teleop.recording.message import TICK
 
 LARGEST_RECORD = 128 << 20
@@ -45,25 +45,27 @@ def summary_of(file: BinaryIO) -> Summary | None:
 def read(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
     """The table of the messages in an MCAP file; see `tables_of`."""
     with open_input(path) as file:
-        try:
+        with reading(path, "MCAP"):
             summary = summary_of(file)
-        except FAULTS as error:
-            raise damaged(path, error) from error
         if summary is None:
             raise InputError(f"{path}: the MCAP file has no summary: expected a whole file")
         channels = summary.channels
-        decoders = {i: decoder_of(c, summary.schemas.get(c.schema_id)) for i, c in channels.items()}
+        decoders = {
+            i: decoder_of(path, c, summary.schemas.get(c.schema_id)) for i, c in channels.items()
+        }
         topics = {c.topic: None for i, c in channels.items() if decoders[i]}
 
         def messages(names: Sequence[str]) -> Iterator[Message]:
             file.seek(0)
             reader = SeekingReader(file, record_size_limit=LARGEST_RECORD)
-            try:
-                for _, channel, message in reader.iter_messages(names):
-                    if decode := decoders.get(channel.id):
-                        yield channel.topic, message.log_time, partial(decode, message.data)
-            except FAULTS as error:
-                raise damaged(path, error) from error
+            found = iter(reader.iter_messages(names))
+            while True:
+                with reading(path, "MCAP"):
+                    _, channel, message = next(found, (None, None, None))
+                if channel is None or message is None:
+                    return
+                if decode := decoders.get(channel.id):
+                    yield channel.topic, message.log_time, partial(decode, message.data)
 
         tables = tables_of(path, list(topics), messages, pick, wanted)
     if not tables:
@@ -74,12 +76,9 @@ def read(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
     return tables
 
 
-def damaged(path: Path, error: Exception) -> InputError:
-    """The one line that refuses a damaged file."""
-    return InputError(f"{path}: cannot be read as MCAP: {' '.join(str(error).split())}")
-
-
-def decoder_of(channel: Channel, schema: Schema | None) -> Callable[[bytes], Any] | None:
+def decoder_of(
+    path: Path, channel: Channel, schema: Schema | None
+) -> Callable[[bytes], Any] | None:
     """What decodes the messages of a channel; None where nothing does."""
     if channel.message_encoding == "json":
         return json.loads
@@ -89,5 +88,6 @@ def decoder_of(channel: Channel, schema: Schema | None) -> Callable[[bytes], Any
         from mcap_ros2.decoder import DecoderFactory
     except ImportError as error:
         raise missing("mcap-ros2-support", "MCAP with messages of ROS 2") from error
-    decoder: Callable[[bytes], Any] | None = DecoderFactory().decoder_for("cdr", schema)
+    with reading(path, f"messages of {channel.topic}"):
+        decoder: Callable[[bytes], Any] | None = DecoderFactory().decoder_for("cdr", schema)
     return decoder

@@ -22,7 +22,9 @@ NAMES = {
         "tiempo",
         "tempo",
         "tijd",
+        "scan time",
         "时间",
+        "试验时间",
         "时 间",
         "時間",
         "x value",
@@ -46,7 +48,9 @@ NAMES = {
         "travel",
         "stroke",
         "distance",
+        "disp",
         "axial displacement",
+        "axial disp",
         "axial position",
         "position (z)",
         "position z",
@@ -64,6 +68,8 @@ NAMES = {
         "spostamento",
         "位移",
         "压缩位移",
+        "横梁位移",
+        "伸长",
         "拉伸位移",
         "变形",
         "行程",
@@ -90,6 +96,8 @@ NAMES = {
         "normalkraft",
         "fz",
         "force (z)",
+        "load (z)",
+        "load z",
         "force z",
         "load cell",
         "charge",
@@ -102,6 +110,8 @@ NAMES = {
         "力",
         "力值",
         "试验力",
+        "拉力",
+        "压力",
         "試験力",
         "荷重",
         "torque",
@@ -117,5 +127,5 @@ def plain(name: str) -> str:
     return " ".join(name.replace("_", " ").casefold().split()).rstrip(".:")
 
 
-KNOWN = {plain(name) for names in NAMES.values() for name in names}
-"""Every name, as it is compared."""
+KNOWN = {kind: {plain(name) for name in names} for kind, names in NAMES.items()}
+"""The names of each quantity, as they are compared."""

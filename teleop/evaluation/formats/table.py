@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import NamedTuple
 
 from estimation.compiled import Floats
@@ -55,6 +57,28 @@ class Table:
 def missing(library: str, what: str) -> InputError:
     """The one line that says what to install."""
     return InputError(f"{what} needs {library}: pip install '.[formats]'")
+
+
+@contextlib.contextmanager
+def reading(path: Path, what: str) -> Iterator[None]:
+    """Refuse a file in one line where its library fails on it; libraries raise errors of any kind.
+
+    Raises
+    ------
+    InputError
+        The content cannot be read.
+    OSError
+        The system cannot read the file.
+    """
+    try:
+        yield
+    except InputError:
+        raise
+    except Exception as error:
+        if isinstance(error, OSError) and error.errno:
+            raise
+        why = " ".join(str(error).split()) or type(error).__name__
+        raise InputError(f"{path}: cannot be read as {what}: {why}") from error
 
 
 def stated_filter(lines: Iterable[str]) -> str:

@@ -39,7 +39,9 @@ def test_groups_are_blocks(tmp_path, motion, refused):
 
 def test_a_table_of_fields_is_read(tmp_path, motion):
     path = tmp_path / "data.h5"
-    rows = np.rec.fromarrays([motion.t, motion.x, motion.f], names="time_s,position_m,force_N")
+    rows = np.rec.fromarrays(
+        [motion.t, motion.x * 1e3, motion.f], names="time_s,position_mm,force_N"
+    )
     with h5py.File(path, "w") as file:
         file.create_dataset("table", data=rows)
     motion.same(read_signals(path))

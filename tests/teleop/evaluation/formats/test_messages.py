@@ -138,7 +138,7 @@ def json_mcap(tmp_path, motion):
             schema = writer.register_schema("Sample", "jsonschema", b"{}")
             channel = writer.register_channel("/samples", encoding, schema)
             for ns, x, f in zip(times(motion), motion.x, motion.f, strict=True):
-                data = json.dumps({"tip": {"position_m": x}, "force_N": f, "text": "a"})
+                data = json.dumps({"tip": {"position_mm": x * 1e3}, "force_N": f, "text": "a"})
                 writer.add_message(channel, ns, data.encode(), ns)
             writer.finish()
         return path
@@ -171,9 +171,9 @@ def test_messages_that_nothing_decodes_are_named(json_mcap, refused):
 def test_a_message_unlike_the_first_is_named(tmp_path, json_mcap):
     path = json_mcap(use_chunking=False)
     content = path.read_bytes()
-    place = content.rindex(b"position_m")
-    path.write_bytes(content[:place] + b"position_x" + content[place + 10 :])
-    with pytest.raises(InputError, match=r"message 200 of /samples: expected tip.position_m, forc"):
+    place = content.rindex(b"position_mm")
+    path.write_bytes(content[:place] + b"position_xx" + content[place + 11 :])
+    with pytest.raises(InputError, match=r"message 200 of /samples: expected tip.position_mm, f"):
         read_signals(path)
 
 

@@ -60,3 +60,17 @@ def test_a_missing_library_and_a_damaged_file_are_told_in_one_line(
     assert "data.tdms" in refused("estimate", path)
     without("nptdms")
     assert "TDMS needs npTDMS: pip install '.[formats]'" in refused("estimate", path)
+
+
+def test_what_the_library_warns_of_is_a_note_and_not_printed(tmp_path, motion, capsys):
+    path = write(
+        tmp_path / "data.tdms",
+        ("Test", "Time", motion.t, {"unit_string": "s"}),
+        ("Test", "Position", motion.x, {"unit_string": "m"}),
+        ("Test", "Load", motion.f, {"unit_string": "N"}),
+    )
+    path.write_bytes(path.read_bytes() + b"TDSm" + bytes(24) + b"half a segment")
+    signals = motion.same(read_signals(path))
+    assert signals.notes
+    assert all(note.startswith("nptdms: ") for note in signals.notes)
+    assert capsys.readouterr() == ("", "")

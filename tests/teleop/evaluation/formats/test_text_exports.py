@@ -116,6 +116,11 @@ def test_separators_of_thousands_are_no_decimal_marks(write):
         ("Elapsed Time (sec)", "Elapsed Time", "s"),
         ("Time in the machine", "Time in the machine", None),
         ("force", "force", None),
+        ("force_N", "force", "N"),
+        ("position_m", "position_m", None),
+        ("position_s", "position_s", None),
+        ("x_m", "x_m", None),
+        ("t_s", "t", "s"),
     ],
 )
 def test_a_heading_is_split_into_name_and_unit(cell, name, unit):
