@@ -50,8 +50,9 @@ def estimate(
     Parameters
     ----------
     file
-        A recording of teleop run (.mcap), or CSV or TSV with units in its header, such as
-        `Time [s],Position [mm],Force [gf]`.
+        A recording of teleop run (.mcap), or a file of another program: text such as
+        `Time [s],Position [mm],Force [gf]`, .lvm, .mat, .h5, .parquet, .tdms, .xlsx, a ROS bag or
+        .mcap.
     more
         Further recordings of the same specimen.
     columns

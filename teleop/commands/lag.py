@@ -31,7 +31,7 @@ def lag(
     Parameters
     ----------
     file
-        Recording on the spring: CSV or TSV with units in its header.
+        Recording on the spring, in any format that teleop estimate takes.
     columns
         Which columns to take, and where they are zero.
     cube

@@ -30,7 +30,8 @@ def report(
     Parameters
     ----------
     file
-        A recording of teleop run (.mcap), or CSV or TSV with units in its header.
+        A recording of teleop run (.mcap), or a file of another program: text, .lvm, .mat, .h5,
+        .parquet, .tdms, .xlsx, a ROS bag or .mcap.
     out
         The page; by default beside the recording, with the ending .html.
     columns
