@@ -18,6 +18,8 @@ AXES = frozenset("xyz0123456789")
 """What stands in brackets after a name and is no unit."""
 
 
+NUMBERED = re.compile(r" ?\d$")
+"""How the name of the first of several sensors may end, such as `Load 1`."""
 MASTER = ("_", "m")
 """How names of a master's channels end, such as `position_m`: no unit."""
 
@@ -163,6 +165,8 @@ def place_of(
                     for i, end in enumerate(ends)
                     if end == synonym and f"{names[i][:-1]}y" not in names
                 ]
+            if not matches and len(synonym) > 1:
+                matches = [i for i, name in enumerate(names) if NUMBERED.sub("", name) == synonym]
             if matches:
                 return only(where, headings, kind, matches), None
         rate = ", or --rate HZ for samples at equal times" if kind == "time" else ""

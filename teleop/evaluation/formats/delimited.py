@@ -14,11 +14,12 @@ from drivers.input_file import open_input, read_input
 from estimation.compiled import Floats
 from teleop.errors import InputError
 from teleop.evaluation.formats.columns import Wanted
-from teleop.evaluation.formats.dialect import Dialect, dialect_of
+from teleop.evaluation.formats.dialect import Dialect, dialect_of, is_clock
 from teleop.evaluation.formats.encoding import encoding_of
 from teleop.evaluation.formats.layout import (
     fitted,
     headings_above,
+    is_number,
     is_samples,
 )
 from teleop.evaluation.formats.numbers import Rows
@@ -43,8 +44,9 @@ Part = tuple[int, list[str]]
 def read(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
     """The tables of a text file.
 
-    A header is searched below a preamble. Lines that begin with # are comments. A line without
-    a number ends a table, below which another may begin.
+    A header is searched below a preamble. Lines that begin with # are comments; one directly above
+    the samples may be their header. A line without a number ends a table, and so does one with
+    text in place of a sample below an empty line. Another table may begin below it.
 
     Raises
     ------
@@ -154,6 +156,7 @@ class Scan:
         self._above: list[tuple[int, str]] = []
         self._before: list[tuple[int, str]] = []
         self._stated: list[str] = []
+        self._comment: tuple[int, str] | None = None
         self._tables: list[tuple[Table, Rows]] = []
         self._rows: Rows | None = None
 
@@ -167,7 +170,8 @@ class Scan:
                     self._close()
                 continue
             line = lines[i]
-            if line.startswith("#"):
+            if line.startswith(("#", "%")):
+                self._comment = (first + i, line.strip("#% "))
                 self._state(line)
             elif line.strip():
                 cells = self._cells(first + i, line)
@@ -238,13 +242,22 @@ class Scan:
         width = len(cells)
         rows = [self._header_cells(n, line, width) for n, line in above]
         found = headings_above(rows, width)
+        if found is None and self._comment:  # as numpy.savetxt writes it
+            above = [self._comment]
+            found = headings_above([self._header_cells(*self._comment, width)], width)
         if found:
             headings, row = found
-            before = self._above[: len(self._above) - len(above) + row]
+            for i, cell in enumerate(cells[: len(headings)]):
+                if is_clock(cell) and headings[i].unit is None:
+                    headings[i] = headings[i]._replace(unit="s")
+            before = self._above[: max(len(self._above) - len(above) + row, 0)]
             return self._add(above[row][0], headings, title_of([line for _, line in before]))
         if self._tables and len(self._tables[-1][0].headings) == len(fitted(cells, 0)):
-            title = self._above[-1][1].strip() if self._above else ""
-            return self._add(number, list(self._tables[-1][0].headings), title)
+            headings = list(self._tables[-1][0].headings)
+            if all(is_number(cells[i]) or is_clock(cells[i]) for i in self._pick(headings)):
+                title = self._above[-1][1].strip() if self._above else ""
+                return self._add(number, headings, title)
+            return None
         names = [Heading(str(i + 1)) for i in range(width)]
         return self._add(number, names, "") if not self._above or self._pick(names) else None
 
@@ -262,7 +275,7 @@ class Scan:
         if found := stated_filter(self._stated):
             table.about["force_filter"] = found
         self._tables.append((table, rows))
-        self._before, self._above = self._above, []
+        self._before, self._above, self._comment = self._above, [], None
         return rows
 
 

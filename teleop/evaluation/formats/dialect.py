@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import re
 from collections.abc import Sequence
+from datetime import UTC, datetime
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -15,6 +16,32 @@ DELIMITERS = ("\t", ";", ",", "|", None)
 
 HEAD = 1000
 """How many lines tell the dialect."""
+
+
+CLOCK = re.compile(r"(\d+):(\d\d):(\d\d(?:[.,]\d+)?)")
+
+
+def clock(cell: str) -> float:
+    """Seconds since midnight of a time of day, or since 1970 of a date in the ISO format.
+
+    Raises
+    ------
+    ValueError
+        It is neither.
+    """
+    if match := CLOCK.fullmatch(cell):
+        hours, minutes, seconds = (float(part.replace(",", ".")) for part in match.groups())
+        return 3600.0 * hours + 60.0 * minutes + seconds
+    date = datetime.fromisoformat(cell)
+    return (date if date.tzinfo else date.replace(tzinfo=UTC)).timestamp()
+
+
+def is_clock(cell: str) -> bool:
+    """Whether a cell has a time of day or a date, see `clock`."""
+    try:
+        return ":" in cell and clock(cell) >= 0.0
+    except ValueError:
+        return False
 
 
 class Dialect(NamedTuple):
@@ -50,6 +77,8 @@ class Dialect(NamedTuple):
         """
         if "_" in cell:
             raise ValueError(cell)
+        if ":" in cell:
+            return clock(cell)
         if self.thousands and self.thousands in cell:
             mark = re.escape(self.thousands)
             if not re.match(rf"[-+]?\d{{1,3}}({mark}\d{{3}})+(?!\d)", cell):

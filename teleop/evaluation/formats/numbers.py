@@ -52,18 +52,20 @@ class Rows:
         self.picked = sorted(picked)
         self.problem: InputError | None = None
         self._place, self._dialect = place, dialect
+        self._parted = False  # by an empty line
         self._values: list[Floats] = []
         self._numbers: list[NDArray[np.int64]] = []
 
     def feed(self, first: int, lines: list[str]) -> int:
         """Take in lines, of which the first has this number; returns how many belong to the table.
 
-        A line without a number in it ends the table.
+        A line without a number ends the table, and so does a bad one below an empty line.
         """
         if not self.picked or self.problem:
             return self._skip(lines)
         values = self._in_bulk(lines)
         if values is not None:
+            self._parted = False
             self._values.append(values)
             self._numbers.append(np.arange(first, first + len(lines), dtype=np.int64))
             return len(lines)
@@ -75,15 +77,20 @@ class Rows:
         taken = len(lines)
         for i, line in enumerate(lines):
             if not line or line.isspace() or line.startswith("#"):
+                self._parted = self._parted or not line.strip()
                 continue
             try:
                 row = self._row(first + i, line)
             except InputError as error:
+                if self._parted and self.samples + len(numbers):
+                    taken = i
+                    break
                 self.problem = error
                 break
             if row is None:
                 taken = i
                 break
+            self._parted = False
             samples.extend(row)
             numbers.append(first + i)
         self._values.append(np.array(samples).reshape(-1, len(self.picked)))

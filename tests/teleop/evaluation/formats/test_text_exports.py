@@ -91,6 +91,38 @@ def test_the_export_of_a_machine_is_read_as_it_is(write, text, encoding):
     np.testing.assert_allclose(signals.f, F, rtol=1e-5)
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "# Time [s]  Position [mm]  Force [N]\n" + lines(" "),
+        "% exported\n% Time (s), Position (mm), Force (N)\n" + lines(","),
+        "Time [s],Position [mm],Force [N]\n" + lines(",") + "\nMaximum,1.5,3.3\nMean,1.0,2.3\n",
+        '"Time ","Display","Load 1","Disp"\n"Sec"," ","N","mm"\n'
+        + "".join(f"{t},1,{f:.6f},{x:.6f}\n" for t, x, f in zip(T, X, F, strict=True)),
+        "Time,Position [mm],Force [N]\n"
+        + "".join(f"9:59:{t + 5:06.3f},{x:.6f},{f:.6f}\n" for t, x, f in zip(T, X, F, strict=True)),
+        "timestamp;Position [mm];Force [N]\n"
+        + "".join(
+            f"2026-03-01 10:00:{t:06.3f};{x:.6f};{f:.6f}\n" for t, x, f in zip(T, X, F, strict=True)
+        ),
+    ],
+    ids=["savetxt", "percent", "footer", "numbered", "clock", "date"],
+)
+def test_the_layouts_of_other_programs_are_read(write, text):
+    signals = read_signals(write(text))
+    np.testing.assert_allclose(signals.t - signals.t[0], T, atol=1e-6)
+    np.testing.assert_allclose(signals.x, X * 1e-3, rtol=1e-5)
+    np.testing.assert_allclose(signals.f, F, rtol=1e-5)
+
+
+def test_two_numbered_columns_are_for_the_user_to_choose_from(write, refused):
+    path = write("Time [s],Position [mm],Load 1 [N],Load 2 [N]\n0,0,0,5\n1,1,1,6\n2,2,2,7\n")
+    message = refused("estimate", path)
+    assert "2 columns are named 'load 1', expected one, or --force with the number" in message
+    assert message.rstrip().endswith("3, 4")
+    assert read_signals(path, force="4").f[0] == 5.0
+
+
 def test_separators_of_thousands_are_no_decimal_marks(write):
     rows = "0.0\t1,000.5\t1.0\n0.1\t999.5\t2.0\n0.2\t12,001.0\t3.0\n0.3\t2,000\t4.0\n"
     path = write("Time [s]\tPosition [um]\tForce [N]\n" + rows)
@@ -269,6 +301,8 @@ def test_lines_read_in_bulk_give_what_single_lines_give(data, dialect):
     )
     rows = data.draw(st.lists(st.lists(cell, min_size=2, max_size=4), min_size=1, max_size=5))
     text = [(dialect.delimiter or " ").join(row) for row in rows]
+    if data.draw(st.booleans()):
+        text.insert(data.draw(st.integers(0, len(text))), "")
     headings = [Heading("a"), Heading("b"), Heading("c")]
 
     def result(parts):
