@@ -35,6 +35,10 @@ ALLOWED = {
         "h5py",
         "pyarrow",
         "zstandard",
+        "nptdms",
+        "python_calamine",
+        "rosbags",
+        "mcap_ros2",
     },
 }
 ROOMS = {

@@ -50,8 +50,9 @@ def estimate(
     Parameters
     ----------
     file
-        A recording of teleop run (.mcap), or CSV or TSV with units in its header, such as
-        `Time [s],Position [mm],Force [gf]`.
+        A recording of teleop run (.mcap), or a file of another program: text such as
+        `Time [s],Position [mm],Force [gf]`, .lvm, .mat, .h5, .parquet, .tdms, .xlsx, a ROS bag or
+        .mcap.
     more
         Further recordings of the same specimen.
     columns
@@ -119,7 +120,12 @@ def estimate(
             evaluation = evaluate(signals, chosen(recording, columns.datum, cube, given))
         except InputError as error:
             raise InputError(f"{path}: {error}" if more else str(error)) from error
-        summary = {"file": str(path), **evaluation.summary(cost)}
+        summary = {
+            "file": str(path),
+            "force_filter": signals.force_filter,
+            "reading": signals.notes,
+            **evaluation.summary(cost),
+        }
         if recording:
             summary["as_online"] = agrees(evaluation, recording)
             summary["missing_ticks"] = gap_rows(recording.gaps)

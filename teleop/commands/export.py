@@ -28,7 +28,8 @@ def export(
         Recording of teleop run (.mcap).
     out
         File to write; its ending .csv, .h5, .mat or .parquet selects the format. Default: the
-        name of the recording with the ending .csv. HDF5 and Parquet need
+        name of the recording with the ending .csv. The settings of the run are in the file, and
+        those of a CSV file in NAME.csv-metadata.json beside it. HDF5 and Parquet need
         `pip install '.[export]'`.
     json
         Print one JSON document instead of the file name.
@@ -36,13 +37,13 @@ def export(
     from teleop.files import check_outputs
     from teleop.output import console
     from teleop.printable import print_error
-    from teleop.recording.export_formats import export_recording, format_of
+    from teleop.recording.export_formats import description_of, export_recording, format_of
     from teleop.recording.gaps import gap_rows, missing_text
     from teleop.recording.recording import load
 
     out = out or file.with_suffix(".csv")
     name = format_of(out)
-    check_outputs(out, sources=(file,), overwrite=overwrite)
+    check_outputs(out, description_of(out), sources=(file,), overwrite=overwrite)
     recording = load(file)
     export_recording(out, recording, overwrite)
     if json:

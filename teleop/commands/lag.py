@@ -31,7 +31,7 @@ def lag(
     Parameters
     ----------
     file
-        Data measured on the spring, CSV or TSV with units in the header.
+        Data measured on the spring, in any format that `teleop estimate` reads.
     columns
         Columns to read, and their zeros.
     cube

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
 if TYPE_CHECKING:
-    from teleop.evaluation.formats.delimited import Signals
+    from teleop.evaluation.formats.columns import Wanted
+    from teleop.evaluation.signals import Signals
     from teleop.recording.recording import Recording
 
 
@@ -18,11 +19,24 @@ class Columns:
     """Which columns of a file to take, and where they are zero."""
 
     position: str | None = None
-    """Column of the position, as NAME or, if the header has no unit, NAME=UNIT."""
+    """Column of the position, as NAME or, if the header has no unit, NAME=UNIT. The number of a
+    column, from 1, is taken as well."""
     force: str | None = None
     """Column of the force, likewise."""
     time: str | None = None
     """Column of the time, likewise."""
+    block: int | None = None
+    """Number of the table, from 1, in a file with several: tests, sheets or groups."""
+    topic: str | None = None
+    """Topic of a ROS bag or an MCAP file, whose fields are the columns; without it they are named
+    /topic.field."""
+    rate: float | None = None
+    """Sampling rate [Hz] of a file without a time column."""
+    lever: str | None = None
+    """Length of the lever arm, such as 50mm, that converts an angle and a torque to a
+    displacement and a force."""
+    invert: Literal["position", "force", "both"] | None = None
+    """What changes its sign: both must be positive in compression."""
     datum: str = "auto"
     """Where position and force are zero: as in the file, at the first sample (start), at the
     mean of the motion, or given as in 1.5mm,20N. By default as in the file for a column named
@@ -37,23 +51,61 @@ class Columns:
             The file is not as expected, or a column was asked of a recorded trial.
         """
         from teleop.errors import InputError
-
-        if file.suffix.lower() != ".mcap":
-            from teleop.evaluation.formats.delimited import read_signals
-
-            return read_signals(file, self.position, self.force, self.time), None
+        from teleop.evaluation import exported
+        from teleop.evaluation.formats.mcap import is_foreign
         from teleop.evaluation.replay import recorded_signals
+        from teleop.evaluation.signals import chosen_table, signals_of
+        from teleop.files import RECORDING
         from teleop.recording.recording import load
 
-        for option in ("position", "force", "time"):
+        if file.suffix.lower() != RECORDING or is_foreign(file):
+            wanted = self.wanted()
+            table = chosen_table(file, wanted, () if any(wanted) else exported.COLUMNS)
+            recording = exported.exported_recording(table)
+            if recording is None:
+                return signals_of(table, wanted), None
+            return recorded_signals(recording), recording if recording.settings else None
+        for option in OF_TABLES:
             if getattr(self, option) is not None:
                 raise InputError(
-                    f"{file}: --{option} takes a column of a table; a recorded trial has its own"
+                    f"{file}: --{option} is for a table; a recorded trial has its own columns"
                 )
         recording = load(file)
         return recorded_signals(recording), recording
 
+    def wanted(self) -> Wanted:
+        """What the options ask of a table.
 
+        Raises
+        ------
+        InputError
+            A number or a length is out of its range.
+        """
+        from teleop.errors import InputError
+        from teleop.evaluation.formats.columns import Wanted
+        from teleop.evaluation.units import quantity
+
+        lever = None if self.lever is None else quantity(self.lever, "position")
+        if self.lever is not None and not (lever and lever > 0.0):
+            raise InputError(f"lever {self.lever!r}: expected a length such as 50mm")
+        if self.rate is not None and not 1e-3 <= self.rate <= 1e9:
+            raise InputError(f"rate {self.rate:g}: expected 0.001 to 1e9 Hz")
+        if self.rate is not None and self.time is not None:
+            raise InputError("--rate and --time exclude each other: expected one of them")
+        return Wanted(
+            self.position,
+            self.force,
+            self.time,
+            self.block,
+            self.rate,
+            lever,
+            self.invert,
+            self.topic,
+        )
+
+
+OF_TABLES = ("position", "force", "time", "block", "topic", "rate", "lever", "invert")
+"""Options that a recorded trial does not take."""
 ColumnOptions = Annotated[Columns, Parameter(name="*")]
 """The options, without a common prefix."""
 BY_NAME = Columns()

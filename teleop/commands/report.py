@@ -30,7 +30,8 @@ def report(
     Parameters
     ----------
     file
-        Recording of teleop run (.mcap), or CSV or TSV with units in the header.
+        Recording of teleop run (.mcap), or a file of another program: text, .lvm, .mat, .h5,
+        .parquet, .tdms, .xlsx, a ROS bag or .mcap.
     out
         HTML file to write. Default: the name of the recording with the ending .html.
     columns

@@ -247,7 +247,7 @@ def read_depth(text: str | None) -> float | None:
         The text is not a length with a unit.
     """
     from teleop.errors import InputError
-    from teleop.evaluation.formats.delimited import quantity
+    from teleop.evaluation.units import quantity
 
     depth = None if text is None else quantity(text, "position")
     if text is not None and depth is None:

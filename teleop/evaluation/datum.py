@@ -8,7 +8,8 @@ import numpy as np
 
 from estimation.compiled import Floats
 from teleop.errors import InputError
-from teleop.evaluation.formats.delimited import Signals, quantity
+from teleop.evaluation.signals import Signals
+from teleop.evaluation.units import quantity
 
 FROM_DATUM = ("displacement", "slave_position", "indentation", "depth")
 """Names of a position that is already measured from the contact datum."""

@@ -29,10 +29,10 @@ from estimation.registry import PAPER
 from estimation.summary import summarise
 from teleop.errors import InputError, as_input_error
 from teleop.evaluation.datum import Datum, find_datum, moving_part, smallest_step
-from teleop.evaluation.formats.delimited import Signals
 from teleop.evaluation.model_comparison import compare
 from teleop.evaluation.model_comparison import cost as sample_cost
 from teleop.evaluation.sampling_gaps import closed_up, condition
+from teleop.evaluation.signals import Signals
 from teleop.names import ConditioningName, PresetName
 
 FEWEST = 10

@@ -7,7 +7,8 @@ import numpy as np
 from estimation import Preset
 from teleop.errors import InputError, invalid_parts
 from teleop.evaluation.evaluation import EstimateSettings, Evaluation
-from teleop.evaluation.formats.delimited import LARGEST, Signals
+from teleop.evaluation.signals import Signals
+from teleop.evaluation.units import LARGEST
 from teleop.recording.recording import Recording
 
 

@@ -117,6 +117,18 @@ def print_estimated(console: Console, summary: Mapping[str, Any]) -> None:
         console.print(f"  {name}: estimated by an observer, not measured", style="yellow")
 
 
+def print_reading(console: Console, summary: Mapping[str, Any]) -> None:
+    """What the file states of a force filter, and what was done to its samples."""
+    if summary["force_filter"]:
+        console.print(
+            f"  the file states a filter of the force: {summary['force_filter']!r}; "
+            "its delay biases b unless --force-lag makes up for it",
+            style="yellow",
+        )
+    for note in summary["reading"]:
+        console.print(f"  {note}", style="yellow")
+
+
 def print_evaluation(summary: Mapping[str, Any], name: str) -> None:
     """A recording's tables."""
     console = plain_console()
@@ -135,6 +147,7 @@ def print_evaluation(summary: Mapping[str, Any], name: str) -> None:
         f"  excitation: {summary['excitation']['mean']:.2f} (0 none, 1 a sine about the datum)"
     )
     print_estimated(console, summary)
+    print_reading(console, summary)
     print_model(console, summary)
     print_gaps(console, summary)
     if summary["batch"]["k"] < 0.0:

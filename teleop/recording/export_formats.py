@@ -12,7 +12,7 @@ import numpy as np
 
 from estimation.compiled import Floats
 from teleop.errors import InputError
-from teleop.files import new_file
+from teleop.files import new_file, write_text
 from teleop.json_documents import dumps
 
 if TYPE_CHECKING:
@@ -20,8 +20,25 @@ if TYPE_CHECKING:
 
 
 def write_csv(file: BinaryIO, recording: Recording) -> None:
-    """Write the columns with the header `name [unit]`, without session and events."""
+    """Write the columns with the header `name [unit]`; `description` has the rest."""
     write_table(file, recording.columns, recording.units)
+
+
+def description_of(path: Path) -> Path | None:
+    """The file beside a CSV file that has what its columns do not, as CSV on the Web names it."""
+    is_csv = path.suffix.lower() in FORMATS and format_of(path) == "csv"
+    return path.with_name(f"{path.name}-metadata.json") if is_csv else None
+
+
+def description(path: Path, recording: Recording) -> str:
+    """The settings, session and events of a CSV file, as notes of CSV on the Web."""
+    about = {
+        "settings": recording.settings,
+        "session": recording.session,
+        "events": recording.events,
+    }
+    document = {"@context": "http://www.w3.org/ns/csvw", "url": path.name, "notes": [about]}
+    return dumps(document, indent=1) + "\n"
 
 
 def write_hdf5(disk: BinaryIO, recording: Recording) -> None:
@@ -111,6 +128,8 @@ def format_of(path: Path) -> str:
 def export_recording(path: Path, recording: Recording, overwrite: bool = False) -> None:
     """Write a recording in the format of the file name's ending.
 
+    Beside a CSV file goes one with the settings, session and events, `description_of`.
+
     Parameters
     ----------
     path
@@ -129,6 +148,8 @@ def export_recording(path: Path, recording: Recording, overwrite: bool = False) 
     format_of(path)
     with new_file(path, overwrite) as file:
         FORMATS[path.suffix.lower()][1](file, recording)
+    if beside := description_of(path):
+        write_text(beside, description(path, recording), overwrite)
 
 
 def missing(library: str, name: str) -> InputError:

@@ -1,279 +1,276 @@
-"""Tables of measurements: CSV or TSV files whose header names quantities and units."""
+"""Text tables: CSV, TSV and the text exports of testing machines."""
 
 from __future__ import annotations
 
-import contextlib
 import csv
 import io
-import math
 import re
-from array import array
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import NamedTuple, TextIO
 
-import numpy as np
-
-from drivers.input_file import open_input
-from estimation.compiled import Floats
+from drivers.input_file import open_input, read_input
 from teleop.errors import InputError
-from teleop.evaluation.sampling_gaps import long_periods
-from teleop.files import unreadable
+from teleop.evaluation.formats.columns import Wanted
+from teleop.evaluation.formats.dialect import Dialect, dialect_of, is_clock
+from teleop.evaluation.formats.encoding import encoding_of
+from teleop.evaluation.formats.layout import (
+    fitted,
+    headings_above,
+    is_number,
+    is_samples,
+)
+from teleop.evaluation.formats.numbers import Rows
+from teleop.evaluation.formats.table import Heading, Pick, Table, stated_filter
+from teleop.json_documents import dumps, loads
 
-UNITS = {
-    "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "min": 60.0},
-    "position": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6},
-    "force": {
-        "N": 1.0,
-        "mN": 1e-3,
-        "kN": 1e3,
-        "gf": 9.80665e-3,
-        "kgf": 9.80665,
-        "lbf": 4.4482216152605,
-    },
-}
-"""Units of each quantity and their size in SI units."""
-
-NAMES = {
-    "time": ("time", "t", "timestamp"),
-    "position": ("displacement", "slave_position", "indentation", "depth", "position", "x"),
-    "force": ("force", "contact_force", "contact force", "interaction force", "load", "f"),
-}
-"""Names by which a quantity's column is found, in any case."""
-
-MICRO, GREEK_MU = "\u00b5", "\u03bc"
-"""The sign of micro and the letter that looks like it: Unicode has both, and prefers the letter."""
-
-LARGEST = 1e12
-"""Largest time, position and force in SI units that is taken for a measurement."""
 LONGEST_LINE = 1 << 18
 """Most characters in a line of a table."""
-SHORTEST = 1e-9
-"""Shortest sample period [s]."""
+HEAD = 1 << 16
+"""How much of a file tells its encoding and delimiter [bytes]."""
+PART = 1 << 20
+"""How much of a file is read at once [characters]."""
+PREAMBLE = 1000
+"""Most lines above a header that are searched for what they state."""
+FEWEST = 3
+"""Fewest samples of a table whose columns have no usual names."""
+
+Part = tuple[int, list[str]]
+"""Lines, and the number of the first."""
 
 
-class Signals(NamedTuple):
-    """Measured time [s], position [m] and force [N], arrays of shape (n,)."""
+def read(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
+    """The tables of a text file.
 
-    t: Floats
-    x: Floats
-    f: Floats
-    dt: Floats
-    """Time since the sample before [s]."""
-    position_name: str
-    """Name of the position's column, without its unit."""
-    gaps: tuple[int, ...] = ()
-    """Numbers of the samples before which samples are missing."""
-
-
-def periods(t: Floats) -> Floats:
-    """Time since the sample before [s]; for the first sample the median of the others."""
-    steps = np.diff(t)
-    return np.concatenate(([np.median(steps)], steps))
-
-
-class Column(NamedTuple):
-    """A column of a file: where it is, and how large its unit is in SI units."""
-
-    place: int
-    name: str
-    scale: float
-
-
-def split_header(cell: str) -> tuple[str, str | None]:
-    """Name and unit of a header cell such as `Force [gf]` or `Force (gf)`."""
-    cell = cell.strip().replace(GREEK_MU, MICRO)
-    start = max(cell.rfind("["), cell.rfind("("))
-    if start < 0 or not cell.endswith(("]", ")")):
-        return cell, None
-    return cell[:start].strip(), cell[start + 1 : -1].strip()
-
-
-def find_column(where: str, header: list[str], quantity: str, wanted: str | None) -> Column:
-    """The column of a quantity, by name, or the one that is `wanted`: NAME or NAME=UNIT."""
-    cells = [split_header(cell) for cell in header]
-    unit = None
-    if wanted is None:
-        names = [name for name in NAMES[quantity] for cell, _ in cells if cell.lower() == name]
-        expected = f"one named {', '.join(NAMES[quantity])}, or --{quantity} COLUMN"
-    else:
-        name, equals, given = wanted.rpartition("=")
-        if wanted not in header and equals:
-            wanted, unit = name, given.replace(GREEK_MU, MICRO)
-        name, named_unit = split_header(wanted)
-        unit = unit or named_unit
-        names = [name]
-        expected = f"one of {', '.join(repr(name) for name, _ in cells)}"
-    matches = [i for i, (name, _) in enumerate(cells) if names and name.lower() == names[0].lower()]
-    if not matches:
-        asked = f"column {wanted!r}" if wanted else f"{quantity} column"
-        raise InputError(f"{where}: no {asked}: expected {expected}")
-    if len(matches) > 1:
-        raise InputError(f"{where}: {len(matches)} columns are named {names[0]!r}, expected one")
-    index = matches[0]
-    name = cells[index][0]
-    if unit and cells[index][1] not in (None, unit):
-        raise InputError(
-            f"{where}: column {name!r} is in {cells[index][1]!r} by the header, not in {unit!r}"
-        )
-    unit = unit or cells[index][1]
-    units = ", ".join(UNITS[quantity])
-    if unit is None:
-        raise InputError(
-            f"{where}: column {name!r} has no unit: expected a header such as "
-            f"'{name} [{next(iter(UNITS[quantity]))}]', or --{quantity} '{name}=UNIT' "
-            f"with one of {units}"
-        )
-    if unit not in UNITS[quantity]:
-        raise InputError(f"{where}: column {name!r} has unknown unit {unit!r}: expected {units}")
-    return Column(index, name, UNITS[quantity][unit])
-
-
-def read_signals(
-    path: Path,
-    position: str | None = None,
-    force: str | None = None,
-    time: str | None = None,
-) -> Signals:
-    """Read time, position and force from a CSV or TSV file, in SI units.
-
-    Parameters
-    ----------
-    path
-        The file: a header line with units, such as `Time [s],Position [mm],Force [gf]`, and
-        a line a sample; lines that begin with # are comments. The separator, of comma, tab
-        and semicolon, is told from the header; with the latter two, numbers may have a
-        decimal comma.
-    position, force, time
-        Column to take, as NAME or, where the header has no unit, NAME=UNIT; by default the
-        one that has a usual name.
+    A header is searched below a preamble. Lines that begin with # are comments; one directly above
+    the samples may be their header. A line without a number ends a table, and so does one with
+    text in place of a sample below an empty line. Another table may begin below it.
 
     Raises
     ------
     InputError
-        The file, a column, a unit or a value is not as expected; names file and line.
+        It is not a text file, or a line is too long.
+    OSError
+        The file cannot be read.
     """
+    names = [name for name in wanted[:3] if name]
+    with open_input(path) as file:
+        head = file.read(HEAD)
+        file.seek(0)
+        encoding = encoding_of(head, names)
+        if encoding is None:
+            raise not_text(path)
+        strict = encoding.startswith("utf-16")
+        errors = "strict" if strict else "replace"
+        try:
+            with io.TextIOWrapper(file, encoding, errors) as text:
+                tables = tables_in(path, parts(path, text), pick)
+        except UnicodeError as error:
+            raise not_text(path) from error
+    for table in tables:
+        table.about |= described(path)
+    return tables
+
+
+def described(path: Path) -> dict[str, str]:
+    """What `teleop export` wrote beside a CSV file: `settings`, `session` and `events`."""
+    beside = path.with_name(f"{path.name}-metadata.json")
     try:
-        with io.TextIOWrapper(open_input(path), "latin-1") as file:
-            return signals_in(path, lines_in(path, file), position, force, time)
-    except OSError as error:
-        raise unreadable(path, error) from error
+        notes = loads(read_input(beside)).get("notes")
+    except FileNotFoundError:
+        return {}
+    except (OSError, ValueError) as error:
+        raise InputError(f"{beside}: cannot be read: {error}") from error
+    notes = notes[0] if isinstance(notes, list) and notes else {}
+    names = ("settings", "session", "events")
+    return {name: dumps(notes[name]) for name in names if isinstance(notes, dict) and name in notes}
 
 
-def lines_in(path: Path, file: TextIO) -> Iterator[tuple[int, str]]:
-    """The lines of a text file that are neither blank nor comments, with their numbers.
+def not_text(path: Path) -> InputError:
+    """The one line that refuses a binary file."""
+    return InputError(f"{path}: not a text file: expected a table in UTF-8, UTF-16 or a code page")
+
+
+def parts(path: Path, text: io.TextIOWrapper) -> Iterator[Part]:
+    """The lines of a text file, in parts.
 
     Raises
     ------
     InputError
         It is not a text file, or a line is too long.
     """
-    number = 0
-    while line := file.readline(LONGEST_LINE + 1):
-        number += 1
-        if "\0" in line:
-            raise InputError(f"{path}: not a text file: expected CSV or TSV in UTF-8 or Latin-1")
-        if len(line) > LONGEST_LINE:
-            raise InputError(
-                f"{path}, line {number}: expected a line of at most {LONGEST_LINE} characters"
-            )
-        with contextlib.suppress(UnicodeDecodeError):
-            line = line.encode("latin-1").decode()
-        if number == 1:
-            line = line.removeprefix("\ufeff")
-        if line.strip() and not line.startswith("#"):
-            yield number, line.rstrip("\n")
+    number, rest = 1, ""
+    while block := text.read(PART):
+        if "\0" in block:
+            raise not_text(path)
+        lines = (rest + block).split("\n")
+        rest = lines.pop()
+        for i, line in enumerate([*lines, rest]):
+            if len(line) > LONGEST_LINE:
+                raise InputError(
+                    f"{path}, line {number + i}: expected a line of at most {LONGEST_LINE} "
+                    "characters"
+                )
+        if lines:
+            yield number, lines
+        number += len(lines)
+    if rest:
+        yield number, [rest]
 
 
-def signals_in(
-    path: Path,
-    lines: Iterator[tuple[int, str]],
-    position: str | None,
-    force: str | None,
-    time: str | None,
-) -> Signals:
-    """The signals in the lines of a table; see `read_signals`."""
-    first, line = next(lines, (0, ""))
-    if not line:
+def tables_in(path: Path, lines: Iterable[Part], pick: Pick) -> list[Table]:
+    """The tables in the lines of a file; see `read`."""
+    scan: Scan | None = None
+    for first, part in lines:
+        scan = scan or Scan(path, pick, dialect_of(part))
+        scan.feed(first, part)
+    if scan is None:
         raise InputError(f"{path}: the file is empty: expected a header line and samples")
-    delimiter = max("\t;,", key=line.count)
-    where = f"{path}, line {first}"
-    header = split_line(where, line, delimiter)
-    columns = [
-        find_column(where, header, quantity, wanted)
-        for quantity, wanted in (("time", time), ("position", position), ("force", force))
-    ]
+    return scan.end()
 
-    samples, numbers = array("d"), array("q")
-    for number, line in lines:
-        if delimiter != ",":
-            line = line.replace(",", ".")
-        cells = split_line(f"{path}, line {number}", line, delimiter)
-        if len(cells) != len(header):
+
+def title_of(lines: Sequence[str]) -> str:
+    """What a table is called by the lines above its header: the last tag, or the last line."""
+    lines = [line.strip(' \t,;"') for line in lines]
+    tags = [line for line in lines if re.fullmatch(r"<(?!/|end|data|info)[^<>]+>", line, re.I)]
+    return (tags or lines or [""])[-1]
+
+
+class Scan:
+    """Finds tables in the lines of a file.
+
+    Parameters
+    ----------
+    path
+        The file.
+    pick
+        Chooses the columns to load.
+    dialect
+        How cells are written.
+    """
+
+    def __init__(self, path: Path, pick: Pick, dialect: Dialect) -> None:
+        self._path, self._pick, self._dialect = path, pick, dialect
+        self._above: list[tuple[int, str]] = []
+        self._before: list[tuple[int, str]] = []
+        self._stated: list[str] = []
+        self._comment: tuple[int, str] | None = None
+        self._tables: list[tuple[Table, Rows]] = []
+        self._rows: Rows | None = None
+
+    def feed(self, first: int, lines: list[str]) -> None:
+        """Take in lines, of which the first has this number."""
+        i = 0
+        while i < len(lines):
+            if self._rows:
+                i += self._rows.feed(first + i, lines[i:] if i else lines)
+                if i < len(lines):
+                    self._close()
+                continue
+            line = lines[i]
+            if line.startswith(("#", "%")):
+                self._comment = (first + i, line.strip("#% "))
+                self._state(line)
+            elif line.strip():
+                cells = self._cells(first + i, line)
+                if is_samples(cells) and (found := self._start(first + i, cells)):
+                    self._rows = found
+                    continue
+                self._above.append((first + i, line))
+                self._state(line)
+            i += 1
+
+    def end(self) -> list[Table]:
+        """The tables that were found, with their columns.
+
+        Raises
+        ------
+        InputError
+            There is no line that is a header.
+        """
+        self._close()
+        if not self._tables and not self._above:
+            raise InputError(f"{self._path}: the file is empty: expected a header line and samples")
+        if not any(rows.picked for _, rows in self._tables) and self._above:
+            self._only_a_header()
+        for table, rows in self._tables:
+            numbers = rows.numbers()
+            table.columns = rows.columns()
+            table.samples = len(numbers)
+            table.problem = rows.problem
+            table.sample = lambda i, numbers=numbers: self._place(int(numbers[i]))  # type: ignore[misc]
+        return [table for table, _ in self._tables]
+
+    def _close(self) -> None:
+        """End a table; a few numbers within a preamble are none."""
+        if self._rows and not self._rows.picked and self._rows.samples < FEWEST:
+            self._tables.pop()
+            self._above = self._before
+        self._rows = None
+
+    def _only_a_header(self) -> None:
+        """Take a line for a header that has no samples below it."""
+        for number, line in self._above:
+            names = fitted(self._cells(number, line), 0)
+            found = headings_above([names], len(names))
+            headings = found[0] if found else [Heading(name) for name in names]
+            if not self._tables or self._pick(headings):
+                self._add(number, headings, "")
+                if self._tables[-1][1].picked:
+                    return
+
+    def _place(self, number: int) -> str:
+        return f"{self._path}, line {number}"
+
+    def _cells(self, number: int, line: str) -> list[str]:
+        try:
+            return self._dialect.split(line)
+        except csv.Error as error:
             raise InputError(
-                f"{path}, line {number}: {len(cells)} cells, expected {len(header)} by the header"
-            )
-        samples.extend(read_value(f"{path}, line {number}", cells, c, header) for c in columns)
-        numbers.append(number)
-    if len(numbers) < 3:
-        raise InputError(f"{path}: {len(numbers)} samples: expected at least 3")
-    t, x, f = (np.array(samples).reshape(-1, 3) * [column.scale for column in columns]).T
-    if len({column.place for column in columns}) < len(columns):
-        raise InputError(f"{where}: time, position and force must be three columns")
-    for name, channel in (("time", t), ("position", x), ("force", f)):
-        if not np.abs(channel).max() < LARGEST:
-            i = int(np.argmax(np.abs(channel)))
-            raise InputError(
-                f"{path}, line {numbers[i]}: a {name} of {channel[i]:g} in SI units, "
-                f"expected less than {LARGEST:g}"
-            )
-    steps = np.diff(t)
-    if (steps > 0.0).all() and steps.min() < SHORTEST:
-        raise InputError(f"{path}: times {steps.min():g} s apart: expected {SHORTEST:g} s or more")
-    if not (steps > 0.0).all():
-        i = int(np.argmin(steps > 0.0))
-        what = "repeats" if steps[i] == 0.0 else "runs backwards"
-        raise InputError(
-            f"{path}, line {numbers[i + 1]}: time {what}, from {t[i]:g} s to {t[i + 1]:g} s: "
-            "expected times that rise"
-        )
-    dt = periods(t)
-    return Signals(t, x, f, dt, columns[1].name, tuple(long_periods(dt).tolist()))
+                f"{self._place(number)}: cannot be read as a table: {error}"
+            ) from error
 
+    def _state(self, line: str) -> None:
+        if len(self._stated) < PREAMBLE:
+            self._stated.append(line)
 
-NUMBER = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\d\s.]+)")
+    def _start(self, number: int, cells: list[str]) -> Rows | None:
+        """The table whose first samples are in this row; None where it has no header."""
+        above = self._above[-2:]
+        width = len(cells)
+        rows = [self._header_cells(n, line, width) for n, line in above]
+        found = headings_above(rows, width)
+        if found is None and self._comment:  # as numpy.savetxt writes it
+            above = [self._comment]
+            found = headings_above([self._header_cells(*self._comment, width)], width)
+        if found:
+            headings, row = found
+            for i, cell in enumerate(cells[: len(headings)]):
+                if is_clock(cell) and headings[i].unit is None:
+                    headings[i] = headings[i]._replace(unit="s")
+            before = self._above[: max(len(self._above) - len(above) + row, 0)]
+            return self._add(above[row][0], headings, title_of([line for _, line in before]))
+        if self._tables and len(self._tables[-1][0].headings) == len(fitted(cells, 0)):
+            headings = list(self._tables[-1][0].headings)
+            if all(is_number(cells[i]) or is_clock(cells[i]) for i in self._pick(headings)):
+                title = self._above[-1][1].strip() if self._above else ""
+                return self._add(number, headings, title)
+            return None
+        names = [Heading(str(i + 1)) for i in range(width)]
+        return self._add(number, names, "") if not self._above or self._pick(names) else None
 
+    def _header_cells(self, number: int, line: str, width: int) -> list[str]:
+        """The cells of a header; names between spaces may have spaces before their unit."""
+        cells = self._cells(number, line)
+        if self._dialect.delimiter is None and len(cells) != width:
+            return re.findall(r"[^\s\[(]+(?:\s*[\[(][^\])]*[\])])?", line)
+        return cells
 
-def quantity(text: str, kind: str) -> float | None:
-    """A number with a unit of this kind, such as 1.5mm, in SI units; None if it is none."""
-    match = NUMBER.fullmatch(text.strip().replace(GREEK_MU, MICRO))
-    if not match or match[2] not in UNITS[kind]:
-        return None
-    value = float(match[1]) * UNITS[kind][match[2]]
-    return value if abs(value) < LARGEST else None
-
-
-def split_line(where: str, line: str, delimiter: str) -> list[str]:
-    """The cells of a line."""
-    try:
-        return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter))]
-    except csv.Error as error:
-        raise InputError(f"{where}: cannot be read as a table: {error}") from error
-
-
-def read_value(where: str, cells: list[str], column: Column, header: list[str]) -> float:
-    """The number in a column of a line."""
-    cell = cells[column.place]
-    try:
-        value = float("text" if "_" in cell else cell)
-    except ValueError:
-        value = math.nan
-        if cell.lower() not in ("nan", ""):
-            raise InputError(
-                f"{where}: {header[column.place]!r} is {cell!r}, expected a number"
-            ) from None
-    if not math.isfinite(value):
-        raise InputError(
-            f"{where}: {header[column.place]!r} is {cell or 'empty'}, expected a finite number"
-        )
-    return value
+    def _add(self, number: int, headings: list[Heading], title: str) -> Rows:
+        rows = Rows(self._place, headings, self._pick(headings), self._dialect)
+        where = self._place(number)
+        table = Table(where, headings, {}, 0, str, title[:60])
+        if found := stated_filter(self._stated):
+            table.about["force_filter"] = found
+        self._tables.append((table, rows))
+        self._before, self._above, self._comment = self._above, [], None
+        return rows

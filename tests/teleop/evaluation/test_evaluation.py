@@ -9,7 +9,7 @@ from estimation.excitation import dominant_frequency
 from teleop.errors import InputError
 from teleop.evaluation.datum import moving_part
 from teleop.evaluation.evaluation import EstimateSettings, evaluate
-from teleop.evaluation.formats.delimited import Signals, periods, read_signals
+from teleop.evaluation.signals import Signals, periods, read_signals
 
 MACH1 = Path(__file__).parents[3] / "examples" / "data" / "mach1"
 BATCH = {"0.2Hz": (940_800, 66_400), "0.5Hz": (980_000, 23_000), "1Hz": (1_007_800, 10_400)}

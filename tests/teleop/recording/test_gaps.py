@@ -14,9 +14,9 @@ from estimation import MatchedFilter
 from teleop.cli import main
 from teleop.errors import InputError
 from teleop.evaluation.evaluation import EstimateSettings, evaluate
-from teleop.evaluation.formats.delimited import Signals, periods, read_signals
 from teleop.evaluation.replay import agrees, recorded_settings, recorded_signals
 from teleop.evaluation.sampling_gaps import condition
+from teleop.evaluation.signals import Signals, periods, read_signals
 from teleop.recording.gaps import missing_text, missing_ticks
 from teleop.recording.recorder import RecorderProcess
 from teleop.recording.recording import load

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from teleop.errors import InputError
-from teleop.evaluation.formats.delimited import quantity, read_signals
+from teleop.evaluation.signals import read_signals
+from teleop.evaluation.units import quantity
 from teleop.files import new_file
 from teleop.recording.export_formats import write_table
 

@@ -1,0 +1,47 @@
+"""Recordings that `teleop export` wrote for other programs, read back."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+from teleop.errors import InputError
+from teleop.evaluation.formats.table import Table
+from teleop.recording.recording import Recording, gaps_of
+
+COLUMNS = ("time", "paired_position", "paired_force", "paired_dt", "x", "dt", "dropped")
+"""Columns by which an export is recognised."""
+
+
+def exported_recording(table: Table) -> Recording | None:
+    """The recording that was exported; None for any other table.
+
+    Raises
+    ------
+    InputError
+        A value or the stored settings cannot be read.
+    """
+    if not set(COLUMNS) <= {heading.name for heading in table.headings}:
+        return None
+    if len(table.columns) < len(table.headings):
+        return None
+    if table.problem:
+        raise table.problem
+    columns = {table.headings[i].name: column for i, column in table.columns.items()}
+    return Recording(
+        columns=columns,
+        units={heading.name: heading.unit or "-" for heading in table.headings},
+        events=stored(table, "events", []),
+        session=stored(table, "session", {}),
+        settings=stored(table, "settings", {}),
+        gaps=gaps_of(columns, ""),
+    )
+
+
+def stored(table: Table, name: str, nothing: Any) -> Any:
+    """A JSON document that was exported beside the columns."""
+    try:
+        value = json.loads(table.about.get(name, "null"))
+    except ValueError as error:
+        raise InputError(f"{table.where}: the {name} of the run are no JSON: {error}") from error
+    return value if isinstance(value, type(nothing)) else nothing

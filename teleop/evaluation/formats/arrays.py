@@ -1,0 +1,143 @@
+"""Tables from arrays by name: what binary formats have in common."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from estimation.compiled import Floats
+from teleop.evaluation.formats.columns import split_heading
+from teleop.evaluation.formats.table import Heading, Pick, Table
+from teleop.evaluation.units import canonical
+
+FEWEST = 3
+"""Fewest samples of an array that is a column."""
+WIDEST = 1000
+"""Most columns that a matrix is split into."""
+
+
+def vectors(name: str, value: Any, by_rows: bool = False) -> dict[str, Floats]:
+    """The columns in an array: itself, or those of a matrix, numbered from 1.
+
+    Parameters
+    ----------
+    name
+        Name of the array.
+    value
+        The array, of any type.
+    by_rows
+        Whether the columns of a matrix stand in its rows, as MATLAB stores them in HDF5.
+    """
+    array = np.asarray(value)
+    if array.dtype.kind == "M":
+        array = (array - array.reshape(-1)[:1]) / np.timedelta64(1, "s")
+    elif array.dtype.kind == "m":
+        array = array / np.timedelta64(1, "s")
+    if array.dtype.kind not in "fiub" or array.size < FEWEST:
+        return {}
+    array = np.squeeze(array)
+    if array.ndim == 1:
+        return {name: array}
+    if array.ndim != 2:
+        return {}
+    columns = array if by_rows else array.T
+    if len(columns) > WIDEST or columns.shape[1] < FEWEST:
+        return {}
+    return {f"{name}[{i}]": column for i, column in enumerate(columns, 1)}
+
+
+def heading(name: str, unit: Any = None) -> Heading:
+    """The heading of a named array, whose unit is an attribute or stands in its name."""
+    if isinstance(unit, bytes):
+        unit = unit.decode(errors="replace")
+    if isinstance(unit, str) and unit.strip() not in ("", "-"):
+        return Heading(name, canonical(unit.strip("[]() ")))
+    return split_heading(name)
+
+
+def table_of(
+    path: Path,
+    where: str,
+    columns: Mapping[str, Floats],
+    pick: Pick,
+    units: Mapping[str, Any],
+    title: str = "",
+    about: Mapping[str, str] | None = None,
+) -> Table:
+    """A table of arrays of one length.
+
+    Parameters
+    ----------
+    path
+        The file.
+    where
+        File and place of the table, for messages.
+    columns
+        Arrays by name, each of shape (n,).
+    pick
+        Chooses the columns.
+    units
+        Unit of each column that has one.
+    title, about
+        See `Table`.
+    """
+    headings = [heading(name, units.get(name)) for name in columns]
+    arrays = list(columns.values())
+    picked = {i: np.asarray(arrays[i], dtype=np.float64) for i in pick(headings)}
+    samples = len(arrays[0]) if arrays else 0
+    return Table(
+        where,
+        headings,
+        picked,
+        samples,
+        lambda i: f"{where}, sample {i + 1}",
+        title,
+        dict(about or {}),
+    )
+
+
+def tables_by_length(
+    path: Path,
+    columns: Mapping[str, Floats],
+    pick: Pick,
+    units: Mapping[str, Any],
+    about: Mapping[str, str] | None = None,
+) -> list[Table]:
+    """A table of all arrays of a length, for each length."""
+    lengths: dict[int, dict[str, Floats]] = {}
+    for name, column in columns.items():
+        lengths.setdefault(len(column), {})[name] = column
+    return [table_of(path, str(path), some, pick, units, "", about) for some in lengths.values()]
+
+
+def tables_by_group(
+    path: Path,
+    groups: Mapping[str, Mapping[str, Floats]],
+    pick: Pick,
+    units: Mapping[str, Mapping[str, Any]],
+    about: Mapping[str, str] | None = None,
+) -> list[Table]:
+    """The tables of each group of arrays, named by the group."""
+    tables = []
+    for group, columns in groups.items():
+        for table in tables_by_length(path, columns, pick, units.get(group, {}), about):
+            table.title = group
+            tables.append(table)
+    return tables
+
+
+def texts(values: Mapping[str, Any], names: Sequence[str]) -> dict[str, str]:
+    """Those of the named values that are text."""
+    found = {}
+    for name in names:
+        value = values.get(name)
+        if isinstance(value, bytes):
+            value = value.decode(errors="replace")
+        if isinstance(value, np.ndarray) and value.size == 1:
+            value = value.reshape(-1)[0]
+        if isinstance(value, str):
+            found[name] = str(value)
+    return found

@@ -1,0 +1,235 @@
+"""Which columns of a table are time, position and force, and in which units."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Sequence
+from typing import NamedTuple
+
+from teleop.errors import InputError
+from teleop.evaluation.formats.names import KNOWN, NAMES, plain
+from teleop.evaluation.formats.table import Heading, Pick
+from teleop.evaluation.units import ON_LEVER, UNITS, canonical, is_unit, size_of
+
+SHOWN = 6
+"""Most names and columns that a message lists of a quantity."""
+COLUMNS_SHOWN = 24
+AXES = frozenset("xyz0123456789")
+"""What stands in brackets after a name and is no unit."""
+
+
+NUMBERED = re.compile(r" ?\d$")
+"""How the name of the first of several sensors may end, such as `Load 1`."""
+MASTER = ("_", "m")
+"""How names of a master's channels end, such as `position_m`: no unit."""
+
+
+class Wanted(NamedTuple):
+    """What a user asks of a measurement file."""
+
+    position: str | None = None
+    """Column of the position: NAME, NAME=UNIT, or its number from 1."""
+    force: str | None = None
+    time: str | None = None
+    block: int | None = None
+    """Number of the table in a file with several, from 1."""
+    rate: float | None = None
+    """Sampling rate [Hz] of a file without a time column."""
+    lever: float | None = None
+    """Lever arm [m] on which an angle and a torque are a position and a force."""
+    invert: str | None = None
+    """position, force or both: which of them changes its sign."""
+    topic: str | None = None
+    """Topic of a file of messages."""
+
+
+class Column(NamedTuple):
+    """A column of a table: where it is, and how large its unit is in SI units."""
+
+    place: int
+    name: str
+    scale: float
+
+
+def split_heading(cell: str) -> Heading:
+    """Name and unit of a header cell.
+
+    Examples
+    --------
+    >>> split_heading("Force [gf]"), split_heading("Weg in mm"), split_heading("Position (z), um")
+    (Heading(name='Force', unit='gf'), Heading(name='Weg', unit='mm'), \
+Heading(name='Position (z)', unit='um'))
+    """
+    cell = cell.strip()
+    start = max(cell.rfind("["), cell.rfind("("))
+    if start > 0 and cell.endswith(("]", ")")):
+        name, unit = cell[:start].strip(" _,"), cell[start + 1 : -1].strip()
+        return Heading(cell) if unit in AXES else Heading(name, canonical(unit))
+    for separator in (",", " in ", "/", "_", " "):
+        name, found, unit = cell.rpartition(separator)
+        if found and name.strip() and is_unit(unit):
+            clear = separator in (",", " in ") or has_unit(last_name(name), unit)
+            if clear and (separator, unit) != MASTER:
+                return Heading(name.strip(), canonical(unit))
+    return Heading(cell)
+
+
+def has_unit(name: str, unit: str) -> bool:
+    """Whether this is a usual name of a quantity that has this unit."""
+    return any(name in KNOWN[kind] and size_of(unit, kind) for kind in KNOWN)
+
+
+def last_name(name: str) -> str:
+    """A name without the groups or fields that it is in, as it is compared."""
+    return plain(re.split(r"[/.](?=\w)", name)[-1])
+
+
+def units_of(kind: str) -> str:
+    """The units of a kind of quantity, for messages."""
+    more = f" (with --lever: {', '.join(ON_LEVER[kind])})" if ON_LEVER[kind] else ""
+    return ", ".join(UNITS[kind]) + more
+
+
+def listed(headings: Sequence[Heading]) -> str:
+    """The columns with their units, for messages."""
+    shown = headings[:COLUMNS_SHOWN]
+    more = ", ..." if len(headings) > len(shown) else ""
+    names = ", ".join(repr(heading.name) for heading in shown) + more
+    if not any(heading.unit for heading in shown):
+        return f"{names} (without units)"
+    return f"{names} (in {', '.join(heading.unit or '-' for heading in shown)}{more})"
+
+
+def find_column(where: str, headings: Sequence[Heading], kind: str, wanted: Wanted) -> Column:
+    """The column of a quantity, by name, or the one that is wanted.
+
+    Parameters
+    ----------
+    where
+        File and place of the header.
+    headings
+        Of every column.
+    kind
+        `time`, `position` or `force`.
+    wanted
+        What the user asks.
+
+    Raises
+    ------
+    InputError
+        There is no such column, or several, or its unit is missing or unknown.
+    """
+    asked: str | None = getattr(wanted, kind)
+    place, unit = place_of(where, headings, kind, asked)
+    name, stated = headings[place]
+    if unit and stated and canonical(unit) != canonical(stated):
+        raise InputError(
+            f"{where}: column {name!r} is in {stated!r} by the header, not in {unit!r}"
+        )
+    unit = unit or stated
+    if unit is None:
+        raise InputError(
+            f"{where}: column {name!r} has no unit: expected a header such as "
+            f"'{name} [{next(iter(UNITS[kind]))}]', or --{kind} '{name}=UNIT' "
+            f"with one of {units_of(kind)}"
+        )
+    size = size_of(unit, kind)
+    if size is None:
+        raise InputError(
+            f"{where}: column {name!r} has unknown unit {unit!r}: expected {units_of(kind)}"
+        )
+    scale = size.scale
+    if size.on_lever:
+        if wanted.lever is None:
+            raise InputError(
+                f"{where}: column {name!r} is in {unit!r}: expected --lever with the length of "
+                "the lever arm, such as --lever 50mm"
+            )
+        scale = scale * wanted.lever if kind == "position" else scale / wanted.lever
+    inverted = kind != "time" and wanted.invert in (kind, "both")
+    return Column(place, name, -scale if inverted else scale)
+
+
+def place_of(
+    where: str, headings: Sequence[Heading], kind: str, asked: str | None
+) -> tuple[int, str | None]:
+    """Number of a quantity's column, and the unit that the user gives for it."""
+    if asked is None:
+        names = [plain(heading.name) for heading in headings]
+        ends = [last_name(heading.name) for heading in headings]
+        for synonym in map(plain, NAMES[kind]):
+            matches = [i for i, name in enumerate(names) if name == synonym]
+            if not matches:  # of a vector x, y, z, which axis is meant is for the user to say
+                matches = [
+                    i
+                    for i, end in enumerate(ends)
+                    if end == synonym and f"{names[i][:-1]}y" not in names
+                ]
+            if not matches and len(synonym) > 1:
+                matches = [i for i, name in enumerate(names) if NUMBERED.sub("", name) == synonym]
+            if matches:
+                return only(where, headings, kind, matches), None
+        rate = ", or --rate HZ for samples at equal times" if kind == "time" else ""
+        raise InputError(
+            f"{where}: no {kind} column: expected one named {', '.join(NAMES[kind][:SHOWN])}, ..., "
+            f"or --{kind} COLUMN{rate}; columns: {listed(headings)}"
+        )
+    unit = None
+    name, equals, given = asked.rpartition("=")
+    if equals and not any(asked == heading.name for heading in headings):
+        asked, unit = name, given
+    wanted = split_heading(asked)
+    by_name = [i for i, h in enumerate(headings) if h.name.casefold() == asked.casefold()]
+    matches = by_name or [
+        i for i, h in enumerate(headings) if h.name.casefold() == wanted.name.casefold()
+    ]
+    parts = (f".{asked}".casefold(), f"/{asked}".casefold())
+    matches = matches or [i for i, h in enumerate(headings) if h.name.casefold().endswith(parts)]
+    unit = unit or (None if by_name else wanted.unit)
+    if not matches and asked.isdecimal() and 1 <= int(asked[:9]) <= len(headings):
+        return int(asked) - 1, unit
+    if not matches:
+        raise InputError(f"{where}: no column {asked!r}: expected one of {listed(headings)}")
+    return only(where, headings, kind, matches), unit
+
+
+def only(where: str, headings: Sequence[Heading], kind: str, matches: Sequence[int]) -> int:
+    """The one column that matches."""
+    if len(matches) > 1:
+        numbers = ", ".join(str(i + 1) for i in matches[:SHOWN])
+        raise InputError(
+            f"{where}: {len(matches)} columns are named {plain(headings[matches[0]].name)!r}, "
+            f"expected one, or --{kind} with the number of the column: {numbers}"
+        )
+    return matches[0]
+
+
+def find_columns(where: str, headings: Sequence[Heading], wanted: Wanted) -> dict[str, Column]:
+    """The columns of position, force and, unless a rate is given, time.
+
+    Raises
+    ------
+    InputError
+        One is not found; see `find_column`.
+    """
+    kinds = ("position", "force") if wanted.rate else ("time", "position", "force")
+    columns = {kind: find_column(where, headings, kind, wanted) for kind in kinds}
+    if len({column.place for column in columns.values()}) < len(columns):
+        names = f"{', '.join(kinds[:-1])} and {kinds[-1]}"
+        count = "three" if len(kinds) == 3 else "two"
+        raise InputError(f"{where}: {names} must be {count} columns")
+    return columns
+
+
+def picker(wanted: Wanted, whole: Collection[str] = ()) -> Pick:
+    """What picks the columns of position, force and time; every column of a table with `whole`."""
+
+    def pick(headings: Sequence[Heading]) -> Collection[int]:
+        if whole and set(whole) <= {heading.name for heading in headings}:
+            return range(len(headings))
+        try:
+            return {column.place for column in find_columns("", headings, wanted).values()}
+        except InputError:
+            return ()
+
+    return pick

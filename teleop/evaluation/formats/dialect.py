@@ -1,0 +1,121 @@
+"""How a text table writes its cells: delimiter, decimal mark and separator of thousands."""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from itertools import pairwise
+from typing import NamedTuple
+
+from teleop.evaluation.formats.layout import is_number, is_samples
+
+DELIMITERS = ("\t", ";", ",", "|", None)
+"""Between cells; None for spaces."""
+
+HEAD = 1000
+"""How many lines tell the dialect."""
+
+
+CLOCK = re.compile(r"(\d+):(\d\d):(\d\d(?:[.,]\d+)?)")
+
+
+def clock(cell: str) -> float:
+    """Seconds since midnight of a time of day, or since 1970 of a date in the ISO format.
+
+    Raises
+    ------
+    ValueError
+        It is neither.
+    """
+    if match := CLOCK.fullmatch(cell):
+        hours, minutes, seconds = (float(part.replace(",", ".")) for part in match.groups())
+        return 3600.0 * hours + 60.0 * minutes + seconds
+    date = datetime.fromisoformat(cell)
+    return (date if date.tzinfo else date.replace(tzinfo=UTC)).timestamp()
+
+
+def is_clock(cell: str) -> bool:
+    """Whether a cell has a time of day or a date, see `clock`."""
+    try:
+        return ":" in cell and clock(cell) >= 0.0
+    except ValueError:
+        return False
+
+
+class Dialect(NamedTuple):
+    """How a text table writes its cells."""
+
+    delimiter: str | None
+    """None for spaces."""
+    decimal: str = "."
+    """Decimal mark. With a comma a point is one as well, unless it separates thousands."""
+    thousands: str | None = None
+
+    def split(self, line: str) -> list[str]:
+        """The cells of a line.
+
+        Raises
+        ------
+        csv.Error
+            It cannot be split.
+        """
+        if self.delimiter is None:
+            return line.split()
+        if '"' not in line and len(line) < csv.field_size_limit():
+            return [cell.strip() for cell in line.split(self.delimiter)]
+        return [cell.strip() for cell in next(csv.reader([line], delimiter=self.delimiter), [])]
+
+    def number(self, cell: str) -> float:
+        """The number in a cell.
+
+        Raises
+        ------
+        ValueError
+            It is none.
+        """
+        if "_" in cell:
+            raise ValueError(cell)
+        if ":" in cell:
+            return clock(cell)
+        if self.thousands and self.thousands in cell:
+            mark = re.escape(self.thousands)
+            if not re.match(rf"[-+]?\d{{1,3}}({mark}\d{{3}})+(?!\d)", cell):
+                raise ValueError(cell)
+            cell = cell.replace(self.thousands, "")
+        return float(cell.replace(",", ".") if self.decimal == "," else cell)
+
+
+def dialect_of(lines: Sequence[str]) -> Dialect:
+    """The delimiter and decimal mark that make samples of most of the first lines."""
+    lines = [line for line in lines[:HEAD] if line.strip() and not line.startswith("#")]
+    best, dialect = (0.0, 0.0), None
+    for delimiter in DELIMITERS:
+        try:
+            rows = [Dialect(delimiter).split(line) for line in lines]
+        except csv.Error:
+            continue
+        rows = [cells for cells in rows if is_samples(cells)]
+        filled = sum(bool(cell) for cells in rows for cell in cells)
+        numbers = [cell for cells in rows for cell in cells if is_number(cell)]
+        alike = sum(len(a) == len(b) for a, b in pairwise(rows)) + bool(rows)
+        score = (alike * len(numbers) / max(filled, 1), float(len(numbers)))
+        if score > best:
+            best, dialect = score, Dialect(delimiter, *marks(numbers, delimiter))
+    first = lines[0] if lines else ""
+    return dialect or Dialect(max("\t;,", key=first.count), ",")
+
+
+def marks(numbers: Sequence[str], delimiter: str | None) -> tuple[str, str | None]:
+    """Decimal mark and separator of thousands of numbers."""
+    both = [cell for cell in numbers if "," in cell and "." in cell]
+    if both:
+        return (".", ",") if both[0].rfind(".") > both[0].rfind(",") else (",", ".")
+    point, comma = (any(mark in cell for cell in numbers) for mark in ".,")
+    if point and comma:
+        grouped = all(re.fullmatch(r"[-+]?\d{1,3}(,\d{3})+", c) for c in numbers if "," in c)
+        return (".", ",") if grouped else (",", None)
+    if comma:
+        return ",", "."
+    return (".", ",") if point or delimiter == "," else (",", None)

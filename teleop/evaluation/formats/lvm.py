@@ -1,0 +1,149 @@
+"""Text files of LabVIEW (.lvm)."""
+
+from __future__ import annotations
+
+import io
+from itertools import zip_longest
+from pathlib import Path
+
+import numpy as np
+
+from drivers.input_file import open_input
+from teleop.evaluation.formats.arrays import heading
+from teleop.evaluation.formats.columns import Wanted
+from teleop.evaluation.formats.delimited import HEAD, not_text, parts
+from teleop.evaluation.formats.dialect import Dialect
+from teleop.evaluation.formats.encoding import encoding_of
+from teleop.evaluation.formats.numbers import Rows
+from teleop.evaluation.formats.table import Heading, Pick, Table, stated_filter
+
+END = "***End_of_Header***"
+SEPARATORS = {"Tab": "\t", "Comma": ","}
+
+
+def read(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
+    """The tables in a LabVIEW measurement file, one for each segment.
+
+    Without a column of time, its place takes `X0` and `Delta_X` of the segment's header.
+
+    Raises
+    ------
+    InputError
+        It is not a LabVIEW measurement file.
+    OSError
+        The file cannot be read.
+    """
+    with open_input(path) as file:
+        head = file.read(HEAD)
+        file.seek(0)
+        encoding = encoding_of(head)
+        if encoding is None:
+            raise not_text(path)
+        with io.TextIOWrapper(file, encoding, "replace") as text:
+            segments = Segments(path, pick)
+            for first, lines in parts(path, text):
+                segments.feed(first, lines)
+    return segments.tables()
+
+
+def is_header(line: str) -> bool:
+    """Whether the header of a segment begins with this line."""
+    return line.startswith(("Channels\t", "Channels,", "LabVIEW Measurement"))
+
+
+class Segments:
+    """Finds the segments in the lines of a file.
+
+    Parameters
+    ----------
+    path
+        The file.
+    pick
+        Chooses the columns to load.
+    """
+
+    def __init__(self, path: Path, pick: Pick) -> None:
+        self._path, self._pick = path, pick
+        self._delimiter, self._decimal = "\t", "."
+        self._header: dict[str, list[str]] = {}
+        self._stated: list[str] = []
+        self._x_columns = "One"
+        self._in_header = True
+        self._rows: Rows | None = None
+        self._found: list[tuple[Table, Rows, list[float] | None]] = []
+
+    def feed(self, first: int, lines: list[str]) -> None:
+        """Take in lines, of which the first has this number."""
+        i = 0
+        while i < len(lines):
+            if self._rows:
+                end = next((k for k in range(i, len(lines)) if is_header(lines[k])), len(lines))
+                width, d = len(self._rows.headings), self._delimiter
+                without_comments = [
+                    line if line.count(d) < width else d.join(line.split(d, width)[:width])
+                    for line in lines[i:end]
+                ]
+                self._rows.feed(first + i, without_comments)
+                i = end
+                if i < len(lines):
+                    self._rows, self._in_header, self._header = None, True, {}
+                continue
+            self._take(first + i, lines[i])
+            i += 1
+
+    def _take(self, number: int, line: str) -> None:
+        """Take in a line of a header, or that with the names of the columns."""
+        if line.startswith(END):
+            self._in_header = False
+        elif is_header(line):
+            self._in_header, self._header = True, {}
+        elif not self._in_header and line.strip():
+            self._start(number, line)
+        if self._in_header:
+            key, _, value = line.partition("," if "," in line[:40] and "\t" not in line else "\t")
+            if key == "Separator":
+                self._delimiter = SEPARATORS.get(value.strip(), "\t")
+            elif key == "Decimal_Separator":
+                self._decimal = value.strip() or "."
+            elif key == "X_Columns":
+                self._x_columns = value.strip()
+            self._header[key] = [cell.strip() for cell in value.split(self._delimiter)]
+            self._stated.append(line)
+
+    def _start(self, number: int, line: str) -> None:
+        """Begin the samples below a line of names."""
+        names = [name.strip() for name in line.split(self._delimiter)]
+        while len(names) > 1 and names[-1] in ("", "Comment"):
+            names.pop()
+        units = self._header.get("Y_Unit_Label", [])
+        headings = [
+            heading(name, unit) for name, unit in zip_longest(names[1:], units, fillvalue="")
+        ][: len(names) - 1]
+        time = self._header.get("X_Dimension", ["Time"])[0] == "Time"
+        headings.insert(0, Heading(names[0], "s" if time else None))
+        picked = set(self._pick(headings))
+        waveform = None
+        if self._x_columns == "No" and 0 in picked:
+            picked -= {0}
+            waveform = [float(self._header[key][0].replace(",", ".")) for key in ("X0", "Delta_X")]
+        place = f"{self._path}, line "
+        dialect = Dialect(self._delimiter, self._decimal)
+        self._rows = Rows(lambda n: f"{place}{n}", headings, picked, dialect)
+        title = f"segment {len(self._found) + 1}"
+        table = Table(f"{place}{number}", headings, {}, 0, str, title)
+        if stated := stated_filter(self._stated):
+            table.about["force_filter"] = stated
+        self._found.append((table, self._rows, waveform))
+
+    def tables(self) -> list[Table]:
+        """The tables that were found, with their columns."""
+        for table, rows, waveform in self._found:
+            numbers = rows.numbers()
+            table.columns, table.problem = rows.columns(), rows.problem
+            table.samples = len(numbers)
+            table.sample = lambda i, n=numbers: f"{self._path}, line {n[i]}"  # type: ignore[misc]
+            if waveform:
+                table.columns[0] = (
+                    waveform[0] + np.arange(len(numbers), dtype=np.float64) * waveform[1]
+                )
+        return [table for table, _, _ in self._found]

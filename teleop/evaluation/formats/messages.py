@@ -1,0 +1,237 @@
+"""Tables from messages of ROS bags and MCAP files: every number in a message is a column."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from estimation.compiled import Floats
+from teleop.errors import InputError
+from teleop.evaluation.formats.arrays import heading
+from teleop.evaluation.formats.columns import Wanted
+from teleop.evaluation.formats.table import Heading, Pick, Table
+
+SI_FIELDS = {
+    r"(^|\.)force\.[xyz]$": "N",
+    r"(^|\.)torque\.[xyz]$": "N m",
+    r"(^|\.)(position|translation|point)\.[xyz]$": "m",
+}
+"""Fields of ROS messages, which are in SI units (REP 103), with their unit."""
+LONGEST_LIST = 64
+"""Most numbers of a list in a message that are columns."""
+SECONDS = ("sec", "secs")
+NANOSECONDS = ("nanosec", "nsec", "nsecs")
+
+FieldPath = tuple[str | int, ...]
+Message = tuple[str, int, Callable[[], Any]]
+"""Topic, time at which it was recorded [ns], and what decodes it."""
+
+
+@dataclass
+class Topic:
+    """What is kept of a topic."""
+
+    name: str
+    fields: list[FieldPath]
+    stamp: FieldPath | None
+    """Where its messages have the time at which they were measured."""
+    wanted: dict[int, FieldPath] = field(default_factory=dict)
+    """Field of each picked column of the table."""
+    times: list[int] = field(default_factory=list)
+    """[ns]"""
+    values: list[list[float]] = field(default_factory=list)
+
+
+def tables_of(
+    path: Path,
+    topics: Sequence[str],
+    messages: Callable[[Sequence[str]], Iterator[Message]],
+    pick: Pick,
+    wanted: Wanted,
+) -> list[Table]:
+    """The table of all numbers in messages, named `/topic.field`, or `field` of a single topic.
+
+    The times are the stamps of the messages' headers, and the times of recording where there
+    are none. Columns of other topics are interpolated at the times of the first picked topic with
+    the most messages.
+
+    Parameters
+    ----------
+    path
+        The file.
+    topics
+        Topics whose messages can be decoded.
+    messages
+        Gives the messages of some topics.
+    pick
+        Chooses the columns.
+    wanted
+        What the user asks: `topic` chooses one topic.
+
+    Raises
+    ------
+    InputError
+        There is no such topic, or a message is not like the first of its topic.
+    """
+    if wanted.topic is not None:
+        if wanted.topic not in topics:
+            names = ", ".join(repr(name) for name in topics[:24]) or "none"
+            raise InputError(f"{path}: no topic {wanted.topic!r}: expected one of {names}")
+        topics = [wanted.topic]
+    found = [topic for topic in first_messages(path, topics, messages) if topic.fields]
+    headings = [Heading("time", "s")]
+    columns: dict[int, tuple[Topic, FieldPath]] = {}
+    for topic in found:
+        for place in topic.fields:
+            name = written(place)
+            unit = next((u for pattern, u in SI_FIELDS.items() if re.search(pattern, name)), None)
+            prefix = f"{topic.name}." if len(found) > 1 else ""
+            columns[len(headings)] = topic, place
+            headings.append(heading(prefix + name, unit))
+    picked = sorted(set(pick(headings)) - {0})
+    for i in picked:
+        topic, place = columns[i]
+        topic.wanted[i] = place
+    used = [topic for topic in found if topic.wanted]
+    if not used:
+        return [Table(str(path), headings, {}, 0, str)] if found else []
+    collect(path, used, messages)
+    return [joined(path, headings, used)]
+
+
+def first_messages(
+    path: Path, topics: Sequence[str], messages: Callable[[Sequence[str]], Iterator[Message]]
+) -> list[Topic]:
+    """The fields of each topic, from its first message."""
+    found: dict[str, Topic] = {}
+    for name, _, decode in messages(topics):
+        if name not in found:
+            message = decoded(f"{path}, first message of {name}", decode)
+            leaves = list(fields_of(message, ()))
+            stamp = next((place[:-1] for place in leaves if place[-2:] == ("stamp", "sec")), None)
+            numbers = [place for place in leaves if "stamp" not in place and "header" not in place]
+            found[name] = Topic(name, numbers, stamp)
+            if len(found) == len(topics):
+                break
+    return [found[name] for name in topics if name in found]
+
+
+def fields_of(value: Any, place: FieldPath) -> Iterator[FieldPath]:
+    """Where the numbers in a message are."""
+    if isinstance(value, (bool, int, float, np.number)):
+        yield place
+    elif isinstance(value, dict):
+        for name, item in value.items():
+            yield from fields_of(item, (*place, str(name)))
+    elif isinstance(value, (list, tuple, np.ndarray)):
+        if len(value) <= LONGEST_LIST:
+            for i, item in enumerate(value):
+                yield from fields_of(item, (*place, i))
+    elif place[-1:] in (("stamp",), ("time",)) and seconds_of(value) is not None:
+        yield (*place, "sec")
+    else:
+        for name in names_of(value):
+            yield from fields_of(getattr(value, name), (*place, name))
+
+
+def names_of(value: Any) -> Sequence[str]:
+    """Names of the fields of a message."""
+    names: Iterable[str] = getattr(value, "__dataclass_fields__", getattr(value, "__slots__", ()))
+    return [name for name in names if not name.startswith("_")]
+
+
+def seconds_of(value: Any) -> int | None:
+    """A stamp [ns]; None if it is none."""
+    parts = []
+    for names in (SECONDS, NANOSECONDS):
+        part = next((getattr(value, name) for name in names if hasattr(value, name)), None)
+        if part is None:
+            return None
+        parts.append(int(part))
+    return parts[0] * 1_000_000_000 + parts[1]
+
+
+def part_of(message: Any, place: FieldPath) -> Any:
+    """What a message has at a place."""
+    for step in place:
+        if isinstance(step, int) or isinstance(message, dict):
+            message = message[step]
+        else:
+            message = getattr(message, step)
+    return message
+
+
+def written(place: FieldPath) -> str:
+    """The name of a field, such as `position[0]` or `force.z`."""
+    text = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in place)
+    return text.removeprefix(".")
+
+
+def decoded(where: str, decode: Callable[[], Any]) -> Any:
+    """A message; InputError if it cannot be decoded."""
+    try:
+        return decode()
+    except Exception as error:  # decoders raise errors of any kind for damaged content
+        why = " ".join(str(error).split())
+        raise InputError(f"{where}: cannot be decoded: {why}") from error
+
+
+def collect(
+    path: Path, used: Sequence[Topic], messages: Callable[[Sequence[str]], Iterator[Message]]
+) -> None:
+    """Read the wanted fields of the topics."""
+    topics = {topic.name: topic for topic in used}
+    for name, recorded, decode in messages(list(topics)):
+        topic = topics[name]
+        where = f"{path}, message {len(topic.times) + 1} of {name}"
+        message = decoded(where, decode)
+        try:
+            stamp = seconds_of(part_of(message, topic.stamp)) if topic.stamp else None
+            row = [float(part_of(message, place)) for place in topic.wanted.values()]
+        except (AttributeError, IndexError, KeyError, TypeError, ValueError) as error:
+            places = ", ".join(map(written, topic.wanted.values()))
+            raise InputError(f"{where}: expected {places} as in the first message") from error
+        topic.times.append(stamp or recorded)
+        topic.values.append(row)
+
+
+def joined(path: Path, headings: Sequence[Heading], used: Sequence[Topic]) -> Table:
+    """One table of the wanted fields, at the times of the topic with the most messages."""
+    start = min(min(topic.times) for topic in used)
+    base = max(used, key=lambda topic: len(topic.times))
+    t = seconds(base, start)
+    others = [topic for topic in used if topic is not base]
+    first = max([t[0], *(seconds(topic, start)[0] for topic in others)])
+    last = min([t[-1], *(seconds(topic, start)[-1] for topic in others)])
+    within = np.flatnonzero((t >= first) & (t <= last)) if others else np.arange(len(t))
+    columns = {0: t[within]}
+    notes = []
+    for topic in used:
+        values = np.array(topic.values)
+        if topic is not base:
+            times = seconds(topic, start)
+            if (np.diff(times) < 0.0).any():
+                raise InputError(f"{path}: the times of {topic.name} run backwards")
+            notes.append(f"{topic.name} interpolated at the times of {base.name}")
+        for i, column in zip(topic.wanted, values.T, strict=True):
+            columns[i] = column[within] if topic is base else np.interp(t[within], times, column)
+    if len(within) < len(t):
+        notes.append(f"{len(t) - len(within)} messages of {base.name} outside of the others' times")
+    return Table(
+        str(path),
+        headings,
+        columns,
+        len(within),
+        lambda i: f"{path}, message {within[i] + 1} of {base.name}",
+        notes=tuple(notes),
+    )
+
+
+def seconds(topic: Topic, start: int) -> Floats:
+    """The times of a topic [s] since a start [ns]."""
+    return np.multiply(np.array(topic.times, dtype=np.int64) - start, 1e-9, dtype=np.float64)

@@ -1,0 +1,32 @@
+"""Parquet files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from drivers.input_file import open_input
+from estimation.compiled import Floats
+from teleop.evaluation.formats.arrays import table_of, texts, vectors
+from teleop.evaluation.formats.columns import Wanted
+from teleop.evaluation.formats.table import Pick, Table, missing, reading
+
+
+def read(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
+    """The table in a Parquet file; the metadata `unit` of a column has its unit."""
+    try:
+        from pyarrow import parquet, types
+    except ImportError as error:
+        raise missing("pyarrow", "Parquet") from error
+    columns: dict[str, Floats] = {}
+    units: dict[str, Any] = {}
+    with open_input(path) as file, reading(path, "Parquet"):
+        content = parquet.read_table(file)
+        for field in content.schema:
+            kind = field.type
+            if types.is_primitive(kind) and not types.is_time(kind):
+                columns.update(vectors(field.name, content.column(field.name).to_numpy()))
+                units[field.name] = (field.metadata or {}).get(b"unit")
+        about = {key.decode(): value for key, value in (content.schema.metadata or {}).items()}
+    exported = texts(about, ("settings", "session", "events", "force_filter"))
+    return [table_of(path, str(path), columns, pick, units, "", exported)] if columns else []

@@ -1,0 +1,75 @@
+"""The formats of measurement files: which module reads a file of which ending."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from pathlib import Path
+
+from drivers.input_file import open_input
+from teleop.errors import InputError
+from teleop.evaluation.formats.columns import Wanted
+from teleop.evaluation.formats.table import Pick, Table
+from teleop.files import unreadable
+
+BEGINNINGS = {
+    b"LabVIEW Measurement": "lvm",
+    b"MATLAB ": "matlab",
+    b"\x89HDF": "hdf5",
+    b"PAR1": "parquet",
+    b"TDSm": "tdms",
+    b"PK\x03\x04": "excel",
+    b"\xd0\xcf\x11\xe0": "excel",
+    b"\x89MCAP": "mcap",
+    b"#ROSBAG": "bag",
+}
+"""Module of this package that reads a file, by how the file begins; `delimited` for any other."""
+OF_MESSAGES = ("mcap", "bag")
+ROS_2_BAG = "metadata.yaml"
+"""File in the folder of a ROS 2 bag."""
+
+
+def reader_of(path: Path) -> str:
+    """Name of the module that reads a file.
+
+    The ending does not count: testing machines write text to files that end in .xls or .dat.
+
+    Raises
+    ------
+    OSError
+        The file cannot be read.
+    """
+    if path.is_dir() and (path / ROS_2_BAG).is_file():
+        return "bag"
+    with open_input(path) as file:
+        head = file.read(64)
+    return next((name for mark, name in BEGINNINGS.items() if head.startswith(mark)), "delimited")
+
+
+def read_tables(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
+    """The tables of a measurement file.
+
+    Parameters
+    ----------
+    path
+        The file.
+    pick
+        Chooses the columns that are loaded of a table.
+    wanted
+        What the user asks.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, is not as its format demands, or a library is not installed.
+    """
+    try:
+        name = reader_of(path)
+        if wanted.topic and name not in OF_MESSAGES:
+            raise InputError(f"{path}: --topic is for a ROS bag or an MCAP file")
+        module = import_module(f"{__package__}.{name}")
+        tables: list[Table] = module.read(path, pick, wanted)
+    except OSError as error:
+        raise unreadable(path, error) from error
+    if not tables:
+        raise InputError(f"{path}: no table of numbers in it: expected columns of samples")
+    return tables

@@ -1,0 +1,85 @@
+"""TDMS files of LabVIEW and DIAdem."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from drivers.input_file import open_input
+from estimation.compiled import Floats
+from teleop.evaluation.formats.arrays import tables_by_group, vectors
+from teleop.evaluation.formats.columns import Wanted
+from teleop.evaluation.formats.names import KNOWN, plain
+from teleop.evaluation.formats.table import Pick, Table, missing, reading, stated_filter
+
+MOST_WARNINGS = 3
+LONGEST_WARNING = 120
+
+
+def read(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
+    """The tables in a TDMS file: the channels of one length in each group.
+
+    A group without a channel of time has the time of its waveforms, where they state an increment.
+    """
+    try:
+        from nptdms import TdmsFile
+    except ImportError as error:
+        raise missing("npTDMS", "TDMS") from error
+    groups: dict[str, dict[str, Floats]] = {}
+    units: dict[str, dict[str, Any]] = {}
+    stated = []
+    with open_input(path) as file, reading(path, "TDMS"), warnings_of("nptdms") as warnings:
+        content = TdmsFile.read(file)
+    properties = [content.properties]
+    for group in content.groups():
+        properties.append(group.properties)
+        columns: dict[str, Floats] = {}
+        unit: dict[str, Any] = {}
+        for channel in group.channels():
+            properties.append(channel.properties)
+            columns.update(vectors(channel.name, channel[:]))
+            unit[channel.name] = channel.properties.get("unit_string")
+        if not KNOWN["time"] & set(map(plain, columns)):
+            increments = {
+                (channel.properties.get("wf_increment"), len(channel))
+                for channel in group.channels()
+                if channel.name in columns
+            }
+            if len(increments) == 1 and next(iter(increments))[0]:
+                increment, samples = increments.pop()
+                columns, unit["time"] = {"time": np.arange(samples) * increment, **columns}, "s"
+        groups[group.name], units[group.name] = columns, unit
+    for values in properties:
+        stated += [f"{key}: {value}" for key, value in values.items()]
+    about = {"force_filter": found} if (found := stated_filter(stated)) else {}
+    tables = tables_by_group(path, groups, pick, units, about)
+    for table in tables:
+        table.notes = tuple(warnings)
+    return tables
+
+
+@contextlib.contextmanager
+def warnings_of(library: str) -> Iterator[list[str]]:
+    """The first warnings that a library logs, which are then not printed."""
+    found: list[str] = []
+
+    class Collector(logging.Handler):
+        def emit(self, record: logging.LogRecord) -> None:
+            if len(found) < MOST_WARNINGS:
+                found.append(f"{library}: {record.getMessage()[:LONGEST_WARNING]}")
+
+    names = [name for name in logging.root.manager.loggerDict if name.startswith(library)]
+    loggers = [logging.getLogger(name) for name in names]
+    before = [(logger.handlers, logger.propagate) for logger in loggers]
+    for logger in loggers:
+        logger.handlers, logger.propagate = [Collector()], False
+    try:
+        yield found
+    finally:
+        for logger, (handlers, propagate) in zip(loggers, before, strict=True):
+            logger.handlers, logger.propagate = handlers, propagate

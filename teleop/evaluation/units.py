@@ -1,0 +1,118 @@
+"""Units of time, position and force, and the spellings in which measurement files have them."""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import NamedTuple
+
+UNITS = {
+    "time": {
+        "s": 1.0,
+        "ms": 1e-3,
+        "us": 1e-6,
+        "µs": 1e-6,
+        "ns": 1e-9,
+        "min": 60.0,
+        "h": 3600.0,
+    },
+    "position": {
+        "m": 1.0,
+        "cm": 1e-2,
+        "mm": 1e-3,
+        "um": 1e-6,
+        "µm": 1e-6,
+        "nm": 1e-9,
+        "in": 25.4e-3,
+    },
+    "force": {
+        "N": 1.0,
+        "mN": 1e-3,
+        "kN": 1e3,
+        "gf": 9.80665e-3,
+        "kgf": 9.80665,
+        "lbf": 4.4482216152605,
+        "cN": 1e-2,
+        "uN": 1e-6,
+        "µN": 1e-6,
+    },
+}
+"""Units of each quantity and their size in SI units."""
+
+ON_LEVER = {
+    "time": {},
+    "position": {"deg": math.pi / 180.0, "rad": 1.0, "mrad": 1e-3},
+    "force": {"N m": 1.0, "mN m": 1e-3, "N mm": 1e-3, "N cm": 1e-2, "kN m": 1e3},
+}
+"""Units of angle [rad] and torque [N m], which a lever arm converts to position and force."""
+
+SPELLINGS = {
+    "s": "sec secs second seconds sek sekunden 秒",
+    "ms": "msec msecs millisecond milliseconds 毫秒",
+    "us": "usec microsecond microseconds",
+    "min": "mins minute minutes 分",
+    "h": "hr hour hours",
+    "m": "meter meters metre metres",
+    "mm": "millimeter millimeters millimetre millimetres 毫米",
+    "um": "micron microns micrometer micrometers micrometre micrometres",
+    "in": "inch inches",
+    "N": "newton newtons 牛 牛顿",
+    "gf": "g gram grams gram-force",
+    "kgf": "kg kp kilogram kilograms",
+    "kN": "千牛",
+    "lbf": "lb lbs pound pounds",
+    "deg": "° degree degrees grad",
+    "rad": "radian radians",
+}
+"""Other spellings of a unit, in any case. A force in g or kg is one in gf or kgf."""
+CANONICAL = {other: unit for unit, others in SPELLINGS.items() for other in others.split()}
+
+MICRO, GREEK_MU = "\u00b5", "\u03bc"
+"""The sign of micro and the letter that looks like it: Unicode has both, and prefers the letter."""
+
+LARGEST = 1e12
+"""Largest time, position and force in SI units that is taken for a measurement."""
+
+
+class Size(NamedTuple):
+    """Size of a unit in SI units."""
+
+    scale: float
+    on_lever: bool
+    """Whether it is an angle [rad] or a torque [N m], which needs a lever arm."""
+
+
+def canonical(unit: str) -> str:
+    """The unit in this module's spelling, such as `s` for `sec` and `N m` for `Nm`."""
+    unit = unit.strip().replace(GREEK_MU, MICRO)
+    torque = re.fullmatch(r"([mk]?N)[\s.·*-]?(m|mm|cm)", unit)
+    if torque:
+        return f"{torque[1]} {torque[2]}"
+    return CANONICAL.get(unit.casefold().rstrip("."), unit)
+
+
+def size_of(unit: str, kind: str) -> Size | None:
+    """Size of a unit of a kind of quantity; None if it is not one."""
+    unit = canonical(unit)
+    if unit in UNITS[kind]:
+        return Size(UNITS[kind][unit], False)
+    if unit in ON_LEVER[kind]:
+        return Size(ON_LEVER[kind][unit], True)
+    return None
+
+
+def is_unit(text: str) -> bool:
+    """Whether this is a unit of time, position or force."""
+    return any(size_of(text, kind) for kind in UNITS)
+
+
+NUMBER = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\d\s.]+)")
+
+
+def quantity(text: str, kind: str) -> float | None:
+    """A number with a unit of this kind, such as 1.5mm, in SI units; None if it is none."""
+    match = NUMBER.fullmatch(text.strip().replace(GREEK_MU, MICRO))
+    if not match or match[2] not in UNITS[kind]:
+        return None
+    value = float(match[1]) * UNITS[kind][match[2]]
+    return value if abs(value) < LARGEST else None
