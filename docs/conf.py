@@ -41,7 +41,11 @@ smartquotes = False
 
 autosummary_generate = True
 autodoc_member_order = "bysource"
-autodoc_typehints = "none"
+autodoc_default_options = {"members": True}
+autodoc_typehints = "signature"
+autodoc_typehints_format = "short"
+autodoc_type_aliases = {name: name for name in ("ArrayLike", "Floats", "Samples")}
+python_maximum_signature_line_length = 70
 numpydoc_show_class_members = False
 
 sphinx_gallery_conf = {
