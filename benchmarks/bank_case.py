@@ -11,7 +11,7 @@ from rich.table import Table
 
 from estimation import METHODS, Axis, Bank, Gate, Grid, Preset, compiled, paper_preset
 
-compiled.WORTH_COMPILING = 0
+compiled.MIN_SAMPLES_TO_COMPILE = 0
 """`run` is compiled for any number of samples."""
 
 RATE = 1000.0

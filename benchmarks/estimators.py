@@ -53,7 +53,7 @@ def swept(
     sweep: Callable[..., object], estimator: Estimator, samples: int, repeats: int = 9
 ) -> float:
     """Return the time per sample of a sweep, which starts from the same state each time."""
-    given = estimator.as_taken(checked_samples(*palpation(samples), 1.0 / RATE))
+    given = estimator.step_samples(checked_samples(*palpation(samples), 1.0 / RATE))
     law, state = estimator.law, estimator.state
     return per_sample(lambda: sweep(law, deepcopy(state), given), samples, repeats)
 

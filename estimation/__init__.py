@@ -1,4 +1,4 @@
-"""Online estimation of what a telemanipulator touches: damping and stiffness, f = b v + k x."""
+"""Online estimation of the damping and stiffness of an environment, f = b v + k x."""
 
 from estimation.bank import Bank
 from estimation.conditioning import (

@@ -1,4 +1,4 @@
-"""Several named estimators fed by the same samples."""
+"""A bank of named estimators that process the same samples."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ from estimation.gate import Gate
 
 
 class Bank(Mapping[str, Estimator]):
-    """Named estimators that take in the same samples.
+    """Named estimators that process the same samples.
 
-    An estimator with a model of more regressors than Kelvin-Voigt takes all that a sample has,
-    one without takes v and x.
+    An estimator whose model has further regressors uses all regressors of a sample. An estimator
+    with the Kelvin-Voigt model uses v and x only.
 
     Parameters
     ----------
     estimators
         The estimators by name, in the order in which they are reported.
     gate
-        Where it is shut, estimates hold, but for those of estimators that are not `gated`,
-        such as the paper's.
+        While it is closed, estimates are held. Estimators that are not `gated`, such as the
+        paper's, ignore it.
 
     Raises
     ------
     ValueError
-        There is none, or two have models of different further regressors.
+        There is no estimator, or two models have different further regressors.
 
     Examples
     --------
@@ -66,7 +66,7 @@ class Bank(Mapping[str, Estimator]):
         return len(self._estimators)
 
     def reset(self) -> None:
-        """Let every estimator forget every sample."""
+        """Reset every estimator and the gate to the state before the first sample."""
         for estimator in self._estimators.values():
             estimator.reset()
         if self.gate:
@@ -75,7 +75,7 @@ class Bank(Mapping[str, Estimator]):
     def update(
         self, x: float, v: float, f: float, dt: float, further: Sequence[float] = ()
     ) -> dict[str, Estimate]:
-        """Take in one sample; arguments and errors as `Estimator.update`."""
+        """Process one sample; arguments and errors as in `Estimator.update`."""
         x, v, f, dt = float(x), float(v), float(f), float(dt)
         further = [float(value) for value in further]
         check_sample(dt, further, x=x, v=v, f=f)
@@ -83,8 +83,8 @@ class Bank(Mapping[str, Estimator]):
         plain, phi = [v, x], [v, x, *further]
         is_open = self.gate is None or self.gate.update(plain, f, dt)
         return {
-            name: advance(phi if takes_all else plain, f, dt) if is_open or not gated else hold()
-            for name, advance, hold, takes_all, gated in self._online
+            name: advance(phi if uses_all else plain, f, dt) if is_open or not gated else hold()
+            for name, advance, hold, uses_all, gated in self._online
         }
 
     def run(
@@ -95,7 +95,7 @@ class Bank(Mapping[str, Estimator]):
         dt: ArrayLike,
         further: ArrayLike | None = None,
     ) -> dict[str, Estimates]:
-        """Take in n samples; arguments and errors as `Estimator.run`."""
+        """Process n samples; arguments and errors as in `Estimator.run`."""
         samples = checked_samples(x, v, f, dt, further)
         self._check_further(samples.phi.shape[1] - 2)
         plain = samples._replace(phi=np.ascontiguousarray(samples.phi[:, :2]))

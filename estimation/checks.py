@@ -1,4 +1,4 @@
-"""Checks of samples and settings: a bad one is refused with one line that names it."""
+"""Checks of samples and settings, with one-line error messages."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from estimation.compiled import Samples
 from estimation.model import Model
 
 LARGEST = 1e30
-"""A sample at least this large is refused; the square of a sum of such would soon overflow."""
+"""Samples of this magnitude or more are rejected, so that sums of squares do not overflow."""
 
 
 def check_sample(dt: float, further: Sequence[float] = (), **values: float) -> None:
-    """Raise ValueError unless the values are finite and not absurdly large, and dt is positive."""
+    """Raise ValueError unless all values are finite and below `LARGEST`, and dt is positive."""
     size = sum(map(abs, values.values())) + sum(map(abs, further))
     if not (size < LARGEST and 0.0 < dt < math.inf):
         values |= {f"further[{i}]": value for i, value in enumerate(further)}
@@ -29,12 +29,12 @@ def check_sample(dt: float, further: Sequence[float] = (), **values: float) -> N
 def checked_samples(
     x: ArrayLike, v: ArrayLike, f: ArrayLike, dt: ArrayLike, further: ArrayLike | None = None
 ) -> Samples:
-    """The samples as contiguous float64 arrays.
+    """Return the samples as contiguous float64 arrays.
 
     Raises
     ------
     ValueError
-        The shapes differ, a value is not finite, or a `dt` is not positive.
+        The shapes differ, a value is not finite or too large, or a `dt` is not positive.
     """
     shape = np.shape(x)
     if len(shape) != 1:
@@ -62,7 +62,13 @@ def checked_samples(
 
 
 def positive_values(name: str, values: Sequence[float], model: Model) -> tuple[float, ...]:
-    """A setting's value for each parameter, or ValueError unless all are positive and finite."""
+    """Return a setting that has one positive, finite value for each parameter of the model.
+
+    Raises
+    ------
+    ValueError
+        The number of values differs from that of the parameters, or a value is out of range.
+    """
     if len(values) != model.regressors or not all(0.0 < value < math.inf for value in values):
         raise ValueError(
             f"{name} must be {model.regressors} positive numbers, for "
@@ -72,6 +78,6 @@ def positive_values(name: str, values: Sequence[float], model: Model) -> tuple[f
 
 
 def check_correlation(correlation: float) -> None:
-    """Raise ValueError unless it is a number of samples for each independent one, >= 1."""
+    """Raise ValueError unless the number of samples per independent sample is >= 1."""
     if not 1.0 <= correlation < math.inf:
         raise ValueError(f"correlation must be at least 1, got {correlation}")

@@ -1,4 +1,4 @@
-"""A step over arrays of samples: interpreted, or compiled with numba (the `fast` extra)."""
+"""Apply a step to arrays of samples: interpreted, or compiled with numba (the `fast` extra)."""
 
 from __future__ import annotations
 
@@ -21,64 +21,65 @@ from estimation.step import State, Step, below
 
 Floats = NDArray[np.float64]
 
-WORTH_COMPILING = 20_000
-"""From this many samples on, loading numba costs less than interpreting."""
+MIN_SAMPLES_TO_COMPILE = 20_000
+"""Number of samples above which loading numba takes less time than interpreting."""
 
 
 class Samples(NamedTuple):
-    """What a step takes in, sample by sample."""
+    """Input of a step, as arrays over n samples."""
 
     phi: Floats
     """Regressors, shape (n, regressors)."""
     f: Floats
     """Force [N], shape (n,)."""
     dt: Floats
-    """Time since the sample before [s], shape (n,)."""
+    """Time since the previous sample [s], shape (n,)."""
     open: NDArray[np.bool_]
-    """Whether the sample is taken in, or the estimate held; shape (n,)."""
+    """Whether the sample is processed; where False, the estimate is held. Shape (n,)."""
 
 
 class Law(NamedTuple):
-    """A step with its parameters."""
+    """A step function together with its parameters."""
 
     step: Step
     parameters: Any
 
 
 def sweep(law: Law, state: State, samples: Samples) -> Floats:
-    """The estimate after each sample; the state is updated in place.
+    """Return the estimate after each sample, and update the state in place.
 
-    Compiled code gives the interpreter's numbers to the bit: both run the same operations in
+    Compiled and interpreted results are identical to the bit: both run the same operations in
     the same order, without fused multiply-add.
 
     Returns
     -------
-    Array of shape (n, 2 m + 1): the m values of `theta`, those of `std`, and `held`.
+    Array of shape (n, 2 m + 1). Each row has the m values of `theta`, the m values of `std`,
+    and `held`.
     """
-    if len(samples.f) >= WORTH_COMPILING and find_spec("numba"):
+    if len(samples.f) >= MIN_SAMPLES_TO_COMPILE and find_spec("numba"):
         return compiled_sweep(law, state, samples)
     return interpreted_sweep(law, state, samples)
 
 
 def interpreted_sweep(law: Law, state: State, samples: Samples) -> Floats:
-    """`sweep` by the interpreter."""
+    """Run `sweep` in the interpreter."""
     step, parameters = interpreted(law.step), law.parameters
     theta, std = state.theta, state.std
     columns = (column.tolist() for column in samples)
-    answers: list[float] = []
-    for phi, f, dt, taken in zip(*columns, strict=True):
-        state.held = not taken
-        if taken:
+    values: list[float] = []
+    for phi, f, dt, is_open in zip(*columns, strict=True):
+        state.held = not is_open
+        if is_open:
             step(parameters, state, phi, f, dt)
-        answers += theta
-        answers += std
-        answers.append(state.held)
-    table = np.fromiter(answers, np.float64, len(answers))
+        values += theta
+        values += std
+        values.append(state.held)
+    table = np.fromiter(values, np.float64, len(values))
     return table.reshape(-1, 2 * len(theta) + 1)
 
 
 def compiled_sweep(law: Law, state: State, samples: Samples) -> Floats:
-    """`sweep` as machine code.
+    """Run `sweep` as machine code.
 
     Raises
     ------
@@ -87,25 +88,25 @@ def compiled_sweep(law: Law, state: State, samples: Samples) -> Floats:
     """
     loop = compiled(law.step, samples.phi.shape[1])
     record = to_record(state)
-    answers = np.empty((len(samples.f), 2 * len(state.theta) + 1))
-    loop(to_record(law.parameters), record, *samples, answers)
+    table = np.empty((len(samples.f), 2 * len(state.theta) + 1))
+    loop(to_record(law.parameters), record, *samples, table)
     update_from(record[0], state)
-    return answers
+    return table
 
 
 interpreted = cache(own_copy)
-"""A step for the interpreter."""
+"""Return the interpreted version of a step, cached."""
 
 
 @cache
 def compiled(step: Step, regressors: int) -> Callable[..., None]:
-    """The loop over a step as machine code: (parameters, state, *samples, answers)."""
+    """Return the loop over a step as machine code: (parameters, state, *samples, table)."""
     import numba
     from numba.np.unsafe.ndarray import to_fixed_tuple
 
-    # numba's disk cache looks neither into called functions nor past a closure. So the step
-    # is a global of a copy of `_template`, and the copy's name carries the source of the
-    # modules of all functions that it calls, and of this package, whose constants they import.
+    # The key of numba's disk cache does not depend on called functions or on closures. So the
+    # step is a global of a copy of `_template`, and the name of the copy contains a hash of the
+    # source of all modules that the step calls, and of this package, whose constants they import.
     modules = {function.__module__ for function in called_functions(step)}
     source = "".join(inspect.getsource(sys.modules[module]) for module in sorted(modules))
     digest = hashlib.sha256((source + package_source()).encode()).hexdigest()[:16]
@@ -122,7 +123,7 @@ def compiled(step: Step, regressors: int) -> Callable[..., None]:
 
 @cache
 def compiled_below() -> object:
-    """What stands for `below` in compiled code: its item n is `range(n)`."""
+    """Return the replacement of `below` in compiled code, whose item n is `range(n)`."""
     import operator
 
     from numba.core import types
@@ -130,10 +131,10 @@ def compiled_below() -> object:
     from numba.extending import models, overload, register_model, typeof_impl
 
     class Below:
-        """What stands for `below`."""
+        """Replacement of `below`."""
 
     class BelowType(types.Type):
-        """Its type."""
+        """Numba type of `Below`."""
 
     kind = BelowType("below")
     typeof_impl.register(Below)(lambda value, context: kind)
@@ -152,22 +153,22 @@ def compiled_below() -> object:
 
 @cache
 def package_source() -> str:
-    """All of this package's modules."""
+    """Return the source text of all modules of this package."""
     files = sorted(Path(__file__).parent.rglob("*.py"))
     return "".join(file.read_text(encoding="utf-8") for file in files)
 
 
 _regressors = 2
-"""Stands for the number of regressors in `_template`."""
+"""Placeholder for the number of regressors in `_template`."""
 
 
 def _step(parameters: Any, state: Any, phi: Any, f: float, dt: float) -> None:
-    """Stands for the estimator's step in `_template`."""
+    """Act as placeholder for the estimator's step in `_template`."""
     raise NotImplementedError
 
 
 def _to_fixed_tuple(row: Any, length: int) -> Any:
-    """Stands for numba's function of this name in `_template`."""
+    """Act as placeholder for numba's function of this name in `_template`."""
     raise NotImplementedError
 
 
@@ -177,16 +178,16 @@ def _template(
     phi: Floats,
     f: Floats,
     dt: Floats,
-    taken: NDArray[np.bool_],
-    answers: Floats,
+    is_open: NDArray[np.bool_],
+    table: Floats,
 ) -> None:
-    given, state = parameters[0], states[0]
+    record, state = parameters[0], states[0]
     size = len(state.theta)
     for n in range(len(f)):
-        state.held = not taken[n]
-        if taken[n]:
-            _step(given, state, _to_fixed_tuple(phi[n], _regressors), f[n], dt[n])
+        state.held = not is_open[n]
+        if is_open[n]:
+            _step(record, state, _to_fixed_tuple(phi[n], _regressors), f[n], dt[n])
         for i in range(size):
-            answers[n, i] = state.theta[i]
-            answers[n, size + i] = state.std[i]
-        answers[n, 2 * size] = 1.0 if state.held else 0.0
+            table[n, i] = state.theta[i]
+            table[n, size + i] = state.std[i]
+        table[n, 2 * size] = 1.0 if state.held else 0.0

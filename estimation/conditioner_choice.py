@@ -1,4 +1,4 @@
-"""Signal conditioning by name."""
+"""Choice of a signal conditioner by its name."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from estimation.filters import angular
 from estimation.model import KELVIN_VOIGT, Model
 
 CONDITIONERS = ("matched", "svf", "foaw", "difference")
-"""Names of the signal conditioning."""
+"""Names of the signal conditioners."""
 LONGEST_LAG = 0.5
 """Longest lag of a force channel that can be compensated [s]."""
 
@@ -25,7 +25,7 @@ def make_conditioner(
     force_lag: float = 0.0,
     model: Model = KELVIN_VOIGT,
 ) -> Conditioner:
-    """Return the signal conditioning of this name.
+    """Return a new signal conditioner of this name.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ def make_conditioner(
     Raises
     ------
     ValueError
-        The name is unknown, a number is out of its range, or this conditioning does not support
+        The name is unknown, a number is out of its range, or this conditioner does not support
         the lag or the model.
     """
     if name not in CONDITIONERS:

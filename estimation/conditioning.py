@@ -1,4 +1,4 @@
-"""Signal conditioning: from a measured position and force to the regressors x, v and to f."""
+"""Signal conditioning: compute the regressors x and v from measured position and force."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from estimation.model import KELVIN_VOIGT, Model
 BANDWIDTH = 20.0
 """Default bandwidth of a filter of position and force [Hz].
 
-A palpation by hand has its motion below 2 Hz, so that this passes ten times its frequency, as
-`identify` does for any motion. The noise that is left falls with the bandwidth;
+The motion of palpation by hand is below 2 Hz. The default is ten times this frequency, the same
+ratio that `identify` uses. A smaller bandwidth leaves less noise.
 `python benchmarks/conditioning.py` compares 10, 20 and 50 Hz.
 """
 SETTLED_FIRST, SETTLED_SECOND = 4.605, 6.638
-"""Time constants until 1 % is left of a transient, of first order and critically damped."""
+"""Settling time to 1 % in time constants: of a first-order lag, and critically damped."""
 
 
 class Conditioned(NamedTuple):
-    """One sample as estimators take it."""
+    """One sample of the regressors and the force."""
 
     x: float
     """Displacement [m]."""
@@ -40,7 +40,7 @@ class Conditioned(NamedTuple):
 
 
 class Regression(NamedTuple):
-    """Samples as `Bank.run` takes them, arrays of shape (n,)."""
+    """Arguments of `Bank.run`: regressors and force of n samples, arrays of shape (n,)."""
 
     x: Floats
     """Displacement [m]."""
@@ -49,47 +49,47 @@ class Regression(NamedTuple):
     f: Floats
     """Force [N]."""
     dt: Floats
-    """Time since the sample before [s]."""
+    """Time since the previous sample [s]."""
     further: Floats
     """The model's regressors besides v and x, shape (n, regressors - 2)."""
 
     def part(self, samples: slice | NDArray[np.intp]) -> Regression:
-        """Some of the samples."""
+        """Return the regression of some of the samples."""
         return Regression(*(channel[samples] for channel in self))
 
 
 class Conditioner(ABC):
-    """Turns samples of position and force into the regressors x, v and the force f."""
+    """Base class of filters that compute x, v and f from measured position and force."""
 
     settling = 0.0
-    """Time after the first sample until 1 % of the transient is left [s]."""
+    """Time from the first sample until the transient has decayed to 1 % [s]."""
 
     @abstractmethod
     def reset(self) -> None:
-        """Forget every sample."""
+        """Discard all samples."""
 
     def update(self, x: float, f: float, dt: float) -> Conditioned:
-        """Take in position [m] and force [N] of a sample `dt` [s] after the last.
+        """Process position [m] and force [N] of a sample, `dt` [s] after the previous one.
 
         Raises
         ------
         ValueError
-            A value is not finite or absurdly large, or `dt` is not positive. The conditioner
-            stays as it was.
+            A value is not finite or too large, or `dt` is not positive. The state of the
+            conditioner does not change.
         """
         check_sample(dt, x=x, f=f)
         return self._condition(x, f, dt)
 
     @abstractmethod
     def _condition(self, x: float, f: float, dt: float) -> Conditioned:
-        """What `update` gives for a sample that has been checked."""
+        """Process a sample that has been checked."""
 
     def correlation(self, dt: float) -> float:
-        """Samples, `dt` [s] apart, for each one whose noise of the force is independent."""
+        """Return the number of samples, `dt` [s] apart, per independent sample of force noise."""
         return 1.0
 
     def run(self, x: ArrayLike, f: ArrayLike, dt: ArrayLike) -> Regression:
-        """Take in n samples as `update` would.
+        """Process n samples, with the same results as n calls of `update`.
 
         Raises
         ------
@@ -107,7 +107,7 @@ class Conditioner(ABC):
 
 
 class FilteredDifference(Conditioner):
-    """Velocity as the difference quotient of position behind a first-order low-pass.
+    """Compute velocity as the difference quotient of position, then a first-order low-pass.
 
     Parameters
     ----------
@@ -121,7 +121,7 @@ class FilteredDifference(Conditioner):
         self.reset()
 
     def reset(self) -> None:
-        """Forget every sample."""
+        """Discard all samples."""
         self._x = math.nan
         self._v = 0.0
 
@@ -133,16 +133,16 @@ class FilteredDifference(Conditioner):
 
 
 class FirstOrderAdaptiveWindowing(Conditioner):
-    """Velocity by first-order adaptive windowing (FOAW), end-fit.
+    """Compute velocity by first-order adaptive windowing (FOAW), end-fit.
 
-    The slope from the oldest to the newest position of the longest window whose positions
-    all lie within `resolution` of that line: long and quiet at rest, short and prompt in
-    motion.
+    The velocity is the slope of the line from the oldest to the newest position in a window. The
+    window is the longest one in which all positions are within `resolution` of this line. It is
+    long at rest, for low noise, and short in motion, for a small delay.
 
     Parameters
     ----------
     resolution
-        Peak error of a position sample [m], such as the encoder's count.
+        Peak error of a position sample [m], for example one encoder count.
     longest
         Longest window [samples].
 
@@ -162,7 +162,7 @@ class FirstOrderAdaptiveWindowing(Conditioner):
         self.reset()
 
     def reset(self) -> None:
-        """Forget every sample."""
+        """Discard all samples."""
         self._past.clear()
         self._time = 0.0
 
@@ -183,7 +183,7 @@ class FirstOrderAdaptiveWindowing(Conditioner):
 
 
 class StateVariableFilter(Conditioner):
-    """Velocity as the derivative state of a second-order low-pass on position.
+    """Compute velocity as the derivative state of a second-order low-pass filter of position.
 
     Parameters
     ----------
@@ -196,7 +196,7 @@ class StateVariableFilter(Conditioner):
         self.settling = SETTLED_SECOND / angular(bandwidth)
 
     def reset(self) -> None:
-        """Forget every sample."""
+        """Discard all samples."""
         self._position.reset()
 
     def _condition(self, x: float, f: float, dt: float) -> Conditioned:
@@ -205,14 +205,14 @@ class StateVariableFilter(Conditioner):
 
 
 class MatchedFilter(Conditioner):
-    """One state-variable filter on position and force alike, which keeps the regression exact.
+    """Apply the same state-variable filter to position and force.
 
-    With H the filter, f = b v + k x implies H f = b H v + k H x: it suppresses noise and moves
-    neither parameter. A way to get velocity that delays v alone by T gives, for motion at an
-    angular frequency w, b / cos(w T) and k - b w tan(w T) in their place.
+    With the filter H, f = b v + k x implies H f = b H v + k H x. So the filter reduces noise
+    without bias in b or k. A method that delays only v by T does cause a bias: for motion at the
+    angular frequency w it gives b / cos(w T) instead of b, and k - b w tan(w T) instead of k.
 
-    A force channel that lags by a time constant makes b - k lag of the damping. Given its
-    lag, position passes through the same lag, which makes force and position match again.
+    A lag of the force channel biases the damping to b - k lag. If `force_lag` is given, position
+    is filtered by the same lag, which removes this bias.
 
     Parameters
     ----------
@@ -221,7 +221,8 @@ class MatchedFilter(Conditioner):
     force_lag
         Time constant of the force channel [s], 0 for none.
     model
-        The regressors. Each is formed from position and force as measured, and filtered then.
+        Model that defines the regressors. Each regressor is formed from the measured position
+        and force, and is then filtered.
 
     References
     ----------
@@ -242,14 +243,14 @@ class MatchedFilter(Conditioner):
         self._cube = LowPass(bandwidth)
 
     def reset(self) -> None:
-        """Forget every sample."""
+        """Discard all samples."""
         for part in (self._lag, self._position, self._force, self._cube_lag, self._cube):
             part.reset()
 
     def correlation(self, dt: float) -> float:
-        """Samples, `dt` [s] apart, for each one whose noise of the force is independent.
+        """Return the number of samples, `dt` [s] apart, per independent sample of force noise.
 
-        The equivalent noise bandwidth of this filter is pi/4 of its natural frequency.
+        The equivalent noise bandwidth of this filter is pi/4 times its natural frequency.
         """
         return max(1.0, 2.0 / (math.pi * self._bandwidth * dt))
 

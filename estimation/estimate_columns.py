@@ -1,4 +1,4 @@
-"""Columns of a table of estimates: their names, units and order, for writing and for reading."""
+"""Names, units and order of the columns of a table of estimates."""
 
 from __future__ import annotations
 
@@ -12,11 +12,13 @@ from estimation.estimator import Estimate, Estimates, Estimator, Series
 
 
 class Column(NamedTuple):
-    """A column of a table."""
+    """Description of a column of a table."""
 
     name: str
     unit: str
+    """Unit, for example `N/m`; `-` for none."""
     meaning: str
+    """Meaning, in one short phrase."""
 
 
 def estimate_columns(bank: Mapping[str, Estimator]) -> list[Column]:
@@ -56,14 +58,14 @@ def estimate_arrays(estimates: Mapping[str, Estimates]) -> Iterator[Floats]:
 
 
 def estimators_in(columns: Mapping[str, Floats]) -> list[str]:
-    """Return the names of the estimators whose estimates a table has."""
+    """Return the names of the estimators whose estimates the table contains."""
     return [name[:-2] for name in columns if name.endswith("_b")]
 
 
 def estimates_in(columns: Mapping[str, Floats], estimator: str) -> Estimates:
     """Return the estimates of an estimator from the columns of a table, each of shape (n,).
 
-    Standard deviations that the table does not have are NaN.
+    A standard deviation that is missing in the table is NaN.
     """
     b, k = columns[f"{estimator}_b"], columns[f"{estimator}_k"]
     missing = np.full(len(b), np.nan)

@@ -1,4 +1,4 @@
-"""What every estimator is: a step on scalars, run for one sample or over arrays."""
+"""Base class of all estimators, which applies a step to one sample or to arrays of samples."""
 
 from __future__ import annotations
 
@@ -18,62 +18,62 @@ from estimation.own_copies import own_copy
 from estimation.step import B, K, Regressors, State, Step
 
 UNKNOWN = 1e12
-"""A standard deviation from here on says that nothing has been learned."""
+"""A standard deviation of this size or more means that the parameter is not determined."""
 LEVEL_95 = 1.959963984540054
-"""Standard deviations to either side that hold 95 % of a normal distribution."""
+"""Half width of the 95 % interval of a normal distribution, in standard deviations."""
 
 
 class Estimate(NamedTuple):
-    """What an estimator says after one sample."""
+    """Estimate after one sample."""
 
     b: float
     """Damping [N s/m]."""
     k: float
     """Stiffness [N/m]."""
     b_std: float
-    """Standard deviation of the damping [N s/m]; NaN for a method that gives none."""
+    """Standard deviation of the damping [N s/m]; NaN if the method gives none."""
     k_std: float
-    """Standard deviation of the stiffness [N/m]; NaN for a method that gives none."""
+    """Standard deviation of the stiffness [N/m]; NaN if the method gives none."""
     held: bool
-    """Whether the estimate was held, since the sample had nothing to say."""
+    """Whether the estimate was held because the sample had no information."""
     further: tuple[float, ...] = ()
-    """Further parameters, and then their standard deviations."""
+    """Values of the further parameters, followed by their standard deviations."""
 
 
 def estimate_of(state: State) -> Estimate:
-    """The estimate of a state."""
+    """Return the estimate that a state contains."""
     theta, std = state.theta, state.std
     further = (*theta[2:], *std[2:]) if len(theta) > 2 else ()
     values = (theta[B], theta[K], std[B], std[K], state.held, further)
-    return tuple.__new__(Estimate, values)  # half the time of Estimate(...)
+    return tuple.__new__(Estimate, values)  # takes half the time of Estimate(...)
 
 
 class Series(NamedTuple):
-    """A parameter after each sample, arrays of shape (n,)."""
+    """Estimates of one parameter after each sample, arrays of shape (n,)."""
 
     value: Floats
     std: Floats
-    """Its standard deviation; NaN for a method that gives none."""
+    """Standard deviation; NaN if the method gives none."""
 
 
 class Estimates(NamedTuple):
-    """What an estimator says after each sample, arrays of shape (n,)."""
+    """Estimates after each sample, arrays of shape (n,)."""
 
     b: Floats
     """Damping [N s/m]."""
     k: Floats
     """Stiffness [N/m]."""
     b_std: Floats
-    """Standard deviation of the damping [N s/m]; NaN for a method that gives none."""
+    """Standard deviation of the damping [N s/m]; NaN if the method gives none."""
     k_std: Floats
-    """Standard deviation of the stiffness [N/m]; NaN for a method that gives none."""
+    """Standard deviation of the stiffness [N/m]; NaN if the method gives none."""
     held: NDArray[np.bool_]
     """Whether the estimate was held."""
     further: Mapping[str, Series] = MappingProxyType({})
     """Further parameters by name."""
 
     def part(self, samples: slice) -> Estimates:
-        """Those of some of the samples."""
+        """Return the estimates of some of the samples."""
         further = {name: Series(*(s[samples] for s in series)) for name, series in self[5].items()}
         b, k, b_std, k_std, held = (
             self.b[samples],
@@ -88,31 +88,31 @@ class Estimates(NamedTuple):
 class Estimator(ABC):
     """Online estimator of an environment f = phi' theta, such as Kelvin-Voigt f = b v + k x, (1).
 
-    A subclass gives `step`, the function that takes in one sample (`estimation/step.py`), its
-    parameters and its first state. `update` and `run` both apply this one step, so they give the
-    same numbers to the bit.
+    A subclass defines `step`, the function that processes one sample (`estimation/step.py`), its
+    parameters and its initial state. `update` and `run` both apply this step, so their results
+    are identical to the bit.
 
     Parameters
     ----------
     parameters
-        The parameters of `step`, a frozen dataclass.
+        Parameters of `step`, a frozen dataclass.
     initial_state
-        The state before the first sample.
+        State before the first sample.
     model
-        The regressors.
+        Model that defines the regressors.
     names
-        What is estimated, b and k first; by default the model's parameters.
+        Names of the estimated quantities, b and k first. Default: the model's parameters.
     """
 
     gated: ClassVar[bool] = True
     """Whether a bank's gate holds the estimate while there is no contact or no motion."""
     constant: ClassVar[bool] = False
-    """Whether its step takes the regressor 1 after those of the model."""
+    """Whether the step needs a constant regressor 1 after the regressors of the model."""
 
     @staticmethod
     @abstractmethod
     def step(parameters: Any, state: Any, phi: Regressors, f: float, dt: float) -> None:
-        """Take in one sample: update the state in place."""
+        """Process one sample and update the state in place."""
 
     _step: ClassVar[Step]
 
@@ -120,7 +120,7 @@ class Estimator(ABC):
         super().__init_subclass__()
         if "step" in vars(cls):
             cls._step = staticmethod(interpreted(cls.step))
-        for name in ("advance", "hold"):  # in a bank, they meet many classes of states
+        for name in ("advance", "hold"):  # separate copies for each class of state: faster
             setattr(cls, name, own_copy(getattr(cls, name)))
 
     def __init__(
@@ -138,11 +138,11 @@ class Estimator(ABC):
 
     @property
     def from_contact(self) -> bool:
-        """Whether x must be measured from the contact: the model is not linear in x."""
+        """Whether x must be measured from the contact, because the model is nonlinear in x."""
         return not set(POWERS_OF_X).isdisjoint(self.names)
 
     def reset(self) -> None:
-        """Forget every sample."""
+        """Discard all samples."""
         self.state = deepcopy(self._initial_state)
 
     @property
@@ -152,7 +152,7 @@ class Estimator(ABC):
 
     @property
     def values(self) -> dict[str, tuple[float, float]]:
-        """Value and standard deviation of everything that is estimated, by name."""
+        """Value and standard deviation of each estimated quantity, by name."""
         pairs = zip(self.state.theta, self.state.std, strict=True)
         return dict(zip(self.names, pairs, strict=True))
 
@@ -162,28 +162,28 @@ class Estimator(ABC):
         return tuple(UNITS[name] for name in self.names)
 
     def note(self, estimates: Estimates) -> str | None:
-        """What a reader of these estimates of its own must know of them, in one line."""
+        """Return a one-line warning about these estimates of this estimator, None for none."""
         return None
 
     def update(
         self, x: float, v: float, f: float, dt: float, further: Sequence[float] = ()
     ) -> Estimate:
-        """Take in one sample.
+        """Process one sample.
 
         Parameters
         ----------
         x, v, f
             Displacement [m], velocity [m/s], force [N].
         dt
-            Time since the sample before [s].
+            Time since the previous sample [s].
         further
             The model's regressors besides v and x.
 
         Raises
         ------
         ValueError
-            A value is not finite or absurdly large, `dt` is not positive, or there are not as many
-            regressors as the model has. The estimator stays as it was.
+            A value is not finite or too large, `dt` is not positive, or the number of regressors
+            differs from that of the model. The state of the estimator does not change.
         """
         x, v, f, dt = float(x), float(v), float(f), float(dt)
         further = [float(value) for value in further]
@@ -192,7 +192,7 @@ class Estimator(ABC):
         return self.advance([v, x, *further], f, dt)
 
     def advance(self, phi: list[float], f: float, dt: float) -> Estimate:
-        """Take in one sample of floats that `check_sample` has passed, phi = [v, x, ...]."""
+        """Process one sample of floats, phi = [v, x, ...], already checked by `check_sample`."""
         if self.constant:
             phi = [*phi, 1.0]
         state = self.state
@@ -201,7 +201,7 @@ class Estimator(ABC):
         return estimate_of(state)
 
     def hold(self) -> Estimate:
-        """Leave the estimate as it is, and mark it as held."""
+        """Mark the estimate as held, without a change of its values."""
         state = self.state
         state.held = True
         return estimate_of(state)
@@ -214,32 +214,32 @@ class Estimator(ABC):
         dt: ArrayLike,
         further: ArrayLike | None = None,
     ) -> Estimates:
-        """Take in n samples as `update` would, one by one.
+        """Process n samples, with the same results as n calls of `update`.
 
         Parameters
         ----------
         x, v, f
             Displacement [m], velocity [m/s], force [N], each of shape (n,).
         dt
-            Time since the sample before [s], of shape (n,), or one number for all.
+            Time since the previous sample [s], of shape (n,), or one number for all.
         further
             The model's regressors besides v and x, shape (n, regressors - 2).
 
         Raises
         ------
         ValueError
-            The shapes differ, a value is not finite, a `dt` is not positive, or there are not
-            as many regressors as the model has. The estimator stays as it was.
+            The shapes differ, a value is not finite, a `dt` is not positive, or the number of
+            regressors differs from that of the model. The state does not change.
         """
         samples = checked_samples(x, v, f, dt, further)
         self.check_further(samples.phi.shape[1] - 2)
         return self.advance_all(samples)
 
     def advance_all(self, samples: Samples) -> Estimates:
-        """Take in samples that `checked_samples` has passed."""
-        answers = sweep(self.law, self.state, self.as_taken(samples))
+        """Process samples that have been checked by `checked_samples`."""
+        table = sweep(self.law, self.state, self.step_samples(samples))
         size = len(self.names)
-        columns = answers.T.copy()
+        columns = table.T.copy()
         return Estimates(
             columns[0],
             columns[1],
@@ -253,19 +253,19 @@ class Estimator(ABC):
             },
         )
 
-    def as_taken(self, samples: Samples) -> Samples:
-        """The samples as its step takes them."""
+    def step_samples(self, samples: Samples) -> Samples:
+        """Return the samples with all regressors of the step: append 1 if `constant`."""
         if not self.constant:
             return samples
         return samples._replace(phi=np.column_stack((samples.phi, np.ones(len(samples.f)))))
 
     @property
     def law(self) -> Law:
-        """The step with its parameters."""
+        """The step function together with its parameters."""
         return Law(type(self).step, self.parameters)
 
     def check_further(self, count: int) -> None:
-        """Raise ValueError unless the model has so many regressors besides v and x."""
+        """Raise ValueError unless the model has this number of regressors besides v and x."""
         expected = self.model.regressors - 2
         if count != expected:
             raise ValueError(

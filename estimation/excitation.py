@@ -1,4 +1,4 @@
-"""How persistently exciting the motion is, and how fast."""
+"""Persistent excitation and dominant frequency of a motion."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ from estimation.checks import check_sample
 
 
 class Excitation:
-    """How far the regressors of a sliding window are from rank-deficient, 0 to 1.
+    """Measure of persistent excitation over a sliding window, from 0 to 1.
 
-    The regressors [v / omega, x], both in metres, have a mean Gram matrix over the window,
-    an ellipse whose roundness persistent excitation is. The measure is the ratio of its
-    eigenvalues, smallest to largest: 1 for a sine of that frequency about zero, 0 for a hold,
-    where only stiffness shows, and 0 where displacement and velocity are proportional.
+    The measure is the ratio of the smallest to the largest eigenvalue of the mean Gram matrix of
+    the regressors [v / omega, x], both in metres. It is 1 for a sine of the given frequency
+    about zero. It is 0 in a hold, where only stiffness can be identified, and 0 where
+    displacement and velocity are proportional.
 
     Parameters
     ----------
     frequency
-        omega / 2 pi [Hz], by which velocity compares with displacement. The default is a
-        palpation a second.
+        omega / 2 pi [Hz], which scales velocity to displacement. The default is one palpation
+        per second.
     window
         Length of the sliding window [s]; one period by default.
     resolution
-        Displacement [m] below which motion is measurement noise: its square is added to the
-        largest eigenvalue, so that noise alone does not count as excitation.
+        Displacement [m] below which motion is measurement noise. Its square is added to the
+        largest eigenvalue, so that noise alone gives a measure near 0.
 
     Raises
     ------
@@ -55,12 +55,16 @@ class Excitation:
         self._xx = self._xy = self._yy = self._span = 0.0
 
     def update(self, x: float, v: float, dt: float) -> float:
-        """Take in displacement [m] and velocity [m/s] of a sample `dt` [s] after the last.
+        """Process displacement [m] and velocity [m/s] `dt` [s] after the previous sample.
+
+        Returns
+        -------
+        The measure over the present window.
 
         Raises
         ------
         ValueError
-            A value is not finite or absurdly large, or `dt` is not positive.
+            A value is not finite or too large, or `dt` is not positive.
         """
         check_sample(dt, x=x, v=v)
         y = v / self._omega
@@ -82,19 +86,19 @@ class Excitation:
 
 
 def dominant_frequency(x: ArrayLike, dt: ArrayLike) -> float:
-    """Frequency [Hz] of the largest peak of a motion's spectrum, a drift taken off.
+    """Return the frequency [Hz] of the largest peak in the spectrum of a motion without drift.
 
     Parameters
     ----------
     x
         Displacement [m], shape (n,).
     dt
-        Time since the sample before [s], shape (n,), or one number for all.
+        Time since the previous sample [s], shape (n,), or one number for all.
 
     Raises
     ------
     ValueError
-        There are fewer than four samples, or they do not move.
+        There are fewer than four samples, or the displacement is constant.
     """
     x = np.asarray(x, dtype=np.float64)
     if x.ndim != 1 or len(x) < 4 or not np.ptp(x) > 0.0:

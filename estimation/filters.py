@@ -1,4 +1,4 @@
-"""Filters that are exact for an input that runs straight from sample to sample."""
+"""Discrete-time filters that are exact for an input that is linear between samples."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ import math
 class LowPass:
     """Critically damped second-order low-pass y'' + 2 w y' + w^2 y = w^2 u and its derivative y'.
 
-    Its input runs straight from sample to sample, for which the discretisation is exact with
-    every `dt`. It starts at rest on the first sample.
+    The discretisation is exact for every `dt` if the input is linear between samples. The filter
+    starts in the steady state of the first sample.
     """
 
     def __init__(self, bandwidth: float) -> None:
@@ -17,12 +17,12 @@ class LowPass:
         self.reset()
 
     def reset(self) -> None:
-        """Forget every sample."""
+        """Discard all samples."""
         self._u = math.nan
         self.y = self.rate = 0.0
 
     def update(self, u: float, dt: float) -> None:
-        """Let `dt` [s] pass in which the input went straight to u."""
+        """Advance by `dt` [s], during which the input changes linearly to u."""
         omega = self._omega
         if math.isnan(self._u):
             self._u = self.y = u
@@ -37,12 +37,12 @@ class LowPass:
 
     @property
     def acceleration(self) -> float:
-        """Y''."""
+        """Second derivative y'' of the output."""
         return self._omega * (self._omega * (self._u - self.y) - 2.0 * self.rate)
 
 
 class Lag:
-    """First-order lag tau y' = u - y, exact for an input that runs straight between samples."""
+    """First-order lag tau y' = u - y, exact for an input that is linear between samples."""
 
     def __init__(self, lag: float) -> None:
         if not 0.0 <= lag < math.inf:
@@ -51,11 +51,11 @@ class Lag:
         self.reset()
 
     def reset(self) -> None:
-        """Forget every sample."""
+        """Discard all samples."""
         self._u = self.y = math.nan
 
     def update(self, u: float, dt: float) -> float:
-        """Let `dt` [s] pass in which the input went straight to u; returns the output."""
+        """Advance by `dt` [s], during which the input changes linearly to u; return the output."""
         if self._lag == 0.0 or math.isnan(self._u):
             self.y = u
         else:
@@ -66,7 +66,13 @@ class Lag:
 
 
 def angular(bandwidth: float) -> float:
-    """2 pi times a frequency [Hz], or ValueError unless it is positive and of this world."""
+    """Return 2 pi times a frequency [Hz].
+
+    Raises
+    ------
+    ValueError
+        The frequency is not between 1e-6 and 1e6 Hz.
+    """
     if not 1e-6 <= bandwidth <= 1e6:
         raise ValueError(f"bandwidth must be positive, 1e-6 to 1e6 Hz, got {bandwidth} Hz")
     return 2.0 * math.pi * bandwidth

@@ -1,4 +1,4 @@
-"""The gate: whether a sample has anything to say of the environment."""
+"""Gate that holds estimates while there is no contact or no motion."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from estimation.step import Regressors, State
 
 
 class GateSettings(NamedTuple):
-    """When samples are taken in."""
+    """Thresholds above which samples are processed."""
 
     force: float
-    """Contact: root mean square force [N] from which on there is one."""
+    """Root mean square force [N] above which there is contact."""
     speed: float
-    """Excitation: root mean square velocity [m/s] from which on the motion tells something."""
+    """Root mean square velocity [m/s] above which there is motion."""
     window: float
-    """Memory [s] of both."""
+    """Time constant [s] of both mean squares."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,7 +29,7 @@ class GateParameters:
     """Parameters of `step`."""
 
     window: float
-    """Memory of the mean squares [s]."""
+    """Time constant of the mean squares [s]."""
     v_square: float
     """Mean square of the velocity above which there is motion [m^2/s^2]."""
     f_square: float
@@ -38,7 +38,7 @@ class GateParameters:
 
 @dataclass(slots=True)
 class GateState(State):
-    """State of `step`: an estimate of no parameters, which is held while the gate is shut."""
+    """State of `step`. It has no parameters; `held` is True while the gate is closed."""
 
     v_square: float
     """Mean square of the velocity [m^2/s^2]."""
@@ -49,9 +49,9 @@ class GateState(State):
 def step(
     parameters: GateParameters, state: GateState, phi: Regressors, f: float, dt: float
 ) -> None:
-    """Mean squares of velocity and force, and whether either is too small.
+    """Update the mean squares of velocity and force, and set `held` if either is too small.
 
-    Contact ends with the first sample without force, not once the mean has decayed.
+    Contact ends at the first sample without force, before the mean square has decayed.
     """
     v = phi[0]
     share = dt / (parameters.window + dt)
@@ -63,15 +63,15 @@ def step(
 
 
 class Gate:
-    """Shut where there is no contact or no motion, so that estimates hold instead of drifting.
+    """Gate that is closed without contact or motion, so that estimates are held and do not drift.
 
-    Out of contact the force is nil whatever the motion, and an estimator would learn that there
-    is no tissue; at rest, velocity is the encoder's noise, and it would learn damping from that.
+    Out of contact the force is zero for every motion, and an estimator would converge to zero
+    stiffness. At rest the velocity is encoder noise, and an estimator would fit damping to it.
 
     Parameters
     ----------
     settings
-        Force and speed from which on it is open.
+        Force and speed above which the gate is open.
 
     Raises
     ------
@@ -91,15 +91,15 @@ class Gate:
         self.reset()
 
     def reset(self) -> None:
-        """Forget every sample."""
+        """Discard all samples."""
         self._state = GateState([], [], True, 0.0, 0.0)
 
     def update(self, phi: Regressors, f: float, dt: float) -> bool:
-        """Whether it is open for this sample of phi = [v, x, ...], force [N] and period [s]."""
+        """Return whether the gate is open for a sample of phi = [v, x, ...], f [N] and dt [s]."""
         step(self._law.parameters, self._state, phi, f, dt)
         return not self._state.held
 
     def run(self, samples: Samples) -> NDArray[np.bool_]:
-        """Whether it is open for each of n samples, shape (n,)."""
-        answers = sweep(self._law, self._state, samples)
-        return np.asarray(answers[:, 0] == 0.0)
+        """Return whether the gate is open for each of n samples, shape (n,)."""
+        table = sweep(self._law, self._state, samples)
+        return np.asarray(table[:, 0] == 0.0)

@@ -1,4 +1,4 @@
-"""Position and force in, estimates out: the way of a notebook."""
+"""Identification from arrays of position and force, for use in notebooks."""
 
 from __future__ import annotations
 
@@ -27,21 +27,21 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Identification:
-    """What the estimators made of a recording."""
+    """Result of `identify`: signals and estimates of a recording."""
 
     t: Floats
     """Time [s], shape (n,)."""
     regression: Regression
-    """What they were given."""
+    """Conditioned signals that the estimators processed."""
     estimates: dict[str, Estimates]
-    """What each said after each sample."""
+    """Estimates after each sample, by the name of the estimator."""
     bank: Bank
-    """The estimators, as they are after the last sample."""
+    """The estimators in their final state."""
     preset: Preset
-    """Their settings."""
+    """Settings of the estimators."""
 
     def to_dataframe(self) -> pandas.DataFrame:
-        """Signals and estimates, a row for each sample, indexed by time [s].
+        """Return signals and estimates, with one row per sample, indexed by time [s].
 
         Raises
         ------
@@ -58,7 +58,7 @@ class Identification:
         return pandas.DataFrame(columns, index=pandas.Index(self.t, name="t"))
 
     def plot(self) -> Figure:
-        """Stiffness and damping over time with their 95 % intervals, as a matplotlib figure."""
+        """Return a figure of stiffness and damping over time with their 95 % intervals."""
         from matplotlib.figure import Figure
 
         figure = Figure(figsize=(8.0, 5.0), layout="constrained")
@@ -100,23 +100,23 @@ def identify(
     force
         Interaction force, positive in compression [N], shape (n,).
     dt
-        Time since the sample before [s], shape (n,), or one number for all.
+        Time since the previous sample [s], shape (n,), or one number for all.
     estimators
-        Names out of `METHODS`, in a sequence or with commas between, or `all`.
+        Names of `METHODS`, as a sequence or separated by commas, or `all`.
     model
-        Name of the model for the estimators that take any, out of `MODELS`.
+        Name of a model of `MODELS`, for the estimators that support any model.
     bandwidth
-        Bandwidth of the matched filter [Hz]; ten times the motion's dominant frequency by
-        default.
+        Bandwidth of the matched filter [Hz]. Default: ten times the dominant frequency of the
+        motion.
     force_lag
-        Lag of the force channel [s], which is made up for.
+        Lag of the force channel [s], which is compensated.
     preset
-        Settings; scaled from the data by default.
+        Settings of the estimators. Default: scaled from the data.
 
     Raises
     ------
     ValueError
-        The shapes differ, a value is not finite, a name is unknown, or nothing moves.
+        The shapes differ, a value is not finite, a name is unknown, or there is no motion.
 
     Examples
     --------

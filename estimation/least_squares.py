@@ -1,4 +1,4 @@
-"""Batch least squares, the yardstick of the online estimators."""
+"""Batch least squares, the reference for the online estimators."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from estimation.compiled import Floats
 
 
 class Fit(NamedTuple):
-    """The parameters of all samples together, and the residual."""
+    """Parameters and residual of a least-squares fit to all samples."""
 
     b: float
     """Damping [N s/m]."""
     k: float
     """Stiffness [N/m]."""
     residual: Floats
-    """Force that is left [N], shape (n,)."""
+    """Residual force f - phi' theta [N], shape (n,)."""
     further: tuple[float, ...] = ()
-    """The model's parameters besides b and k."""
+    """Parameters of the model besides b and k."""
 
     @property
     def rms(self) -> float:
@@ -31,7 +31,9 @@ class Fit(NamedTuple):
 def least_squares(
     x: ArrayLike, v: ArrayLike, f: ArrayLike, further: ArrayLike | None = None
 ) -> Fit:
-    """The parameters with the least sum of (f - phi' theta)^2; the shortest of several.
+    """Return the parameters that minimise the sum of (f - phi' theta)^2.
+
+    If several parameter vectors do, return the one with the smallest norm, in scaled units.
 
     Parameters
     ----------

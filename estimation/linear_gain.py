@@ -1,20 +1,20 @@
-"""What all estimators of the form theta <- theta + L (f - phi' theta) share: their intervals.
+"""Intervals of all estimators of the form theta <- theta + L (f - phi' theta).
 
-The gain L of such an estimator depends on the regressors alone, not on the noise. So if the
-environment is theta_0 and its force comes with white noise of variance s, the error e of the
-estimate goes as e <- (I - L phi') e + L noise, and its covariance as
+The gain L of such an estimator depends on the regressors, not on the noise. Let the true
+parameters be theta_0, and let the force have white noise of variance s. Then the error e of the
+estimate follows e <- (I - L phi') e + L noise, and its covariance is
 
-    s C,    C <- (I - L phi') C (I - L phi')' + L L',                                   (C)
+    s C,    C <- (I - L phi') C (I - L phi')' + L L'.                                   (C)
 
-whatever the method makes of its gain: forgetting, a bounded trace, a gradient. A Riccati
-covariance P holds for one method under its own assumptions; C holds for each of them (P. S.
-Maybeck, "Stochastic Models, Estimation, and Control", vol. 1, 1979, section 6.8, performance of
-a filter of any gain).
+This is valid for every choice of the gain: forgetting, a bounded trace, a gradient. The Riccati
+covariance P is valid for one method under its own assumptions; C is valid for all (P. S. Maybeck,
+"Stochastic Models, Estimation, and Control", vol. 1, 1979, section 6.8, performance of a filter
+with any gain).
 
-The force error then has the variance s (1 + phi' C phi), which gives s. An error that comes from
-the first guess more than from noise has less weight by as much, and so has one of a sample that
-moves nothing. Where noise is correlated, so that only one of `correlation` samples counts, C is
-larger by as much.
+The force error then has the variance s (1 + phi' C phi), from which s is estimated. Errors
+dominated by the initial guess, or with a gain near zero, get proportionally less weight in this
+estimate. If the noise is correlated, so that only one of `correlation` samples is independent,
+the covariance is multiplied by `correlation`.
 """
 
 from __future__ import annotations
@@ -34,32 +34,32 @@ from estimation.model import KELVIN_VOIGT, Model
 from estimation.step import Matrix, Regressors, State, Vector, below, diagonal, zeros
 
 DIFFUSE = 1e4
-"""Variance of the first guess of a parameter, in units of the method's own variance for it.
+"""Variance of the initial guess of a parameter, in units of the method's initial variance.
 
-Before the first sample the noise is not known, and 1 N stands for it.
+Before the first sample the noise is unknown, and a standard deviation of 1 N is assumed.
 """
 NOISE_MEMORY = 1.0
-"""Memory [s] of the noise variance."""
+"""Time constant [s] of the estimate of the noise variance."""
 CORRELATED = 1.0 - 1e-12
-"""Largest correlation of two parameters; rounding may give more."""
+"""Largest correlation of two parameters; rounding errors may give more."""
 LEAST = 1e-100
-"""A sample of less weight has no information on the noise."""
+"""Weight below which a sample does not change the noise variance."""
 
 
 @dataclass(frozen=True, slots=True)
 class LinearGainParameters:
-    """What `correct` needs."""
+    """Parameters of `correct`."""
 
     correlation: float
-    """Samples for each independent one, >= 1."""
+    """Samples per independent noise sample, >= 1."""
 
 
 @dataclass(slots=True)
 class LinearGainState(State):
-    """What `correct` updates."""
+    """State that `correct` updates."""
 
     L: Vector
-    """Gain, (m,); the method computes it before it calls `correct`."""
+    """Gain, (m,). The method computes it before it calls `correct`."""
     C: Matrix
     """Covariance of theta for a noise variance of 1, (m, m)."""
     C_phi: Vector
@@ -67,7 +67,7 @@ class LinearGainState(State):
     noise: float
     """Variance s of the noise [N^2]."""
     evidence: float
-    """Sum of the weights of the samples that gave `noise`."""
+    """Sum of the weights of the samples from which `noise` is estimated."""
 
 
 def correct(
@@ -77,12 +77,12 @@ def correct(
     f: float,
     dt: float,
 ) -> None:
-    """Theta <- theta + L (f - phi' theta), C by (C), and the standard deviations sqrt(s C_ii)."""
+    """Update theta by L (f - phi' theta), C by (C), and the standard deviations sqrt(s C_ii)."""
     theta, std, L, C, C_phi = state.theta, state.std, state.L, state.C, state.C_phi
     indices = below[len(phi)]
     error = f
     spread = 1.0
-    learned = 0.0
+    gain = 0.0
     for i in indices:
         row = C[i]
         total = 0.0
@@ -92,11 +92,11 @@ def correct(
         regressor = phi[i]
         error -= regressor * theta[i]
         spread += regressor * total
-        learned += regressor * L[i]
-    if spread < 1.0:  # by rounding
+        gain += regressor * L[i]
+    if spread < 1.0:  # rounding error
         spread = 1.0
-    if learned > LEAST * spread:
-        update_noise(state, error, spread, learned, dt)
+    if gain > LEAST * spread:
+        update_noise(state, error, spread, gain, dt)
     noise = parameters.correlation * state.noise
     for i in indices:
         move = L[i]
@@ -106,7 +106,7 @@ def correct(
         change = spread * move - covariance
         for j in below[i]:
             row[j] = C[j][i] = row[j] - move * C_phi[j] + change * L[j]
-        # (I - L phi') C (I - L phi')' is not negative, but rounding may make it so
+        # (I - L phi') C (I - L phi')' is not negative, except for rounding errors
         variance = row[i] + move * (change - covariance)
         least = move * move
         if variance < least:
@@ -116,15 +116,16 @@ def correct(
 
 
 def update_noise(
-    state: LinearGainState, error: float, spread: float, learned: float, dt: float
+    state: LinearGainState, error: float, spread: float, gain: float, dt: float
 ) -> None:
-    """Mean of error^2 / spread, each sample with the weight phi' L / spread.
+    """Update the noise variance: the mean of error^2 / spread, with the weights gain / spread.
 
-    Weights decay within `NOISE_MEMORY`. A sample has no more weight for a gap before it: it is
-    one error however long the gap was.
+    `gain` is phi' L and `spread` is 1 + phi' C phi. Weights decay with the time constant
+    `NOISE_MEMORY`. A long `dt` before a sample does not increase its weight, because it is still
+    one error.
     """
     certainty = 1.0 / spread
-    weight = learned * certainty
+    weight = gain * certainty
     kept = 1.0 - dt / NOISE_MEMORY
     evidence = weight + (kept * state.evidence if kept > 0.0 else 0.0)
     state.evidence = evidence
@@ -132,7 +133,7 @@ def update_noise(
 
 
 def linear_gain_state(guess_variance: Sequence[float]) -> dict[str, Any]:
-    """The fields of a `LinearGainState` before the first sample, by name."""
+    """Return the fields of the initial `LinearGainState`, by name."""
     m = len(guess_variance)
     variances = [DIFFUSE * variance for variance in guess_variance]
     return {
@@ -148,17 +149,17 @@ def linear_gain_state(guess_variance: Sequence[float]) -> dict[str, Any]:
 
 
 class LinearGainEstimator(Estimator):
-    """An estimator theta <- theta + L (f - phi' theta), whose step ends with `correct`.
+    """Base class of estimators theta <- theta + L (f - phi' theta), whose step ends in `correct`.
 
-    Its parameters are a `LinearGainParameters` and its state a `LinearGainState`, or derived
-    from these.
+    The classes of its parameters and of its state are `LinearGainParameters` and
+    `LinearGainState`, or derived from these.
 
     Parameters
     ----------
     parameters, initial_state, model
-        As `Estimator`. In the parameters, `correlation` is the number of samples for each
-        independent one: white noise of the force has 1, and noise behind a filter of bandwidth
-        B sampled at a rate of r has r / 2B.
+        As in `Estimator`. The field `correlation` of the parameters is the number of samples per
+        independent noise sample. It is 1 for white force noise, and r / 2B for noise after a
+        filter of bandwidth B that is sampled at the rate r.
 
     Raises
     ------
@@ -181,7 +182,7 @@ class LinearGainEstimator(Estimator):
     @staticmethod
     @abstractmethod
     def step(parameters: Any, state: Any, phi: Regressors, f: float, dt: float) -> None:
-        """Compute the gain L, put it into the state, and `correct`."""
+        """Compute the gain L, store it in the state, and call `correct`."""
 
     @property
     def covariance(self) -> Floats:

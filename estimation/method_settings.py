@@ -1,4 +1,4 @@
-"""What the methods of a bank are made from."""
+"""Settings from which the estimators of a bank are constructed."""
 
 from __future__ import annotations
 
@@ -10,14 +10,15 @@ from estimation.methods.grid import Grid
 from estimation.model import KELVIN_VOIGT, Model
 
 LONGEST = 1e3
-"""Longest memory [s] of methods other than the paper's."""
+"""Upper bound of `MethodSettings.memory` [s]."""
 
 
 @dataclass(frozen=True)
 class MethodSettings:
-    """Settings from which every method computes its own parameters.
+    """Settings from which each method computes its own parameters.
 
-    The units and ranges are those of the estimators' parameters of the same names.
+    Settings without a description have the units and ranges of the parameters of the same name
+    of `RecursiveLeastSquares`, `AdaptiveIdentification` and `MultiEstimator`.
     """
 
     forgetting: float
@@ -34,25 +35,25 @@ class MethodSettings:
     f_size: float = 10.0
     """Typical force [N]."""
     segment: float = 0.5
-    """Length of the segments that are compared for misfit [s], about a period of the motion."""
+    """Length of the segments that `segments` compares [s], about one period of the motion."""
     correlation: float = 1.0
-    """Samples for each one whose noise is independent, as the conditioner gives it."""
+    """Samples per independent noise sample, see `Conditioner.correlation`."""
     model: Model = KELVIN_VOIGT
-    """Model of the methods that take any regressors."""
+    """Model of the methods that support any regressors."""
 
     @property
     def memory(self) -> float:
-        """Time [s] in which the weight of a sample falls to 1/e, `LONGEST` at the most."""
+        """Time [s] in which the weight of a sample decreases to 1/e, at most `LONGEST`."""
         if self.forgetting == 1.0:
             return LONGEST
         return min(-self.sample_period / math.log(self.forgetting), LONGEST)
 
     @property
     def sizes(self) -> tuple[float, ...]:
-        """Typical size of each of the model's regressors."""
+        """Typical root mean square of each regressor of the model, in its SI unit."""
         return self.model.sizes(self.x_size, self.v_size, self.f_size)
 
     @property
     def covariance(self) -> tuple[float, ...]:
-        """Diagonal of P0 of methods that are not the paper's, per N^2 of force variance."""
+        """Diagonal of P0 of the methods other than the paper's, per N^2 of force variance."""
         return tuple(1e4 / size**2 for size in self.sizes)

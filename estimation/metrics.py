@@ -1,4 +1,4 @@
-"""How well an estimate does over a trial."""
+"""Performance metrics of an estimate over a trial."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from estimation.estimator import LEVEL_95, UNKNOWN, Estimates
 from estimation.model import SIZES
 
 ACTIVE_STATE = "p"
-"""Name of the force [N] that the active observer takes up besides the model's."""
+"""Name of the disturbance force [N] that the active observer estimates besides the model."""
 
 
 def estimated_force(regression: Regression, estimates: Estimates) -> Floats:
-    """Force f_hat = phi' theta_hat [N] of each sample by its own estimate, the paper's (5)."""
+    """Return the force f_hat = phi' theta_hat [N] of each sample and its estimate, (5)."""
     return _force(regression, estimates, lambda series: series)
 
 
 def predicted_force(regression: Regression, estimates: Estimates) -> Floats:
-    """Force [N] of each sample by the estimate before it; zero for the first sample.
+    """Return the one-step prediction of the force [N]; zero for the first sample.
 
-    The error of this one-step prediction is what an estimator has not yet seen, so unlike
-    that of (5) it cannot be made small by following the noise.
+    The force of each sample is predicted with the estimate after the previous sample. Its error
+    is not made small by an estimator that follows the noise, unlike the error of (5).
     """
     return _force(regression, estimates, lambda series: np.concatenate(([0.0], series[:-1])))
 
@@ -43,39 +43,41 @@ def _force(
 
 
 def force_error(f: ArrayLike, f_hat: ArrayLike) -> float:
-    """Average force error e_f [N], the mean of |f - f_hat| over the trial.
+    """Return the average force error e_f [N], the mean of |f - f_hat| over the trial.
 
-    The paper prints e_f = sum |f_k - f_hat_k| / nT and a value in newtons. With T the sample
-    period that sum is 1000 times the mean and in N/s; with nT read as the number of samples
-    it is the mean in newtons, and of the size of the force noise as in Table I.
+    The paper defines e_f = sum |f_k - f_hat_k| / nT and gives values in newtons. If T is the
+    sample period, the sum is 1000 times the mean and in N/s. If nT is the number of samples, it
+    is the mean in newtons and of the size of the force noise, as in Table I.
     """
     return float(np.mean(np.abs(np.asarray(f) - np.asarray(f_hat))))
 
 
 def coverage(values: ArrayLike, std: ArrayLike, truth: ArrayLike) -> float:
-    """Share of the samples whose 95 % interval holds the truth; NaN where there is none.
+    """Return the fraction of samples whose 95 % interval contains the true value.
+
+    Samples without an interval are not counted. The result is NaN if no sample has one.
 
     Parameters
     ----------
     values, std
         Estimates of a parameter and their standard deviations, each of shape (n,).
     truth
-        What the parameter is, of shape (n,), or one number for all.
+        True value of the parameter, of shape (n,), or one number for all.
     """
     values, std = np.asarray(values), np.asarray(std)
-    told = std < UNKNOWN
-    if not told.any():
+    determined = std < UNKNOWN
+    if not determined.any():
         return float("nan")
-    off = np.abs(values - np.broadcast_to(np.asarray(truth), values.shape))
-    return float(np.mean(off[told] <= LEVEL_95 * std[told]))
+    errors = np.abs(values - np.broadcast_to(np.asarray(truth), values.shape))
+    return float(np.mean(errors[determined] <= LEVEL_95 * std[determined]))
 
 
 def rise_time(t: ArrayLike, estimate: ArrayLike) -> float:
-    """Rise time t_90 - t_10 [s] of an estimate that starts from nothing.
+    """Return the rise time t_90 - t_10 [s] of an estimate that starts at zero.
 
-    t_10 is the first time at which the estimate passes 10 % of its average over the trial,
-    t_90 the first time from then on at which it passes 90 %. NaN if it never does. Time
-    before the estimate leaves zero, such as a rest before the motion, does not count.
+    t_10 is the first time at which the estimate reaches 10 % of its average over the trial, and
+    t_90 is the first time after t_10 at which it reaches 90 %. The result is NaN if it does not
+    reach 90 %. A rest before the motion does not count, because the estimate is zero then.
 
     Parameters
     ----------

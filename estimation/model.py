@@ -1,4 +1,4 @@
-"""Models of the environment that are linear in their parameters: which regressors they have."""
+"""Models of the environment that are linear in their parameters."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ SIZES: dict[str, Callable[[float, float, float], float]] = {
     "k3": lambda x, v, f: x**3,
     "tau": lambda x, v, f: f * v / x,
 }
-"""Size of each further regressor from those of x [m], v [m/s] and f [N]."""
+"""Typical size of each further regressor, from typical x [m], v [m/s] and f [N]."""
 UNITS = {
     "b": "N s/m",
     "k": "N/m",
@@ -24,9 +24,9 @@ UNITS = {
     "B": "N s/m^(n+1)",
     "n": "-",
 }
-"""Units of everything that estimators tell."""
+"""Units of all quantities that estimators report."""
 POWERS_OF_X = ("k3", "n")
-"""Parameters of a model that is not linear in x: x must be measured from the contact."""
+"""Parameters of models that are nonlinear in x, for which x must be measured from the contact."""
 REGRESSOR_UNITS = {"f0": "-", "m": "m/s^2", "k3": "m^3", "tau": "N/s"}
 """Units of the further regressors."""
 
@@ -35,20 +35,20 @@ REGRESSOR_UNITS = {"f0": "-", "m": "m/s^2", "k3": "m^3", "tau": "N/s"}
 class Model:
     """A model f = phi' theta, with phi = [v, x, ...] and theta = [b, k, ...].
 
-    The further regressors are formed from the measured signals before any filter, since
-    H[x^3] is not (H x)^3; `MatchedFilter` does so.
+    The further regressors are formed from the measured signals before any filter, because
+    H[x^3] is not (H x)^3. `MatchedFilter` does this.
 
     Parameters
     ----------
     name
-        As on the command line.
+        Name of the model on the command line.
     further
-        Parameters besides b and k, out of
+        Parameters besides b and k, some of
 
-        - `f0` [N], a force where x is zero: its regressor is 1;
-        - `m` [kg], the mass that moves with the surface: the acceleration;
-        - `k3` [N/m^3], stiffening: x^3;
-        - `tau` [s], relaxation: minus the rate of f.
+        - `f0` [N], the force at x = 0, with the regressor 1;
+        - `m` [kg], the mass that moves with the surface, with the acceleration;
+        - `k3` [N/m^3], stiffening, with x^3;
+        - `tau` [s], relaxation, with minus the time derivative of f.
 
     Raises
     ------
@@ -71,16 +71,16 @@ class Model:
 
     @property
     def regressors(self) -> int:
-        """How many there are."""
+        """Number of regressors."""
         return 2 + len(self.further)
 
     @property
     def further_regressors(self) -> tuple[tuple[str, str], ...]:
-        """Parameter and unit of each regressor besides v and x."""
+        """Name of the parameter, and unit, of each regressor besides v and x."""
         return tuple((parameter, REGRESSOR_UNITS[parameter]) for parameter in self.further)
 
     def sizes(self, x: float, v: float, f: float) -> tuple[float, ...]:
-        """Size of each regressor, from those of displacement [m], velocity [m/s] and force [N]."""
+        """Return typical sizes of all regressors, from typical x [m], v [m/s] and f [N]."""
         return (v, x, *(SIZES[parameter](x, v, f) for parameter in self.further))
 
 
@@ -91,12 +91,12 @@ WITH_DATUM = Model("datum", ("f0",))
 WITH_INERTIA = Model("inertia", ("m",))
 """f = b v + k x + m a: second order."""
 STIFFENING = Model("stiffening", ("k3",))
-"""f = b v + k x + k3 x^3, k the stiffness at no displacement."""
+"""f = b v + k x + k3 x^3, where k is the stiffness at zero displacement."""
 STANDARD_LINEAR_SOLID = Model("sls", ("tau",))
-"""f + tau f' = b v + k x: a spring k beside a spring k1 in series with a damper b1 = k1 tau.
+"""f + tau f' = b v + k x: a spring k parallel to a spring k1 in series with a damper b1 = k1 tau.
 
-b is k tau + b1, so that b - k tau is the damping of slow motion, and k + b1 / tau the
-stiffness of fast motion.
+b is k tau + b1. So b - k tau is the damping of slow motion, and k + b1 / tau is the stiffness of
+fast motion.
 """
 
 MODELS = {
@@ -107,12 +107,12 @@ MODELS = {
 
 
 def model_named(name: str) -> Model:
-    """One of `MODELS`.
+    """Return the model of this name.
 
     Raises
     ------
     ValueError
-        There is none of this name.
+        `MODELS` does not contain the name.
     """
     if name not in MODELS:
         raise ValueError(f"model {name!r}: expected one of {', '.join(MODELS)}")

@@ -1,9 +1,9 @@
-"""A copy of a step, with copies of all functions that it calls, of its own.
+"""Copies of a step and of all functions that it calls.
 
-Several methods call the same functions, such as `correct`, with states of different classes. Both
-the interpreter and numba learn the class of an argument from the calls so far, and are slowed or
-misled where it changes from call to call: the interpreter repeats the search for each field, and
-numba takes a record for another that it begins with. So every step has functions of its own.
+Several methods call the same functions, for example `correct`, with states of different classes.
+The interpreter and numba both specialise a function to the classes of its arguments in previous
+calls. If the class changes, the interpreter repeats the lookup of each field, and numba confuses a
+record with another one that starts with the same fields. So each step has its own copies.
 """
 
 from __future__ import annotations
@@ -20,26 +20,26 @@ def own_copy(
     finish: Callable[[FunctionType], Any] = lambda copy: copy,
     replaced: Sequence[tuple[Any, Any]] = (),
 ) -> F:
-    """A copy of a function that calls copies of the functions that it calls.
+    """Return a copy of a function, in which all functions that it calls are copies too.
 
     Parameters
     ----------
     function
-        A function that calls others by names of its module.
+        A function that calls others by global names of its module.
     finish
-        What to make of each copy, such as a compiled function.
+        Function that is applied to each copy, for example a compiler.
     replaced
-        Pairs of a global constant and what the copies have in its place.
+        Pairs of a global constant and its replacement in the copies.
     """
     done: dict[Callable[..., Any], Any] = {}
 
     def copied(original: Any) -> Any:
         if original not in done:
-            names = used_globals(original)  # few: a small namespace stays in the processor's cache
+            names = used_globals(original)  # a small namespace fits into the processor's cache
             called = {name: copied(value) for name, value in calls(original).items()}
             constants = {name: new for old, new in replaced for name in names if names[name] is old}
             copy = FunctionType(
-                original.__code__.replace(),  # what the interpreter learns is kept with the code
+                original.__code__.replace(),  # the interpreter stores its specialisation here
                 {"__name__": original.__module__, **names, **called, **constants},
                 original.__name__,
                 original.__defaults__,
@@ -53,23 +53,23 @@ def own_copy(
 
 
 def used_globals(function: Callable[..., Any]) -> dict[str, Any]:
-    """The globals that a function uses, by name."""
+    """Return the globals that a function uses, by name."""
     known = function.__globals__
     return {name: known[name] for name in names_in(function.__code__) if name in known}
 
 
 def names_in(code: CodeType) -> set[str]:
-    """The names of globals and attributes in a function, and in functions inside of it."""
+    """Return the names of globals and attributes in a function and in its inner functions."""
     inner = (value for value in code.co_consts if isinstance(value, CodeType))
     return set(code.co_names).union(*map(names_in, inner))
 
 
 def calls(function: Callable[..., Any]) -> dict[str, FunctionType]:
-    """The functions that a function calls, by the names that it has for them."""
+    """Return the functions that a function calls, by their names in this function."""
     used = used_globals(function)
     return {name: value for name, value in used.items() if isinstance(value, FunctionType)}
 
 
 def called_functions(function: Callable[..., Any]) -> set[Callable[..., Any]]:
-    """A function and all that it calls, directly or not."""
+    """Return a function and all functions that it calls, directly or indirectly."""
     return {function}.union(*(called_functions(value) for value in calls(function).values()))

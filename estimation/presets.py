@@ -1,4 +1,4 @@
-"""Settings of a bank: the paper's own, and settings scaled to the data."""
+"""Settings of a bank: those of the paper, and settings scaled to the data."""
 
 from __future__ import annotations
 
@@ -16,44 +16,46 @@ from estimation.methods.grid import Axis, Grid
 from estimation.registry import METHODS, PAPER, named_estimators
 
 GATE = GateSettings(force=0.1, speed=2e-3, window=0.02)
-"""For palpation by hand."""
+"""Default gate, for palpation by hand."""
 
 
 @dataclass(frozen=True)
 class Preset(MethodSettings):
-    """Settings of a bank, from which every method has its own.
+    """Settings of a bank, from which each method computes its own.
 
-    `dataclasses.replace(preset, forgetting=0.95)` changes one.
+    Use `dataclasses.replace(preset, forgetting=0.95)` to change a setting.
     """
 
     gate: GateSettings | None = GATE
-    """Where estimates hold, but for the paper's; None for nowhere."""
+    """Gate that holds estimates, except those of the paper's estimators; None for no gate."""
     estimators: tuple[str, ...] = PAPER
-    """Names of the estimators, out of `METHODS`."""
+    """Names of the estimators, of `METHODS`."""
 
     def bank(self) -> Bank:
-        """A fresh bank with these settings.
+        """Return a new bank with these settings.
 
         Raises
         ------
         ValueError
-            A setting is out of its range, or a name is none of `METHODS`.
+            A setting is out of its range, or `METHODS` does not contain a name.
         """
-        made = {}
+        estimators = {}
         for name in named_estimators(self.estimators):
             try:
-                made[name] = METHODS[name](self)
+                estimators[name] = METHODS[name](self)
             except ValueError as error:
                 raise ValueError(f"{name}: {error}") from error
-        if self.model.further and not any(e.model.further for e in made.values()):
-            raise ValueError(f"model {self.model.name}: none of {', '.join(made)} takes it")
-        return Bank(made, Gate(self.gate) if self.gate else None)
+        if self.model.further and not any(e.model.further for e in estimators.values()):
+            raise ValueError(
+                f"model {self.model.name}: none of {', '.join(estimators)} supports it"
+            )
+        return Bank(estimators, Gate(self.gate) if self.gate else None)
 
 
 def paper_preset(cube: str = "soft") -> Preset:
-    """The paper's settings: (17), (18) for this cube, (19), beta = 0.98 at 1 kHz, lambda = 10.
+    """Return the paper's settings: (17), (18), (19), beta = 0.98 at 1 kHz and lambda = 10.
 
-    What the paper does not have is the same for all cubes.
+    (18) depends on the cube. Settings that the paper does not give are the same for all cubes.
 
     Raises
     ------
@@ -75,33 +77,33 @@ def paper_preset(cube: str = "soft") -> Preset:
 
 
 def scaled_preset(x: ArrayLike, v: ArrayLike, f: ArrayLike, dt: ArrayLike) -> Preset:
-    """Settings for data of any size and speed, scaled from the data itself.
+    """Return settings that are scaled from the data, for data of any size and speed.
 
-    The memory is half a period of the motion's dominant oscillation, the shortest that shows
-    damping and stiffness apart. The multi-estimator gets 10^8 candidates, to three times the
-    stiffness and damping that would explain the whole force alone. Samples count while force
-    and speed are above a fiftieth of their root mean squares.
+    The memory is half a period of the dominant oscillation, the shortest time that separates
+    damping and stiffness. The multi-estimator has 10^8 candidates. They extend to three times the
+    stiffness and three times the damping that would explain the whole force alone. The gate is
+    open while force and speed exceed 2 % of their root mean squares.
 
     Parameters
     ----------
     x, v, f
         Displacement [m], velocity [m/s], force [N], each of shape (n,).
     dt
-        Time since the sample before [s], of shape (n,), or one number for all.
+        Time since the previous sample [s], of shape (n,), or one number for all.
 
     Raises
     ------
     ValueError
-        As `Estimator.run`; or there is no motion or no force.
+        As in `Estimator.run`; or there is no motion or no force.
     """
     phi, force, periods, _ = checked_samples(x, v, f, dt)
     signals = (phi[:, 1], phi[:, 0], force)
     x_rms, v_rms, f_rms = (math.sqrt(float(np.mean(s**2))) if len(s) else 0.0 for s in signals)
     for what, size in (("displacement", x_rms), ("velocity", v_rms), ("force", f_rms)):
         if size == 0.0:
-            raise ValueError(f"nothing to estimate from: the {what} is zero throughout")
+            raise ValueError(f"cannot estimate: the {what} is zero in all samples")
     if np.ptp(phi[:, 1]) == 0.0:
-        raise ValueError("nothing to estimate from: the displacement is constant")
+        raise ValueError("cannot estimate: the displacement is constant")
     b_scale, k_scale = f_rms / v_rms, f_rms / x_rms
     period = float(np.median(periods))
     memory = math.pi * float(np.std(phi[:, 1])) / v_rms

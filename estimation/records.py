@@ -1,4 +1,4 @@
-"""Dataclasses of numbers as numpy records, and back."""
+"""Conversion of dataclasses of numbers to numpy records, and back."""
 
 from __future__ import annotations
 
@@ -10,14 +10,17 @@ from numpy.typing import NDArray
 
 
 def to_record(values: Any) -> NDArray[np.void]:
-    """A dataclass of numbers, vectors, matrices and such dataclasses, as an array of one record."""
+    """Return an array of one record, from a dataclass of numbers, vectors and matrices.
+
+    Fields may be such dataclasses themselves.
+    """
     record = np.zeros(1, record_type(values))
     _fill(record[0], values)
     return record
 
 
 def update_from(record: np.void, values: Any) -> None:
-    """Give a dataclass the values of a record."""
+    """Set the fields of a dataclass to the values of a record."""
     for field in fields(values):
         value = getattr(values, field.name)
         if is_dataclass(value):
@@ -27,7 +30,7 @@ def update_from(record: np.void, values: Any) -> None:
 
 
 def numbers(values: Any) -> NDArray[np.float64]:
-    """All numbers of such a dataclass, one after the other, shape (n,)."""
+    """Return all numbers of a dataclass in one array, shape (n,)."""
     parts = []
     for field in fields(values):
         value = getattr(values, field.name)
@@ -36,7 +39,7 @@ def numbers(values: Any) -> NDArray[np.float64]:
 
 
 def record_type(values: Any) -> np.dtype[np.void]:
-    """The type of a record with the same names, types and shapes."""
+    """Return the numpy type of a record with the same names, types and shapes."""
     return np.dtype(
         [(field.name, *_type_of(getattr(values, field.name))) for field in fields(values)],
         align=True,

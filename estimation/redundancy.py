@@ -1,7 +1,7 @@
-"""Parameterisation redundancy: which candidates the motion cannot tell apart, Lemmas 1 and 2.
+"""Parameterisation redundancy: candidates that a motion does not distinguish, Lemmas 1 and 2.
 
-With theta = (b, k), phi = [v, x] and the plant theta_0, a candidate's force error is
-(theta - theta_0)' phi and its monitoring signal (11) the quadratic form
+With theta = (b, k), phi = [v, x] and the plant theta_0, the force error of a candidate is
+(theta - theta_0)' phi, and its monitoring signal (11) is the quadratic form
 
     mu(theta) = (theta - theta_0)' S (theta - theta_0)
     S = int e^(-2 lambda (t - tau)) phi phi' dtau.
@@ -11,10 +11,10 @@ s = (gamma - theta_0) + (epsilon - theta_0),
 
     mu_gamma - mu_epsilon = d' S s = int e^(-2 lambda (t - tau)) (d' phi)(s' phi) dtau,
 
-which is zero at all times if and only if (d' phi)(s' phi) is: where s = 0, the mirrored pair (15);
-where d' phi = 0, the exponential (14); or where s' phi = 0, the exponential (16). Lemma 1 is the
-case that epsilon is the plant, d = s, where (14) is (12). The paper's further condition to (16),
-that the two errors be parallel, is not needed.
+which is zero at all times if and only if (d' phi)(s' phi) is zero at all times. There are three
+cases: s = 0, the mirrored pair (15); d' phi = 0, the exponential motion (14); and s' phi = 0, the
+exponential motion (16). In Lemma 1 epsilon is the plant, so d = s, and (14) becomes (12). The
+paper's additional condition for (16), that the two errors are parallel, is not needed.
 """
 
 from __future__ import annotations
@@ -35,16 +35,16 @@ class Candidate(NamedTuple):
 
 
 class Redundancy(NamedTuple):
-    """When two candidates have the same monitoring signal at all times."""
+    """Motions for which two candidates have the same monitoring signal at all times."""
 
     mirrored: bool
-    """On every motion: the candidates lie opposite each other about the plant, (15)."""
+    """True for every motion: the plant is the midpoint between the candidates, (15)."""
     rates: tuple[float, ...]
-    """Else on x(t) = x_0 exp(-rate t) alone, for these rates [1/s]: (12), (14) and (16)."""
+    """Rates [1/s] for which x(t) = x_0 exp(-rate t) is such a motion: (12), (14) and (16)."""
 
 
 def redundancy(gamma: Candidate, epsilon: Candidate, plant: Candidate) -> Redundancy:
-    """When two candidates cannot be told apart on a plant without noise, Lemmas 1 and 2.
+    """Return when two candidates are indistinguishable on a plant without noise, Lemmas 1 and 2.
 
     Parameters
     ----------
@@ -67,16 +67,18 @@ def redundancy(gamma: Candidate, epsilon: Candidate, plant: Candidate) -> Redund
 
 
 class Ambiguity(NamedTuple):
-    """What the data could not tell apart after each sample, arrays of shape (n,)."""
+    """Candidates that the data do not distinguish after each sample, arrays of shape (n,)."""
 
     candidates: Floats
-    """How many candidates tie with the winner within the margin, the winner among them."""
+    """Number of candidates within the margin of the best one, including it."""
     b_low: Floats
-    """Least damping among them [N s/m]."""
+    """Smallest damping among them [N s/m]."""
     b_high: Floats
+    """Largest damping among them [N s/m]."""
     k_low: Floats
-    """Least stiffness among them [N/m]."""
+    """Smallest stiffness among them [N/m]."""
     k_high: Floats
+    """Largest stiffness among them [N/m]."""
 
 
 def ambiguity(
@@ -88,19 +90,19 @@ def ambiguity(
     margin: float,
     every: int = 1,
 ) -> Ambiguity:
-    """The set of candidates that a recording cannot tell apart, over time.
+    """Return the range of the candidates that a recording does not distinguish, over time.
 
     Parameters
     ----------
     estimator
-        The multi-estimator; it takes in the samples.
+        The multi-estimator. It processes the samples.
     x, v, f, dt
         Displacement [m], velocity [m/s], force [N] and time since the sample before [s], each
         of shape (n,).
     margin
-        Share of the winner's monitoring signal by which a candidate may exceed it, >= 0.
+        Fraction of the smallest monitoring signal by which a candidate may exceed it, >= 0.
     every
-        Look after every so many samples; the arrays then have shape (n // every,).
+        Number of samples per row of the result; the arrays have the shape (n // every,).
     """
     b, k = estimator.grid.b.values, estimator.grid.k.values
     rows = []
@@ -109,14 +111,14 @@ def ambiguity(
         estimator.update(x_now, v_now, f_now, period)
         if n % every == 0:
             first, last = estimator.tied_rows(margin)
-            held = np.flatnonzero(first <= last)
+            tied = np.flatnonzero(first <= last)
             rows.append(
                 (
-                    (last[held] - first[held] + 1).sum(),
-                    b[held[0]],
-                    b[held[-1]],
-                    k[first[held].min()],
-                    k[last[held].max()],
+                    (last[tied] - first[tied] + 1).sum(),
+                    b[tied[0]],
+                    b[tied[-1]],
+                    k[first[tied].min()],
+                    k[last[tied].max()],
                 )
             )
     return Ambiguity(*np.array(rows, dtype=np.float64).reshape(-1, 5).T)

@@ -1,4 +1,4 @@
-"""Every method by its name, ours and those of installed packages."""
+"""Registry of all methods by name: those of this package and of other installed packages."""
 
 from __future__ import annotations
 
@@ -32,15 +32,15 @@ from estimation.methods.subspace_forgetting import SubspaceForgetting
 from estimation.methods.switching import SwitchingMultiEstimator
 
 GROUP = "teleop.estimators"
-"""Entry points under which other packages offer estimators."""
+"""Group of the entry points with which other packages register estimators."""
 PAPER = ("rls", "ai", "me")
-"""The paper's estimators."""
+"""Names of the paper's estimators."""
 Factory = Callable[[MethodSettings], Estimator]
-"""Makes an estimator with the settings of a preset."""
+"""Function that constructs an estimator from the settings of a preset."""
 
 
 def rls(preset: MethodSettings) -> Estimator:
-    """The paper's; the model's further parameters start from a variance of their size."""
+    """Return the paper's RLS; further parameters start with the variance `preset.covariance`."""
     return RecursiveLeastSquares(
         preset.forgetting,
         (*preset.initial_covariance, *preset.covariance[2:]),
@@ -52,7 +52,7 @@ def rls(preset: MethodSettings) -> Estimator:
 
 
 def ai(preset: MethodSettings) -> Estimator:
-    """The paper's; the model's further parameters adapt within the memory."""
+    """Return the paper's AI; the gain of further parameters follows from `preset.memory`."""
     further = (4.0 / (preset.memory * size**2) for size in preset.sizes[2:])
     return AdaptiveIdentification(
         (*preset.adaptation_gain, *further), preset.ai_method, preset.model, preset.correlation
@@ -60,7 +60,7 @@ def ai(preset: MethodSettings) -> Estimator:
 
 
 def ceiling(preset: MethodSettings) -> tuple[float, ...]:
-    """Largest variances of a Kalman filter, per N^2 of force variance."""
+    """Return the largest variances of a Kalman filter, per N^2 of force variance."""
     return tuple(1.0 / size**2 for size in preset.sizes)
 
 
@@ -162,18 +162,18 @@ BUILT_IN: dict[str, Factory] = {
     ),
     "segments": lambda p: PooledSegments(p.segment, p.correlation),
 }
-"""The methods of this package."""
+"""Factories of the methods of this package, by name."""
 
 
 @cache
 def offered() -> dict[str, EntryPoint]:
-    """The estimators that installed packages offer, by name; a name of ours stays ours."""
+    """Return the entry points of other packages by name, without the names in `BUILT_IN`."""
     points = entry_points(group=GROUP)
     return {point.name: point for point in points if point.name not in BUILT_IN}
 
 
 class Methods(Mapping[str, Factory]):
-    """`METHODS[name](preset)` makes an estimator; a package is imported when it is first used."""
+    """Mapping of names to factories; other packages are imported when first used."""
 
     def __getitem__(self, name: str) -> Factory:
         """Return the factory of this name.
@@ -181,9 +181,9 @@ class Methods(Mapping[str, Factory]):
         Raises
         ------
         KeyError
-            There is none.
+            The name is unknown.
         ValueError
-            The package that offers it cannot be imported, or has no such factory.
+            The package that registers it cannot be imported, or has no such factory.
         """
         if name in BUILT_IN:
             return BUILT_IN[name]
@@ -192,7 +192,7 @@ class Methods(Mapping[str, Factory]):
             factory: Factory = point.load()
         except (ImportError, AttributeError) as error:
             raise ValueError(
-                f"estimator {name!r} is offered by {point.value}, which cannot be loaded: {error}"
+                f"estimator {name!r}: its entry point {point.value} cannot be loaded: {error}"
             ) from error
         return factory
 
@@ -207,16 +207,16 @@ class Methods(Mapping[str, Factory]):
 
 
 METHODS = Methods()
-"""Every method by name, ours first."""
+"""All methods by name, those of this package first. `METHODS[name](preset)` is an estimator."""
 
 
 def named_estimators(names: str | Sequence[str]) -> tuple[str, ...]:
-    """Names of `METHODS`, in a sequence or with commas between; `all` stands for all of them.
+    """Return names of `METHODS`, given as a sequence or separated by commas; `all` for all.
 
     Raises
     ------
     ValueError
-        A name is unknown or there twice, or there is none.
+        A name is unknown or repeated, or there is no name.
     """
     if isinstance(names, str):
         names = [name.strip() for name in names.split(",") if name.strip()]
@@ -226,7 +226,7 @@ def named_estimators(names: str | Sequence[str]) -> tuple[str, ...]:
         if name not in METHODS:
             raise ValueError(f"estimator {name!r}: expected all, or some of {', '.join(METHODS)}")
         if list(names).count(name) > 1:
-            raise ValueError(f"estimator {name!r} is named twice")
+            raise ValueError(f"estimator {name!r} is given twice")
     if not names:
-        raise ValueError(f"no estimator is named: expected all, or some of {', '.join(METHODS)}")
+        raise ValueError(f"no estimator is given: expected all, or some of {', '.join(METHODS)}")
     return tuple(names)

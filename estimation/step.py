@@ -1,12 +1,12 @@
-"""What a step is: the function that a method is written as, and the state that it updates.
+"""Definition of a step, the function that implements a method, and of its state.
 
 A method is one function
 
     step(parameters, state, phi, f, dt)
 
-that takes in one sample: the regressors `phi` = (v, x, ...), the force `f` [N] and the time `dt`
-since the sample before [s]. It reads `parameters` and updates `state` in place. Both are
-dataclasses, whose fields have a name, a type and a description each:
+that processes one sample: the regressors `phi` = (v, x, ...), the force `f` [N] and the time `dt`
+since the previous sample [s]. It reads `parameters` and updates `state` in place. Both are
+dataclasses. Each field has a name, a type and a description:
 
     @dataclass(frozen=True, slots=True)
     class RlsParameters:
@@ -24,27 +24,27 @@ dataclasses, whose fields have a name, a type and a description each:
         state.noise += ...
 
 A field is a float, an int, a bool, a `Vector`, a `Matrix`, or another such dataclass. The size of a
-vector or a matrix is that of its first value; it stays.
+vector or a matrix is that of its initial value and does not change.
 
-The same source runs in two ways, with the same numbers to the bit:
+The same source runs in two ways, with results that are identical to the bit:
 
 - interpreted, in the live loop: vectors are lists and matrices are lists of lists;
-- compiled by numba over arrays of samples: the state is one record of numpy with the same names,
+- compiled by numba over arrays of samples: the state is one numpy record with the same field names,
   vectors and matrices are views of it, and `phi` is a tuple (`estimation/compiled.py`).
 
-So a step may do what Python and numba both can: arithmetic, comparisons, `math`, loops, and calls
-of functions that are written in the same way; these are compiled with it. Three rules:
+So a step may use what both Python and numba support: arithmetic, comparisons, `math`, loops, and
+calls of functions that follow the same rules and are compiled too. There are three rules:
 
-- vectors and matrices are changed element by element, `P[i][j] = ...`, never replaced;
-- nothing is divided by zero, and no root or logarithm is taken where it is not defined, whatever
-  the sample: Python raises an error there, and compiled code goes on with inf or nan;
-- loops over regressors are written `for i in below[m]`, which is `for i in range(m)` in half the
-  time. `range` is right as well.
+- change vectors and matrices element by element, `P[i][j] = ...`, and never replace them;
+- for every possible sample, do not divide by zero, and do not take a root or logarithm where it is
+  undefined: Python raises an error there, but compiled code continues with inf or nan;
+- write loops over regressors as `for i in below[m]`, which takes half the time of
+  `for i in range(m)`. `range` is correct too.
 
-Records of named fields were chosen by measurement, for recursive least squares with its interval:
-30 ns a sample compiled, against 350 ns with a NamedTuple of separate arrays and 125 ns with a flat
-list of numbers; interpreted 2.6 us against 2.8 us. A scalar that a step updates is a field like
-any other, which a NamedTuple does not permit.
+Records of named fields were chosen after a measurement with recursive least squares, including its
+interval. Compiled, a sample takes 30 ns with records, 350 ns with a NamedTuple of separate arrays,
+and 125 ns with a flat list of numbers. Interpreted, it takes 2.6 us with records and 2.8 us with
+the list. Also, a step can assign to a scalar field, which a NamedTuple does not allow.
 """
 
 from __future__ import annotations
@@ -54,44 +54,41 @@ from dataclasses import dataclass
 from typing import Any
 
 Vector = list[float]
-"""Shape (m,)."""
+"""Vector of shape (m,)."""
 Matrix = list[list[float]]
-"""Shape (m, n), row by row."""
+"""Matrix of shape (m, n), a list of rows."""
 Regressors = Sequence[float]
-"""phi = (v, x, ...) of one sample: v in m/s, x in m."""
+"""Regressors phi = (v, x, ...) of one sample: v in m/s, x in m."""
 Step = Callable[[Any, Any, Regressors, float, float], None]
-"""(parameters, state, phi, f, dt): takes in one sample."""
+"""Function (parameters, state, phi, f, dt) that processes one sample."""
 
 B, K = 0, 1
-"""Where damping and stiffness are in `theta`, `std` and the regressors."""
+"""Indices of damping and stiffness in `theta`, `std` and the regressors."""
 
 
 @dataclass(slots=True)
 class State:
-    """What every state has: the estimate."""
+    """Base class of all states, with the estimate."""
 
     theta: Vector
-    """The value of each of the estimator's `names`, b and k first."""
+    """Estimated values, in the order of the estimator's `names`, b and k first; (m,)."""
     std: Vector
-    """Their standard deviations; NaN for a method that has none."""
+    """Standard deviations of `theta`, (m,); NaN if the method gives none."""
     held: bool
-    """Whether the estimate is held. It is False before a step, which may set it."""
+    """Whether the estimate is held. It is cleared before each step; a step may set it."""
 
 
 below = tuple(tuple(range(n)) for n in range(65))
-"""`below[n]` is (0, 1, ..., n - 1), for n to 64: a `range(n)` that need not be made anew.
-
-Compiled, it is `range(n)`.
-"""
+"""`below[n]` is the tuple (0, 1, ..., n - 1), for n <= 64. In compiled code it is `range(n)`."""
 
 
 def zeros(m: int) -> Vector:
-    """A vector of zeros."""
+    """Return a vector of m zeros."""
     return [0.0] * m
 
 
 def diagonal(values: Sequence[float]) -> Matrix:
-    """A matrix with these values on its diagonal."""
+    """Return a square matrix with these values on its diagonal."""
     return [
         [value if i == j else 0.0 for j in range(len(values))] for i, value in enumerate(values)
     ]

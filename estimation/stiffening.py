@@ -1,10 +1,10 @@
-"""Batch fits of a stiffening Kelvin-Voigt body behind a lagging force channel.
+"""Batch fits of a Kelvin-Voigt body with stiffening, measured through a force channel with a lag.
 
-    f = L(b v + k x + k3 x^3),    L the lag of the force channel
+    f = L(b v + k x + k3 x^3),    with L the lag of the force channel
 
-All signals pass through a `MatchedFilter`, and position and its cube through the lag as well, so
-that the regression is exact but for noise. Both are linear, so the lag may come last: the signals
-are filtered once, and then fitted for any lag.
+All signals are filtered by a `MatchedFilter`. Position and its cube are also filtered by the lag,
+so that the regression is exact except for noise. Both filters are linear, so the lag can be
+applied last: the signals are filtered once, and are then fitted for any lag.
 """
 
 from __future__ import annotations
@@ -25,20 +25,20 @@ CHI2_95 = 3.841458820694124
 
 
 class StiffeningFit(NamedTuple):
-    """A fit to all samples together."""
+    """Result of a fit to all samples."""
 
     b: float
-    """Damping [N s/m]; 0 where it was taken for nil."""
+    """Damping [N s/m]; 0 if it was not fitted."""
     k: float
-    """Stiffness at no displacement [N/m]."""
+    """Stiffness at zero displacement [N/m]."""
     k3: float
-    """Stiffening [N/m^3]; 0 where it was taken for nil."""
+    """Stiffening [N/m^3]; 0 if it was not fitted."""
     rms: float
-    """Root mean square residual [N], filtered."""
+    """Root mean square of the filtered residual [N]."""
 
 
 class Interval(NamedTuple):
-    """A value with the bounds of its 95 % interval."""
+    """A value and the bounds of its 95 % interval."""
 
     value: float
     low: float
@@ -46,25 +46,25 @@ class Interval(NamedTuple):
 
 
 class LagProfile(NamedTuple):
-    """The best fit for each of many lags, arrays of shape (lags,), and how many samples count."""
+    """Best fit for each of several given lags, arrays of shape (lags,)."""
 
     lag: Floats
-    """[s]"""
+    """Lag of the force channel [s]."""
     b: Floats
-    """[N s/m]"""
+    """Damping [N s/m]."""
     k: Floats
-    """[N/m]"""
+    """Stiffness at zero displacement [N/m]."""
     rms: Floats
-    """[N]"""
+    """Root mean square of the filtered residual [N]."""
     independent: float
-    """Independent samples among the filtered ones."""
+    """Number of independent samples among the filtered ones."""
 
     def lag_interval(self) -> Interval:
-        """The lags [s] that the data cannot tell from the best, by likelihood ratio."""
+        """Return the 95 % likelihood-ratio interval of the lag [s]."""
         return self._interval(self.lag)
 
     def b_interval(self) -> Interval:
-        """The damping [N s/m] that goes with these lags."""
+        """Return the range of the damping [N s/m] over the interval of the lag."""
         return self._interval(self.b)
 
     def _interval(self, values: Floats) -> Interval:
@@ -75,23 +75,23 @@ class LagProfile(NamedTuple):
 
 
 class MatchedSignals:
-    """Filtered position, its cube, and force, ready to be fitted for any lag.
+    """Filtered position, cube of position, and force, which can be fitted for any lag.
 
     Parameters
     ----------
     position, force
-        As measured [m], [N], each of shape (n,).
+        Measured position [m] and force [N], each of shape (n,).
     dt
-        Time since the sample before [s], of shape (n,), or one number for all.
+        Time since the previous sample [s], of shape (n,), or one number for all.
     bandwidth
         Natural frequency of the state-variable filter [Hz].
     part
-        The samples that are fitted; the filters run over all.
+        Samples that are fitted. The filters run over all samples.
 
     Raises
     ------
     ValueError
-        As `Estimator.run`; or the bandwidth is not positive.
+        As in `Estimator.run`; or the bandwidth is not positive.
     """
 
     def __init__(
@@ -103,37 +103,37 @@ class MatchedSignals:
         part: slice = slice(None),
     ) -> None:
         matched = MatchedFilter(bandwidth, model=STIFFENING)
-        self.x, self.v, force_behind, self.dt, further = matched.run(position, force, dt)
+        self.x, self.v, filtered_force, self.dt, further = matched.run(position, force, dt)
         self.x3 = further[:, 0]
-        self.f = force_behind[part]
+        self.f = filtered_force[part]
         self.part = part
         self.independent = len(self.f) / matched.correlation(float(np.mean(self.dt[part])))
 
     def fit(self, lag: float, damping: bool = True, stiffening: bool = True) -> StiffeningFit:
-        """Least squares with the force channel's lag [s] given.
+        """Return the least-squares fit for a given lag of the force channel.
 
         Parameters
         ----------
         lag
             Time constant of the force channel [s], >= 0.
         damping, stiffening
-            Whether b and k3 are sought; else they are nil.
+            Whether b and k3 are fitted; otherwise they are 0.
         """
-        sought = [True, damping, stiffening]
-        regressors = np.column_stack((self.x, self.v, self.x3))[:, sought]
+        fitted = [True, damping, stiffening]
+        regressors = np.column_stack((self.x, self.v, self.x3))[:, fitted]
         regressors = np.column_stack(
             [lagged(column, self.dt, lag)[self.part] for column in regressors.T]
         )
         scale = np.sqrt(np.mean(regressors**2, axis=0))
         scaled, *_ = np.linalg.lstsq(regressors / scale, self.f, rcond=None)
         values = np.zeros(3)
-        values[sought] = scaled / scale
+        values[fitted] = scaled / scale
         residual = self.f - regressors @ (scaled / scale)
         k, b, k3 = values.tolist()
         return StiffeningFit(b, k, k3, float(np.sqrt(np.mean(residual**2))))
 
     def profile(self, lags: ArrayLike, damping: bool = True, stiffening: bool = True) -> LagProfile:
-        """The best fit for each of many lags [s], shape (lags,)."""
+        """Return the best fit for each of the given lags [s], shape (lags,)."""
         lag = np.asarray(lags, dtype=np.float64)
         fits = [self.fit(float(value), damping, stiffening) for value in lag]
         b, k, _, rms = np.array(fits).T
@@ -141,7 +141,7 @@ class MatchedSignals:
 
 
 def lagged(signal: Floats, dt: Floats, lag: float) -> Floats:
-    """A signal behind a first-order lag, shape (n,)."""
+    """Return the output of a first-order lag [s] for a signal, shape (n,)."""
     period = float(dt[0]) if len(dt) else 0.0
     if lag > 0.0 and len(dt) > 1 and np.ptp(dt[1:]) < 1e-9 * period:
         return evenly_lagged(signal, float(dt[1]), lag)
@@ -151,7 +151,7 @@ def lagged(signal: Floats, dt: Floats, lag: float) -> Floats:
 
 
 def evenly_lagged(signal: Floats, period: float, lag: float) -> Floats:
-    """`lagged` for an even sample period [s], by convolution, since it is needed lag after lag."""
+    """Compute `lagged` for a constant sample period [s] by convolution, which is faster."""
     decay = math.exp(-period / lag)
     ratio = lag / period
     start = signal - signal[0]

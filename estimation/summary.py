@@ -52,7 +52,7 @@ def summarise(
     t
         Time of each sample [s], shape (n,).
     regression
-        The n samples that the estimator was given.
+        The n samples that the estimator processed.
     estimates
         Its estimates after each sample.
     estimator
@@ -77,6 +77,6 @@ def summarise(
 
 
 def interval_at_end(estimates: Estimates, std: Floats) -> float:
-    """Return half the width of the 95 % interval at the end; NaN where the data give none."""
+    """Return half the width of the 95 % interval at the end; NaN if it is not determined."""
     known = not estimates.held.all() and std[-1] < UNKNOWN
     return LEVEL_95 * float(std[-1]) if known else math.nan

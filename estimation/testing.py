@@ -1,12 +1,12 @@
-"""Checks that every estimator passes, for the tests of this package and of others.
+"""Checks that every estimator must pass, for the tests of this package and of other packages.
 
     from estimation.testing import check_estimator
 
     def test_it_is_an_estimator():
         check_estimator(MyEstimator())
 
-Each of `CHECKS` is a function of a fresh estimator that raises AssertionError, or what the
-estimator raises, where the estimator does not behave as its name says.
+Each of `CHECKS` is a function of a new estimator. It raises AssertionError, or the exception of
+the estimator, if the estimator does not have the property that its name and docstring describe.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ Check = Callable[[Estimator], None]
 
 
 def columns(estimates: Estimates) -> list[Floats]:
-    """Everything that an estimator gives, a column each."""
+    """Return all estimates as a list of columns, each of shape (n,)."""
     further = estimates.further.values()
     b, k, b_std, k_std, held, _ = estimates
     return [b, k, b_std, k_std, held.astype(np.float64)] + [
@@ -41,21 +41,21 @@ def columns(estimates: Estimates) -> list[Floats]:
     ]
 
 
-def assert_equal(ours: list[Floats], theirs: list[Floats], what: str) -> None:
-    """Fail unless all columns are the same to the bit, NaN included."""
-    for a, b in zip(ours, theirs, strict=True):
-        assert np.array_equal(a, b, equal_nan=True), what
+def assert_equal(first: list[Floats], second: list[Floats], message: str) -> None:
+    """Raise AssertionError unless all columns are identical to the bit; NaN equals NaN."""
+    for a, b in zip(first, second, strict=True):
+        assert np.array_equal(a, b, equal_nan=True), message
 
 
 def assert_finite(estimator: Estimator, estimates: Estimates) -> None:
-    """Fail unless all values are finite, and nothing in the state is infinite."""
+    """Raise AssertionError unless all values are finite and the state has no infinite number."""
     values = [estimates.b, estimates.k, *(s.value for s in estimates.further.values())]
     assert all(np.isfinite(value).all() for value in values), "an estimate is not finite"
     assert not np.isinf(numbers(estimator.state)).any(), "a number of the state is infinite"
 
 
 def check_names_and_units(estimator: Estimator) -> None:
-    """B and k come first, and each name has a value, a standard deviation and a unit."""
+    """The first names are b and k, and each name has a value, a standard deviation and a unit."""
     assert estimator.names[:2] == ("b", "k"), f"names are {estimator.names}, expected b, k, ..."
     sizes = {len(part) for part in (estimator.names, estimator.units)}
     sizes |= {len(estimator.state.theta), len(estimator.state.std)}
@@ -63,7 +63,7 @@ def check_names_and_units(estimator: Estimator) -> None:
 
 
 def check_online_equals_batch(estimator: Estimator) -> None:
-    """`update` sample by sample and `run` give the same numbers to the bit."""
+    """The results of `update` sample by sample and of `run` are identical to the bit."""
     s = palpation(estimator)
     batch = deepcopy(estimator)
     samples = zip(s.x.tolist(), s.v.tolist(), s.f.tolist(), s.dt.tolist(), strict=True)
@@ -80,23 +80,23 @@ def check_online_equals_batch(estimator: Estimator) -> None:
 
 
 def check_compiled_equals_interpreted(estimator: Estimator) -> None:
-    """Numba gives the interpreter's numbers to the bit, also on degenerate signals.
+    """Compiled and interpreted results are identical to the bit, also on degenerate signals.
 
-    Passes without a check where numba is not installed.
+    The check is skipped if numba is not installed.
     """
     if not find_spec("numba"):
         return
     s = palpation(estimator)
     samples = [s, *held_and_gaps(s), *degenerate(estimator)]
     for part in samples:
-        check_sweeps(estimator, estimator.as_taken(checked_samples(*part)))
+        check_sweeps(estimator, estimator.step_samples(checked_samples(*part)))
     some = checked_samples(*s)
     some.open[700:900] = False
-    check_sweeps(estimator, estimator.as_taken(some))
+    check_sweeps(estimator, estimator.step_samples(some))
 
 
 def check_sweeps(estimator: Estimator, samples: Samples) -> None:
-    """Fail unless both sweeps give the same answers and leave the same state."""
+    """Raise AssertionError unless both sweeps have the same results and the same final state."""
     fast, slow = deepcopy(estimator), deepcopy(estimator)
     got = compiled_sweep(fast.law, fast.state, samples)
     expected = interpreted_sweep(slow.law, slow.state, samples)
@@ -105,7 +105,7 @@ def check_sweeps(estimator: Estimator, samples: Samples) -> None:
 
 
 def check_pieces_equal_the_whole(estimator: Estimator) -> None:
-    """A recording in pieces gives the same numbers as at once."""
+    """The estimates of a recording do not depend on the pieces in which it is processed."""
     s = palpation(estimator)
     pieces = deepcopy(estimator)
     parts = []
@@ -117,7 +117,7 @@ def check_pieces_equal_the_whole(estimator: Estimator) -> None:
     assert_equal(joined, columns(estimator.run(*s)), "pieces and the whole differ")
 
 
-def check_finite_whatever_the_signals(estimator: Estimator) -> None:
+def check_finite_for_all_signals(estimator: Estimator) -> None:
     """Estimates are finite for signals of any size, with zeros, and for any sample period."""
     for seed in range(20):
         rng = np.random.default_rng(seed)
@@ -130,7 +130,7 @@ def check_finite_whatever_the_signals(estimator: Estimator) -> None:
 
 
 def check_degenerate_signals(estimator: Estimator) -> None:
-    """No signal makes it divide by zero or leave the real numbers; estimates stay finite."""
+    """Degenerate signals cause no division by zero or domain error; estimates stay finite."""
     moved = deepcopy(estimator)
     moved.run(*palpation(estimator, n=50))
     for signals in degenerate(estimator):
@@ -140,7 +140,7 @@ def check_degenerate_signals(estimator: Estimator) -> None:
 
 
 def check_a_gap_in_the_data(estimator: Estimator) -> None:
-    """A gap leaves the estimate finite."""
+    """Estimates stay finite after a gap in the data."""
     for seed in range(10):
         s = palpation(estimator, n=1000, seed=seed)
         s.dt[500] = 10.0 ** np.random.default_rng(seed).uniform(-1.0, 5.0)
@@ -157,11 +157,11 @@ def check_numbers_of_any_kind(estimator: Estimator) -> None:
         expected = estimator.update(float(single), 10.0 * float(single), 5.0, 1e-3, further)
         speed = float(np.float32(10.0) * np.float64(single))
         got = other.update(single, speed, 5, 1e-3, further)  # type: ignore[arg-type]
-        assert repr(got) == repr(expected), "the kind of number matters"
+        assert repr(got) == repr(expected), "the estimate depends on the type of number"
 
 
-def check_bad_samples_are_refused(estimator: Estimator) -> None:
-    """ValueError for a sample that is not finite or too large, which leaves the state as it was."""
+def check_bad_samples_are_rejected(estimator: Estimator) -> None:
+    """A sample that is not finite or too large raises ValueError and does not change the state."""
     further = [1.0] * (estimator.model.regressors - 2)
     good = (1e-3, 0.01, 2.0, 1e-3, further)
     estimator.update(*good)
@@ -173,16 +173,16 @@ def check_bad_samples_are_refused(estimator: Estimator) -> None:
     bad += [(0.0, 0.0, 0.0, dt, further) for dt in (0.0, -1e-3, nan, inf)]
     bad += [(1e-3, 0.0, 2.0, 1e-3, [*further, 1.0])]
     for x, v, f, dt, more in bad:
-        assert_refused(estimator, x, v, f, dt, more)
-    assert repr(estimator.state) == before, "a refused sample changed the state"
+        assert_rejected(estimator, x, v, f, dt, more)
+    assert repr(estimator.state) == before, "a rejected sample changed the state"
 
 
-def assert_refused(
+def assert_rejected(
     estimator: Estimator, x: float, v: float, f: float, dt: float, further: list[float]
 ) -> None:
-    """Fail unless `update` and `run` raise ValueError."""
+    """Raise AssertionError unless `update` and `run` both raise ValueError."""
     row = np.array([further]) if further else None
-    refused = 0
+    rejected = 0
     for call in (
         lambda: estimator.update(x, v, f, dt, further),
         lambda: estimator.run([x], [v], [f], [dt], row),
@@ -190,33 +190,33 @@ def assert_refused(
         try:
             call()
         except ValueError:
-            refused += 1
-    assert refused == 2, f"not refused: x={x}, v={v}, f={f}, dt={dt}, further={further}"
+            rejected += 1
+    assert rejected == 2, f"not rejected: x={x}, v={v}, f={f}, dt={dt}, further={further}"
 
 
 def check_no_samples(estimator: Estimator) -> None:
-    """No samples give no estimates and change nothing."""
+    """Empty arrays give empty estimates and do not change the state."""
     before = repr(estimator.state)
     further = np.empty((0, estimator.model.regressors - 2))
     assert [len(s) for s in estimator.run([], [], [], [], further)[:5]] == [0] * 5
     assert repr(estimator.state) == before
 
 
-def check_inputs_are_not_changed_or_kept(estimator: Estimator) -> None:
-    """Arrays that are given stay as they are, and no result shares memory with them."""
+def check_inputs_are_not_changed_or_shared(estimator: Estimator) -> None:
+    """Input arrays are not changed, and no result shares memory with them."""
     s = [channel for channel in palpation(estimator, n=100) if channel is not None]
     copies = [channel.copy() for channel in s]
     results = columns(estimator.run(*s))
     assert all(map(np.array_equal, s, copies)), "an input was changed"
-    assert not any(np.shares_memory(a, b) for a in results for b in s), "an input was kept"
+    assert not any(np.shares_memory(a, b) for a in results for b in s), "an input is shared"
 
 
 def check_pickle(estimator: Estimator) -> None:
-    """A pickled estimator goes on with the same numbers."""
+    """A pickled estimator continues with identical results."""
     s = palpation(estimator, n=200)
     estimator.run(*s)
     twin = pickle.loads(pickle.dumps(estimator))
-    assert_equal(columns(twin.run(*s)), columns(estimator.run(*s)), "the pickle differs")
+    assert_equal(columns(twin.run(*s)), columns(estimator.run(*s)), "the pickled copy differs")
 
 
 def check_reset(estimator: Estimator) -> None:
@@ -224,11 +224,11 @@ def check_reset(estimator: Estimator) -> None:
     before = repr(estimator.state)
     estimator.run(*palpation(estimator, n=200))
     estimator.reset()
-    assert repr(estimator.state) == before, "reset does not restore the first state"
+    assert repr(estimator.state) == before, "reset does not restore the initial state"
 
 
 def check_hold(estimator: Estimator) -> None:
-    """`hold` changes nothing but `held`."""
+    """Method `hold` changes only `held`."""
     estimator.run(*palpation(estimator))
     before = estimator.estimate
     held = estimator.hold()
@@ -241,13 +241,13 @@ CHECKS: tuple[Check, ...] = (
     check_names_and_units,
     check_online_equals_batch,
     check_pieces_equal_the_whole,
-    check_finite_whatever_the_signals,
+    check_finite_for_all_signals,
     check_degenerate_signals,
     check_a_gap_in_the_data,
     check_numbers_of_any_kind,
-    check_bad_samples_are_refused,
+    check_bad_samples_are_rejected,
     check_no_samples,
-    check_inputs_are_not_changed_or_kept,
+    check_inputs_are_not_changed_or_shared,
     check_pickle,
     check_reset,
     check_hold,
@@ -256,17 +256,17 @@ CHECKS: tuple[Check, ...] = (
 
 
 def check_estimator(estimator: Estimator) -> None:
-    """Check that an estimator behaves as every estimator does.
+    """Run all `CHECKS` on an estimator.
 
     Parameters
     ----------
     estimator
-        A fresh estimator. It is copied for each check.
+        A new estimator. It is copied for each check.
 
     Raises
     ------
     AssertionError
-        It does not pass one of `CHECKS`; the traceback names it.
+        A check failed. The traceback contains its name.
     """
     for check in CHECKS:
         check(deepcopy(estimator))

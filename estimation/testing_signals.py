@@ -1,4 +1,4 @@
-"""Signals with which `estimation.testing` checks estimators."""
+"""Test signals for the checks in `estimation.testing`."""
 
 from __future__ import annotations
 
@@ -12,17 +12,34 @@ from estimation.estimator import Estimator
 
 
 class Signals(NamedTuple):
-    """Arguments of `Estimator.run`."""
+    """Arguments of `Estimator.run` for n samples."""
 
     x: Floats
+    """Displacement [m], shape (n,)."""
     v: Floats
+    """Velocity [m/s], shape (n,)."""
     f: Floats
+    """Force [N], shape (n,)."""
     dt: Floats
+    """Time since the previous sample [s], shape (n,)."""
     further: Floats | None = None
+    """Further regressors, shape (n, regressors - 2)."""
 
 
 def palpation(estimator: Estimator, n: int = 2000, noise: float = 0.1, seed: int = 0) -> Signals:
-    """Two sines about a depth on a Kelvin-Voigt body, with noise and an uneven sample period."""
+    """Return two sines about a depth on a Kelvin-Voigt body, with noise and uneven sampling.
+
+    Parameters
+    ----------
+    estimator
+        The estimator whose model defines the further regressors.
+    n
+        Number of samples.
+    noise
+        Standard deviation of the force noise [N].
+    seed
+        Seed of the noise and of the sample times.
+    """
     rng = np.random.default_rng(seed)
     dt = 1e-3 * (1.0 + 0.3 * rng.uniform(-1.0, 1.0, n))
     t = np.cumsum(dt)
@@ -33,14 +50,14 @@ def palpation(estimator: Estimator, n: int = 2000, noise: float = 0.1, seed: int
 
 
 def further_regressors(estimator: Estimator, x: Floats, v: Floats, f: Floats) -> Floats | None:
-    """The regressors of the estimator's model besides v and x, shape (n, regressors - 2)."""
+    """Return the regressors of the model besides v and x, shape (n, regressors - 2)."""
     known = {"f0": np.ones_like(x), "m": 10.0 * v, "k3": x**3, "tau": -10.0 * f}
     columns = [known[parameter] for parameter in estimator.model.further]
     return np.column_stack(columns) if columns else None
 
 
 def degenerate(estimator: Estimator) -> Iterator[Signals]:
-    """Signals in which a sum, a product or a difference is zero, tiny or large."""
+    """Yield signals for which sums, products or differences are zero, very small or large."""
     rng = np.random.default_rng(0)
     n = 40
     zero, one, wave = np.zeros(n), np.ones(n), np.sin(np.arange(n))
@@ -67,7 +84,7 @@ def degenerate(estimator: Estimator) -> Iterator[Signals]:
 
 
 def held_and_gaps(s: Signals) -> Iterator[Signals]:
-    """A palpation with a rest, and one with gaps."""
+    """Yield the signals with an interval at rest, and the signals with time gaps."""
     moving = np.ones_like(s.x)
     moving[200:400] = 0.0
     yield Signals(s.x * moving, s.v * moving, s.f * moving, s.dt, s.further)

@@ -1,1 +1,1 @@
-"""Online estimators, one a file."""
+"""Online estimators, one per file."""

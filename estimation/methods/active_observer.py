@@ -1,4 +1,4 @@
-"""Kalman active observer: the parameters and a force disturbance beside them (AOB)."""
+"""Kalman active observer of the parameters and of a disturbance force (AOB)."""
 
 from __future__ import annotations
 
@@ -9,32 +9,32 @@ from estimation.model import KELVIN_VOIGT, Model
 class ActiveObserver(RandomWalkKalman):
     """Kalman filter of the parameters and of an active state p, f = phi' theta + p.
 
-    After R. Cortesao, J. Park, O. Khatib, "Real-time adaptive control for haptic
+    The method is based on R. Cortesao, J. Park, O. Khatib, "Real-time adaptive control for haptic
     telemanipulation with Kalman active observers", IEEE Trans. Robotics 22(5), 2006, and
     R. Cortesao, "On Kalman active observers", J. Intelligent and Robotic Systems 48(2), 2007.
-    Taken from them: the active state, one more state that takes up all that the model does
-    not explain, with their stochastic equation of first order
+    From these papers it uses the active state p, an additional state that absorbs everything
+    that the model does not explain, with the first-order stochastic equation
 
         p(n) - p(n-1) = w,    var w = Qp dt var e,
 
-    and a Kalman filter of the state so augmented. Not taken: the controller. Theirs observes a
-    robot under force control, p acts at its input, and stiffness is adapted from force errors;
-    here a listener has no input, p is a force at the surface [N], and the other states are
-    the parameters, random walks as in `RandomWalkKalman`.
+    and a Kalman filter of the augmented state. It does not use the controller. In the papers the
+    observer is part of a robot under force control, p acts at the input, and stiffness is adapted
+    from force errors. This estimator has no input: p is a force at the surface [N], and the other
+    states are the parameters, random walks as in `RandomWalkKalman`.
 
-    p takes up a datum that is off, friction or slow relaxation, and tells of them. In a hold
-    it cannot be told from k x. A slow p keeps the first guess for long, and the standard
-    deviations of k and p are too large for several of its time constants.
+    p absorbs, and thus reveals, an error of the datum, friction or slow relaxation. In a hold it
+    cannot be distinguished from k x. If p is slow, it keeps its initial value for a long time,
+    and the standard deviations of k and p are too large for several time constants of p.
 
     Parameters
     ----------
     process_noise, initial_covariance, ceiling
-        As for `RandomWalkKalman`, those of p last: Qp [N^2/s], the first and the largest
-        variance [N^2], all per N^2 of force variance.
+        As in `RandomWalkKalman`, with the value for p last: Qp [N^2/s], the initial and the
+        largest variance [N^2], all per N^2 of force variance.
     model
-        The regressors, besides the constant one of p.
+        Model that defines the regressors, except the constant regressor of p.
     correlation
-        Samples for each independent one, see `LinearGainEstimator`.
+        Samples per independent noise sample, see `LinearGainEstimator`.
 
     Raises
     ------

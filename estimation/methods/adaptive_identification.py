@@ -19,10 +19,10 @@ from estimation.model import KELVIN_VOIGT, Model
 from estimation.step import Regressors, below
 
 RK4_LIMIT = 2.785293563405282
-"""RK4 of y' = -r y diverges beyond this r dt: the root of |1 - z + z^2/2 - z^3/6 + z^4/24| = 1."""
+"""Stability limit of r dt for RK4 of y' = -r y: root of |1 - z + z^2/2 - z^3/6 + z^4/24| = 1."""
 
 GUESS = 1.0
-"""Variance of the first guess, as `LinearGainEstimator` takes it, by gain [s]."""
+"""Ratio of the initial variance of a parameter, as in `LinearGainEstimator`, to its gain [s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +30,7 @@ class GradientParameters(LinearGainParameters):
     """Parameters of `step`."""
 
     rk4: bool
-    """Whether (8) is integrated by Runge-Kutta 4 where that is stable."""
+    """Whether (8) is integrated by Runge-Kutta 4 where it is stable."""
     Gamma: tuple[float, ...]
     """Diagonal of the adaptation gain, (m,)."""
 
@@ -40,17 +40,17 @@ class GradientState(LinearGainState):
     """State of `step`."""
 
     beyond_rk4: int
-    """How many samples RK4 would have diverged on."""
+    """Number of samples for which RK4 was unstable."""
 
 
 def step(
     parameters: GradientParameters, state: GradientState, phi: Regressors, f: float, dt: float
 ) -> None:
-    """(8) over one period with phi and f held, where it is a flow of rank one.
+    """Integrate (8) over one sample period with constant phi and f.
 
-    The force error decays along it as Delta f' = -r Delta f, r = phi' Gamma phi, so that
-    theta moves by -Gamma phi Delta f times the integral of the decay: (1 - e^-z) / r with
-    z = r dt, or what the four stages of RK4 make of it, its Taylor series to z^4.
+    The force error then decays as Delta f' = -r Delta f, with r = phi' Gamma phi. So theta
+    changes by -Gamma phi Delta f times the integral of the decay, which is (1 - e^-z) / r with
+    z = r dt. RK4 replaces this by its Taylor series up to z^4.
     """
     Gamma, L = parameters.Gamma, state.L
     rate = 0.0
@@ -75,19 +75,19 @@ class AdaptiveIdentification(LinearGainEstimator):
     Parameters
     ----------
     gain
-        Diagonal of Gamma, for b, k and what else the model has.
+        Diagonal of Gamma, for each parameter of the model, b and k first.
     method
-        How (8) is integrated over a sample period:
+        Integration of (8) over a sample period:
 
-        - `rk4`: Runge-Kutta 4 as in the paper, while it is stable. RK4 diverges once
-          phi' Gamma phi dt > 2.785; such a sample is taken exactly instead, and counted
-          in `beyond_rk4`. The paper's gain for the hard cube gets there at 1 kHz with
-          17 mm of displacement.
-        - `exact`: the closed form, stable for every gain and every `dt`.
+        - `rk4`: Runge-Kutta 4 as in the paper, where it is stable. RK4 is unstable if
+          phi' Gamma phi dt > 2.785. For such a sample the exact solution is used instead, and
+          `beyond_rk4` counts it. With the paper's gain for the hard cube this occurs at 1 kHz
+          for a displacement of 17 mm.
+        - `exact`: the closed-form solution, stable for every gain and every `dt`.
     model
-        The regressors.
+        Model that defines the regressors.
     correlation
-        Samples for each independent one, see `LinearGainEstimator`.
+        Samples per independent noise sample, see `LinearGainEstimator`.
 
     Raises
     ------
@@ -118,11 +118,13 @@ class AdaptiveIdentification(LinearGainEstimator):
 
     @property
     def beyond_rk4(self) -> int:
-        """How many samples RK4 would have diverged on and the exact update was taken instead."""
+        """Number of samples for which RK4 was unstable and the exact solution was used."""
         return self.state.beyond_rk4
 
     def note(self, estimates: Estimates) -> str | None:
-        """Whether RK4 was left for the exact update."""
+        """Return a note if the exact solution replaced RK4 in some samples."""
         if self.beyond_rk4:
-            return f"past RK4's stability limit in {self.beyond_rk4} samples, taken exactly instead"
+            return (
+                f"RK4 is unstable in {self.beyond_rk4} samples; the exact solution was used there"
+            )
         return None

@@ -1,4 +1,4 @@
-"""Ordinary least squares over a sliding window, the yardstick of the others (OLS)."""
+"""Ordinary least squares over a sliding window, the reference for other methods (OLS)."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from estimation.model import KELVIN_VOIGT, Model
 from estimation.step import Matrix, Regressors, State, Vector, below, diagonal, zeros
 
 SINGULAR = 1e-10
-"""A regressor of which a smaller share is its own, not the others', says nothing."""
+"""Smallest fraction of a regressor that must be linearly independent of the other regressors."""
 NOTHING = 1e-60
-"""So small a sum of squares of a regressor says nothing."""
+"""Sum of squares below which a regressor counts as zero."""
 LONGEST = 1_000_000
-"""Most samples in a window."""
+"""Largest number of samples in a window."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,44 +24,44 @@ class WindowParameters:
     """Parameters of `step`."""
 
     samples: int
-    """How many samples the window has."""
+    """Number of samples in a full window."""
     correlation: float
-    """Samples for each independent one, >= 1."""
+    """Samples per independent noise sample, >= 1."""
     window: float
-    """Length of the window [s]; a gap as long empties it."""
+    """Length of the window [s]. A longer gap in the data empties the window."""
 
 
 @dataclass(slots=True)
 class WindowState(State):
-    """State of `step`, of z = (phi, f) with m + 1 entries."""
+    """State of `step`. A sample is z = (phi, f) with m + 1 entries."""
 
     place: int
-    """Row of the oldest sample in the ring."""
+    """Index of the oldest sample in `ring`."""
     count: int
-    """How many samples there are in the window."""
+    """Number of samples in the window so far."""
     sums: Matrix
-    """Sums of z z' over the window, lower half, (m + 1, m + 1)."""
+    """Sums of z z' over the window, lower triangle, (m + 1, m + 1)."""
     fresh: Matrix
-    """The same since the ring was last at its start, (m + 1, m + 1)."""
+    """Sums of z z' since `place` was last 0, lower triangle, (m + 1, m + 1)."""
     peak: Vector
-    """Largest sum of squares of each regressor since then, (m,)."""
+    """Largest sum of squares of each regressor since `place` was last 0, (m,)."""
     L: Matrix
     """Factor of sums = L D L': L below the diagonal, D on it, D L' above; (m + 1, m + 1)."""
     column: Vector
-    """A vector for `solve`, (m + 1,)."""
+    """Work vector of `unit_variance`, (m + 1,)."""
     z: Vector
-    """The sample, (m + 1,)."""
+    """The present sample, (m + 1,)."""
     ring: Matrix
-    """The samples of the window, (capacity, m + 1)."""
+    """Ring buffer of the samples in the window, (capacity, m + 1)."""
 
 
 def slide(
     parameters: WindowParameters, state: WindowState, phi: Regressors, f: float, dt: float
 ) -> None:
-    """Put z = (phi, f) in place of the oldest sample; the sums of z z' over the window with it.
+    """Replace the oldest sample by z = (phi, f), and update the sums of z z' over the window.
 
-    A second set of sums has only been added to since the ring was last at its start. There it
-    takes the place of the first, so that rounding does not accumulate.
+    Adding and subtracting accumulates rounding errors in `sums`. In `fresh` samples are only
+    added. Each time `place` returns to 0, `fresh` covers the whole window and replaces `sums`.
     """
     sums, fresh, peak, z = state.sums, state.fresh, state.peak, state.z
     m = len(phi)
@@ -96,7 +96,7 @@ def slide(
 
 
 def empty(state: WindowState) -> None:
-    """Forget the samples in the window."""
+    """Remove all samples from the window."""
     state.place = 0
     state.count = 0
     for i in below[len(state.peak)]:
@@ -108,7 +108,7 @@ def empty(state: WindowState) -> None:
 
 
 def renew(state: WindowState) -> None:
-    """Let the fresh sums take the place of the sums."""
+    """Replace `sums` by `fresh`, and set `fresh` to zero."""
     sums, fresh = state.sums, state.fresh
     for i in below[len(sums)]:
         for j in below[i + 1]:
@@ -119,9 +119,10 @@ def renew(state: WindowState) -> None:
 
 
 def factorise(state: WindowState) -> bool:
-    """Sums of z z' = L D L'; whether that has one solution for theta.
+    """Factorise sums = L D L'; return whether the solution for theta is unique.
 
-    The last row of L holds what the parameters follow from, the last of D the squared residual.
+    The last row of L is the right-hand side from which `solve` computes theta. The last entry of
+    D is the sum of squared residuals.
     """
     sums, L, peak = state.sums, state.L, state.peak
     m = len(peak)
@@ -144,9 +145,9 @@ def factorise(state: WindowState) -> bool:
 
 
 def solve(parameters: WindowParameters, state: WindowState) -> None:
-    """Theta = L'^-1 of the last row of L, and its standard deviations.
+    """Compute theta by back substitution from the last row of L, and its standard deviations.
 
-    The noise variance is the squared residual by n - m degrees of freedom.
+    The noise variance is the sum of squared residuals divided by n - m degrees of freedom.
     """
     theta, L = state.theta, state.L
     m = len(theta)
@@ -164,7 +165,7 @@ def solve(parameters: WindowParameters, state: WindowState) -> None:
 
 
 def unit_variance(state: WindowState, i: int) -> float:
-    """Variance of a parameter for a noise variance of 1: e' (L D L')^-1 e, e the unit vector."""
+    """Return e' (L D L')^-1 e, the variance of parameter i for a noise variance of 1."""
     L, column = state.L, state.column
     m = len(state.theta)
     column[i] = 1.0
@@ -182,7 +183,7 @@ def unit_variance(state: WindowState, i: int) -> float:
 def step(
     parameters: WindowParameters, state: WindowState, phi: Regressors, f: float, dt: float
 ) -> None:
-    """Least squares over the window; the estimate is held where that has no one solution."""
+    """Solve least squares over the window; hold the estimate if the solution is not unique."""
     slide(parameters, state, phi, f, dt)
     if state.count > len(phi) and factorise(state):
         solve(parameters, state)
@@ -191,33 +192,34 @@ def step(
 
 
 class BatchWindow(Estimator):
-    """Ordinary least squares over the latest samples, all of one weight.
+    """Ordinary least squares over the latest samples, with equal weights.
 
         theta = (sum phi phi')^-1 sum phi f
 
-    The textbook's interval: the covariance is s (sum phi phi')^-1, with s the squared residual
-    by n - m degrees of freedom (N. R. Draper, H. Smith, "Applied Regression Analysis", 1998),
-    times `correlation`.
+    The covariance is the standard one, s (sum phi phi')^-1, times `correlation`. The noise
+    variance s is the sum of squared residuals divided by n - m degrees of freedom (N. R. Draper,
+    H. Smith, "Applied Regression Analysis", 1998).
 
-    The estimate is held while the window does not tell the parameters apart. Until it first
-    does, the standard deviations are `LARGEST`. A gap as long as the window empties it.
+    The estimate is held while the samples in the window do not determine all parameters. Before
+    the first solution, the standard deviations are `LARGEST`. A gap longer than the window
+    empties it.
 
     Parameters
     ----------
     window
         Length of the window [s].
     sample_period
-        Time between samples [s]; the window has window / sample_period of them, rounded.
+        Time between samples [s]. The window has window / sample_period samples, rounded.
     model
-        The regressors.
+        Model that defines the regressors.
     correlation
-        Samples for each independent one, see `LinearGainEstimator`.
+        Samples per independent noise sample, see `LinearGainEstimator`.
 
     Raises
     ------
     ValueError
-        The window has no more samples than the model parameters, or a million, or a
-        parameter is out of its range.
+        The window does not have more samples than the model has parameters, it has more than
+        `LONGEST` samples, or a parameter is out of its range.
     """
 
     step = staticmethod(step)
@@ -241,7 +243,7 @@ class BatchWindow(Estimator):
                 f"{window} s of {sample_period} s each"
             )
         self.samples = round(window / sample_period)
-        capacity = 1 << (self.samples - 1).bit_length()  # few sizes, few compilations
+        capacity = 1 << (self.samples - 1).bit_length()  # powers of two: fewer compilations
         square = diagonal(zeros(m + 1))
         super().__init__(
             WindowParameters(self.samples, correlation, window),

@@ -1,4 +1,4 @@
-"""The candidate of least monitoring signal out of a grid of candidates (b, k)."""
+"""Search for the candidate with the smallest monitoring signal in a grid of candidates (b, k)."""
 
 from __future__ import annotations
 
@@ -11,25 +11,25 @@ from estimation.methods.monitoring import MonitoringState
 
 @dataclass(frozen=True, slots=True)
 class GridAxis:
-    """The candidate values of one parameter."""
+    """Candidate values of one parameter, in the unit of the parameter."""
 
     first: float
-    """The first value."""
+    """First value."""
     spacing: float
-    """Distance between neighbours."""
+    """Distance between adjacent values."""
     last: int
     """Index of the last value."""
     zero: float
-    """Index of the value nearest zero."""
+    """Index of the value nearest to zero."""
     span: float
-    """From the first value to the last."""
+    """Distance from the first to the last value."""
     per_square: float
     """1 / last^2."""
 
 
 @dataclass(slots=True)
 class MovingAxis:
-    """The present candidate values of one parameter, as a `GridAxis`, and where they move."""
+    """Candidate values of one parameter that change over time. Further fields as in `GridAxis`."""
 
     first: float
     spacing: float
@@ -38,17 +38,17 @@ class MovingAxis:
     span: float
     per_square: float
     middle: float
-    """The middle value, in units of the spacing."""
+    """Middle value, in units of the spacing."""
     settled: float
-    """For how long the winner has not been at the edge [s]."""
+    """Time since the best candidate was last at the edge [s]."""
 
 
 def least_candidate(
     state: MonitoringState, b: GridAxis | MovingAxis, k: GridAxis | MovingAxis, share: float
 ) -> tuple[float, float]:
-    """The candidate (b, k) of least monitoring signal.
+    """Return the candidate (b, k) with the smallest monitoring signal.
 
-    The tie-breaking term is a `share` of the signal that the grid spans.
+    The weight of the tie-breaking term is `share` times the signal that the grid spans.
     """
     vv, vx, xx = state.vv, state.vx, state.xx
     b_first, b_step = b.first, b.spacing
@@ -69,7 +69,7 @@ def least_candidate(
 
 
 def grid_axis(axis: Axis) -> GridAxis:
-    """An axis as a step needs it."""
+    """Convert an axis to the form that a step needs."""
     last = axis.count - 1
     zero = float(axis.nearest_zero)
     return GridAxis(axis.first, axis.spacing, last, zero, axis.spacing * last, 1.0 / (last * last))

@@ -1,4 +1,4 @@
-"""Coarse to fine: a multi-estimator whose grid follows the winner, so that none need be given."""
+"""Coarse to fine: a multi-estimator with a grid that follows the best candidate."""
 
 from __future__ import annotations
 
@@ -21,9 +21,12 @@ from estimation.methods.multi_estimator import FASTEST
 from estimation.step import B, K, Regressors
 
 TIE = 1e-12
-"""As the multi-estimator's; less, since this grid may be narrow and far from zero."""
+"""Weight of the tie-breaking term, as in `multi_estimator`.
+
+It is smaller, because this grid may be narrow and far from zero.
+"""
 FINEST = 1e-9
-"""Least spacing, as a share of the first."""
+"""Smallest spacing, as a fraction of the initial spacing."""
 COARSEST = 1e100
 """Largest spacing."""
 
@@ -35,15 +38,15 @@ class CoarseToFineParameters:
     twice_lambda: float
     """Rate at which the weight of a sample decays [1/s]."""
     half: float
-    """Candidates to either side of the middle one."""
+    """Number of candidates on either side of the middle one."""
     patience: float
-    """Time away from the edge after which an axis narrows [s]."""
+    """Time away from the edge after which the spacing is halved [s]."""
     correlation: float
-    """Samples for each independent one, >= 1."""
+    """Samples per independent noise sample, >= 1."""
     finest_b: float
-    """Least spacing of b [N s/m]."""
+    """Smallest spacing of b [N s/m]."""
     finest_k: float
-    """Least spacing of k [N/m]."""
+    """Smallest spacing of k [N/m]."""
 
 
 @dataclass(slots=True)
@@ -61,7 +64,7 @@ def step(
     f: float,
     dt: float,
 ) -> None:
-    """Take the candidate of least (11) out of the present grid, and let the grid follow it."""
+    """Select the candidate with the smallest (11) in the present grid, and move the grid to it."""
     v, x = phi
     decay_and_add(parameters.twice_lambda, state, v, x, f, dt)
     b, k = least_candidate(state, state.b, state.k, TIE)
@@ -85,11 +88,12 @@ def follow(
     tie: float,
     dt: float,
 ) -> None:
-    """Double the spacing about a winner at the edge; after `patience` away from it, halve it.
+    """Double the spacing if the best value is at the edge; halve it after `patience` elsewhere.
 
-    It is not halved below a quarter of the deviation that the parameter would have were the
-    other one known, sqrt(spread) / curvature, nor so far that the tie-breaking term would
-    count: the signal grows by `tie` or more from middle to edge.
+    There are two lower bounds. The spacing is at least a quarter of sqrt(spread) / curvature, the
+    standard deviation of the parameter if the other parameter were known. And the signal must
+    increase by at least `tie` from the middle to the edge, so that the tie-breaking term does not
+    affect the result.
     """
     half, spacing = parameters.half, axis.spacing
     if abs(value - axis.middle * spacing) > (half - 0.5) * spacing:
@@ -107,7 +111,7 @@ def follow(
 
 
 def place(axis: MovingAxis, half: float, middle: float, spacing: float) -> None:
-    """Move an axis to a middle value, in units of its spacing, and a spacing."""
+    """Set the middle value of an axis, in units of its spacing, and its spacing."""
     axis.middle = middle
     axis.spacing = spacing
     axis.first = (middle - half) * spacing
@@ -117,7 +121,7 @@ def place(axis: MovingAxis, half: float, middle: float, spacing: float) -> None:
 
 
 def moving_axis(half: int, spacing: float) -> MovingAxis:
-    """The first axis, about zero."""
+    """Return the initial axis, centred at zero."""
     last = 2 * half
     axis = MovingAxis(0.0, 0.0, last, 0.0, 0.0, 1.0 / (last * last), 0.0, 0.0)
     place(axis, half, 0.0, spacing)
@@ -125,29 +129,30 @@ def moving_axis(half: int, spacing: float) -> MovingAxis:
 
 
 class CoarseToFine(Estimator):
-    """The candidate of least monitoring signal, (10)-(11), out of a grid that follows it.
+    """Multi-estimator (10)-(11) with a grid that follows the best candidate.
 
-    Monitoring signals of all candidates are one quadratic form, known from six sums wherever
-    the grid is, so nothing is lost by moving it. Where the winner lies at the grid's edge, the
-    grid moves there and its spacing doubles, in each sample anew; where it has not for some
-    time, the grid moves to the winner and its spacing halves, down to an eighth of the 95 %
-    interval or less. Candidates are whole multiples of the spacing, so zero is always one of
-    them or beyond the edge, and ties are broken as in `MultiEstimator`.
+    The monitoring signals of all candidates are one quadratic form with six sums as coefficients,
+    wherever the grid is. So no information is lost when the grid moves. If the best candidate is
+    at the edge of the grid, the grid is centred at it and the spacing doubles, once per sample.
+    If it has not been at the edge for some time, the grid is centred at it and the spacing
+    halves, down to an eighth of the 95 % interval or less. Candidates are integer multiples of
+    the spacing. So zero is either a candidate or outside of the grid, and ties are broken as in
+    `MultiEstimator`.
 
-    A parameter of which the data says nothing has the standard deviation `UNKNOWN`.
+    A parameter that the data do not determine has the standard deviation `UNKNOWN`.
 
     Parameters
     ----------
     forgetting_rate
-        lambda in (11) [1/s], >= 0: a squared error's weight falls as e^(-2 lambda t).
+        lambda in (11) [1/s], >= 0. The weight of a squared error decays as e^(-2 lambda t).
     patience
-        Time [s] away from the edge after which the grid narrows, > 0.
+        Time [s] away from the edge after which the spacing is halved, > 0.
     spacing
-        Of the first grid, for b [N s/m] and k [N/m]. It hardly matters.
+        Initial spacing of b [N s/m] and k [N/m]. It has little effect on the result.
     half
-        Candidates to either side of the middle one, along each axis.
+        Number of candidates on either side of the middle one, along each axis.
     correlation
-        Samples for each independent one, see `LinearGainEstimator`.
+        Samples per independent noise sample, see `LinearGainEstimator`.
 
     Raises
     ------
@@ -200,7 +205,7 @@ class CoarseToFine(Estimator):
 
     @property
     def grid(self) -> Grid:
-        """Where the grid is now."""
+        """The present grid."""
         half = self.parameters.half
         b, k = (
             Axis(axis.first, (axis.middle + half) * axis.spacing, axis.last + 1)

@@ -11,7 +11,7 @@ from estimation.model import KELVIN_VOIGT, Model
 from estimation.step import Matrix, Regressors, State, Vector, below, diagonal, zeros
 
 LARGEST = 10.0
-"""A sample of more than this many typical sizes is scaled down to it, its force with it."""
+"""Largest norm of the scaled regressors. A larger sample is scaled down, including its force."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,11 +19,11 @@ class CompositeParameters:
     """Parameters of `step`."""
 
     bandwidth: float
-    """Of the filter [1/s]."""
+    """Bandwidth of the filter [1/s]."""
     forgetting_rate: float
-    """lambda [1/s]."""
+    """Forgetting rate lambda [1/s]."""
     instant: float
-    """Weight of the force error beside the filtered one."""
+    """Weight of the force error, relative to the filtered prediction error."""
     floor: float
     """P_0^-1, in units of the sizes."""
     per_size: tuple[float, ...]
@@ -39,13 +39,13 @@ class CompositeState(State):
     force: float
     """Filtered force f_W [N]."""
     R: Matrix
-    """Information P^-1, (m, m); its upper half is not used."""
+    """Information matrix P^-1, lower triangle, (m, m)."""
     factor: Matrix
-    """R + instant s s', and then its Cholesky factor, lower triangular, (m, m)."""
+    """R + instant s s', which `solve` replaces by its lower Cholesky factor, (m, m)."""
     s: Vector
     """Regressors of the sample, (m,)."""
     move: Vector
-    """Right-hand side of the normal equations, and then the move of theta, (m,)."""
+    """Right-hand side of the normal equations, which `solve` replaces by the solution, (m,)."""
 
 
 def step(
@@ -55,10 +55,10 @@ def step(
     f: float,
     dt: float,
 ) -> None:
-    """One period of implicit Euler, in units of the regressors' sizes."""
+    """Integrate over one period by implicit Euler, in units of the regressors' sizes."""
     per_size, theta, move = parameters.per_size, state.theta, state.move
     error, filtered_error = filter_errors(parameters, state, phi, f, dt)
-    gather(parameters, state, error, filtered_error, dt)
+    accumulate(parameters, state, error, filtered_error, dt)
     solve(parameters, state)
     for i in below[len(phi)]:
         theta[i] += move[i] * per_size[i]
@@ -71,7 +71,7 @@ def filter_errors(
     f: float,
     dt: float,
 ) -> tuple[float, float]:
-    """Filter; return the force error f - phi' theta and the filtered one f_W - W' theta."""
+    """Filter; return the force error f - phi' theta and the filtered error f_W - W' theta."""
     per_size, theta, s, W = parameters.per_size, state.theta, state.s, state.W
     square = 0.0
     error = f
@@ -91,14 +91,14 @@ def filter_errors(
     return error / norm, filtered_error
 
 
-def gather(
+def accumulate(
     parameters: CompositeParameters,
     state: CompositeState,
     error: float,
     filtered_error: float,
     dt: float,
 ) -> None:
-    """R <- R + dt R' by (8.115), and the normal equations of implicit Euler."""
+    """Update R by (8.115), and set up the normal equations of implicit Euler."""
     s, W, R, factor, move = state.s, state.W, state.R, state.factor, state.move
     kept = math.exp(-parameters.forgetting_rate * dt)
     floor = (1.0 - kept) * parameters.floor
@@ -106,11 +106,11 @@ def gather(
     instant = parameters.instant * weight
     for i in below[len(s)]:
         now = instant * s[i]
-        behind = weight * W[i]
-        move[i] = error * now + filtered_error * behind
+        filtered = weight * W[i]
+        move[i] = error * now + filtered_error * filtered
         row, factor_row = R[i], factor[i]
         for j in below[i + 1]:
-            value = kept * row[j] + behind * W[j]
+            value = kept * row[j] + filtered * W[j]
             row[j] = value
             factor_row[j] = value + now * s[j]
         row[i] += floor
@@ -118,7 +118,7 @@ def gather(
 
 
 def solve(parameters: CompositeParameters, state: CompositeState) -> None:
-    """Move <- (R + instant s s')^-1 move, by Cholesky's factors in the place of the matrix."""
+    """Replace `move` by (R + instant s s')^-1 move, by Cholesky factorisation in place."""
     factor, move, floor = state.factor, state.move, parameters.floor
     m = len(move)
     for i in below[m]:
@@ -133,7 +133,7 @@ def solve(parameters: CompositeParameters, state: CompositeState) -> None:
             row[j] = value
             pivot -= value * value
             total -= value * move[j]
-        # the information is no less than its floor, but rounding may make it so
+        # in exact arithmetic the pivot is at least the floor; rounding may reduce it
         if pivot < floor:
             pivot = floor
         pivot = math.sqrt(pivot)
@@ -149,40 +149,40 @@ def solve(parameters: CompositeParameters, state: CompositeState) -> None:
 
 
 class CompositeAdaptive(Estimator):
-    """Composite adaptation: the force error and a filtered prediction error drive theta.
+    """Composite adaptation of theta by the force error and a filtered prediction error.
 
-    After J.-J. E. Slotine and W. Li, "Applied Nonlinear Control", 1991, sections 8.7 and 8.8,
-    as K. Hashtrudi-Zaad and S. E. Salcudean, "Adaptive transparent impedance reflecting
-    teleoperation", IEEE International Conference on Robotics and Automation, 1996, use it on
-    the environment of a teleoperator. With W and f_W the regressors and the force behind a
-    first-order lag,
+    The method is from J.-J. E. Slotine and W. Li, "Applied Nonlinear Control", 1991, sections 8.7
+    and 8.8. K. Hashtrudi-Zaad and S. E. Salcudean, "Adaptive transparent impedance reflecting
+    teleoperation", IEEE International Conference on Robotics and Automation, 1996, apply it to
+    the environment of a teleoperator. With the regressors W and the force f_W after a first-order
+    lag,
 
         theta' = P (W (f_W - W' theta) + instant phi (f - phi' theta)),
         d(P^-1)/dt = -lambda (P^-1 - P_0^-1) + W W',
 
-    with Slotine and Li's (8.115) for the forgetting: P never exceeds P_0, its first value, and
-    lambda does not fade as it does with lambda (1 - |P| / |P_0|), so k is followed even while
-    the motion tells nothing of b. The force error stands where the published law has the
-    tracking error of the force loop, which is left. V = (theta - theta_0)' P^-1 (theta -
-    theta_0) never grows, and neither by implicit Euler, for any settings and any `dt`.
+    where the forgetting is (8.115) of Slotine and Li. P never exceeds its initial value P_0.
+    lambda does not vanish as lambda (1 - |P| / |P_0|) does, so k is tracked even while the motion
+    has no information on b. The published law uses the tracking error of the force loop; here
+    the force error replaces it. V = (theta - theta_0)' P^-1 (theta - theta_0) never increases,
+    also with implicit Euler, for all settings and every `dt`.
 
-    There is no standard deviation: the filter makes noise correlate.
+    There are no standard deviations, because the filter makes the noise correlated.
 
     Parameters
     ----------
     forgetting_rate
-        lambda [1/s].
+        Forgetting rate lambda [1/s].
     sizes
-        Typical size (rms) of each regressor, [m/s] for v, [m] for x. One setting serves a
-        tenth of them to ten times them.
+        Typical root mean square of each regressor, [m/s] for v, [m] for x. A setting is
+        suitable for regressors of 0.1 to 10 times these sizes.
     bandwidth
-        Of the filter [1/s].
+        Bandwidth of the filter [1/s].
     instant
-        Weight of the force error beside the filtered one, >= 0.
+        Weight of the force error, relative to the filtered prediction error, >= 0.
     bound
-        P_0 in units of lambda over the squared sizes; what sufficient motion has is about 1.
+        P_0 in units of lambda / size^2. For sufficient motion P is about 1 in this unit.
     model
-        The regressors.
+        Model that defines the regressors.
 
     Raises
     ------

@@ -1,16 +1,16 @@
-"""Recursive least squares of the samples with news alone (conditional update)."""
+"""Recursive least squares with conditional update: only informative samples are used."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
 
-from estimation.methods.recursive_least_squares import take_in_and_forget
+from estimation.methods.recursive_least_squares import update_and_forget
 from estimation.methods.ud_factors import (
     FactoredEstimator,
     FactoredParameters,
     FactoredState,
-    kept,
+    forgetting_factor,
     predicted_variance,
 )
 from estimation.model import KELVIN_VOIGT, Model
@@ -22,7 +22,7 @@ class ConditionalParameters(FactoredParameters):
     """Parameters of `step`."""
 
     c: float
-    """A sample counts where z' P z > c (1 - beta)."""
+    """Threshold: a sample is used if z' P z > c (1 - beta)."""
 
 
 def step(
@@ -32,40 +32,41 @@ def step(
     f: float,
     dt: float,
 ) -> None:
-    """Recursive least squares where z' P z > c (1 - beta); elsewhere nothing changes."""
-    beta = kept(parameters, state, dt)
+    """Update by recursive least squares if z' P z > c (1 - beta); otherwise hold."""
+    beta = forgetting_factor(parameters, state, dt)
     if predicted_variance(parameters, state, phi) > parameters.c * (1.0 - beta):
-        take_in_and_forget(parameters, state, phi, f, dt, beta)
+        update_and_forget(parameters, state, phi, f, dt, beta)
     else:
         state.held = True
 
 
 class ConditionalUpdate(FactoredEstimator):
-    """Recursive least squares of those samples alone that bring news.
+    """Recursive least squares that uses only informative samples.
 
-    A sample is taken in where phi' P phi, the variance of the force that P predicts by that of
-    the noise, exceeds c (1 - beta). Elsewhere nothing is learned and nothing forgotten, so
-    that rest does not wind P up (K. J. Astrom and B. Wittenmark, "Adaptive Control", 2nd
-    edition, Addison-Wesley, 1995, chapter 11, where c = 2). With forgetting, m regressors that
-    all move bring m (1 - beta) on average and a probe at rest 1 - beta, so c belongs between 1
-    and m. Motion much smaller than what came before it is no news.
+    A sample is used if phi' P phi exceeds c (1 - beta). phi' P phi is the variance of the force
+    predicted with P, relative to the noise variance. Other samples cause neither an update nor
+    forgetting, so that P does not wind up at rest (K. J. Astrom and B. Wittenmark, "Adaptive
+    Control", 2nd edition, Addison-Wesley, 1995, chapter 11, where c = 2). With forgetting, the
+    average of phi' P phi is m (1 - beta) for m exciting regressors, and 1 - beta for a probe at
+    rest. So c should be between 1 and m. Motion that is much smaller than earlier motion is not
+    used.
 
     Parameters
     ----------
     forgetting
         The forgetting factor beta, 0 < beta <= 1.
     initial_covariance
-        Diagonal of P0, for b [(N s/m)^2] and k [(N/m)^2] and what else the model has, per N^2
+        Diagonal of P0 for each model parameter, b [(N s/m)^2] and k [(N/m)^2] first, per N^2
         of force variance.
     sample_period
-        Time [s] over which the weight of a sample falls by beta, as long as samples are
-        taken in; without, it falls by beta with each such sample whatever the `dt`.
+        Time [s] over which a weight decreases by the factor beta while samples are used. By
+        default it decreases by beta with each used sample, independent of `dt`.
     threshold
-        c, >= 0.
+        Threshold c, >= 0.
     model
-        The regressors.
+        Model that defines the regressors.
     correlation
-        Samples for each independent one, see `LinearGainEstimator`.
+        Samples per independent noise sample, see `LinearGainEstimator`.
 
     Raises
     ------

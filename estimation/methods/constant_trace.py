@@ -10,9 +10,9 @@ from estimation.methods.ud_factors import (
     FactoredParameters,
     FactoredState,
     add_variance,
-    learn,
-    take_in,
+    correct_with_gain,
     trace,
+    update_covariance,
 )
 from estimation.model import KELVIN_VOIGT, Model
 from estimation.step import Regressors, below
@@ -25,7 +25,7 @@ class ConstantTraceParameters(FactoredParameters):
     c1: float
     """Trace of the covariance, before c2 is added, in units of P0."""
     c2: float
-    """Variance that is added to each parameter, in units of P0."""
+    """Variance that is added for each parameter, in units of P0."""
 
 
 def step(
@@ -35,40 +35,43 @@ def step(
     f: float,
     dt: float,
 ) -> None:
-    """P <- P - P z z' P / (1 + z' P z), then P <- c1 P / tr P + c2 I; gain P z / (1 + z' P z)."""
-    spread = take_in(parameters, state, phi, 1.0)
+    """Set P <- P - P z z' P / (1 + z' P z), then P <- c1 P / tr P + c2 I; correct theta.
+
+    The gain is P z / (1 + z' P z), with P before this sample.
+    """
+    spread = update_covariance(parameters, state, phi, 1.0)
     D, c2 = state.D, parameters.c2
     share = parameters.c1 / trace(state)
     for j in below[len(phi)]:
         D[j] *= share
     for j in below[len(phi)]:
         add_variance(state, j, c2)
-    learn(parameters, state, phi, f, dt, spread)
+    correct_with_gain(parameters, state, phi, f, dt, spread)
 
 
 class ConstantTrace(FactoredEstimator):
     """Recursive least squares with a covariance of constant trace, regularised.
 
-    The covariance is neither wound up by rest nor used up by motion: after each sample it is
+    The covariance neither winds up at rest nor vanishes in motion. After each sample it is
     c1 P / tr P + c2 I, in units of P0 (K. J. Astrom and B. Wittenmark, "Adaptive Control", 2nd
-    edition, Addison-Wesley, 1995, chapter 11). Where regressors of scaled squares
-    phi_i^2 P0_i = q are at work, this forgets as a factor beta with c1 = m (1 - beta) / q does,
-    faster with larger motion. A direction at rest gets all of the trace, and then follows
-    noise.
+    edition, Addison-Wesley, 1995, chapter 11). For regressors with the scaled square
+    q = phi_i^2 P0_i, c1 = m (1 - beta) / q forgets as fast as a forgetting factor beta, and larger
+    motion is forgotten faster. A direction without excitation gets the whole trace, and its
+    estimate then follows the noise.
 
     Parameters
     ----------
     trace
-        c1, as a share of P0.
+        Trace c1, in units of P0.
     initial_covariance
-        Diagonal of P0, the unit of P, for b [(N s/m)^2] and k [(N/m)^2] and what else the model
-        has, per N^2 of force variance.
+        Diagonal of P0, the unit of P, for each model parameter, b [(N s/m)^2] and k [(N/m)^2]
+        first, per N^2 of force variance.
     ratio
-        c1 / c2: how far the variances of two directions may be apart, 1 to 1e8.
+        c1 / c2, the largest ratio of the variances of two directions, 1 to 1e8.
     model
-        The regressors.
+        Model that defines the regressors.
     correlation
-        Samples for each independent one, see `LinearGainEstimator`.
+        Samples per independent noise sample, see `LinearGainEstimator`.
 
     Raises
     ------

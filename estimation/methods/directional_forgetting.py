@@ -1,4 +1,4 @@
-"""Recursive least squares that forgets in the direction of the sample alone."""
+"""Recursive least squares that forgets only in the direction of the present sample."""
 
 from __future__ import annotations
 
@@ -7,64 +7,65 @@ from estimation.methods.ud_factors import (
     FactoredParameters,
     FactoredState,
     add,
-    kept,
-    learn,
+    correct_with_gain,
+    forgetting_factor,
     predicted_variance,
-    take_in,
+    update_covariance,
 )
 from estimation.model import KELVIN_VOIGT, Model
 from estimation.step import Regressors, below
 
 NO_NEWS = 1e-100
-"""Least z' P z of which anything is forgotten: below, its inverse would soon overflow."""
+"""Smallest z' P z at which information is forgotten; its inverse must not overflow."""
 
 
 def step(
     parameters: FactoredParameters, state: FactoredState, phi: Regressors, f: float, dt: float
 ) -> None:
-    """P^-1 <- P^-1 + (beta - (1 - beta) / r) z z', r = z' P z; gain P z / (1 + r).
+    """Set P^-1 <- P^-1 + (beta - (1 - beta) / r) z z' with r = z' P z; the gain is P z / (1 + r).
 
-    Written as least squares without forgetting, then P <- P + (1 - beta) / beta P z z' P / z' P z
-    with the new P: the same, and a sum of positive terms even where P grows.
+    This is computed as least squares without forgetting, and then
+    P <- P + (1 - beta) / beta P z z' P / z' P z with the new P. The result is the same, and all
+    terms are positive, also where P grows.
     """
     m = len(phi)
-    beta = kept(parameters, state, dt)
+    beta = forgetting_factor(parameters, state, dt)
     r = predicted_variance(parameters, state, phi)
-    spread = take_in(parameters, state, phi, 1.0)
+    spread = update_covariance(parameters, state, phi, 1.0)
     if r > NO_NEWS:
         y, L = state.y, state.L
         for i in below[m]:
             y[i] = L[i]
         add(state, (1.0 - beta) / (beta * r * spread), m)
-    learn(parameters, state, phi, f, dt, spread)
+    correct_with_gain(parameters, state, phi, f, dt, spread)
 
 
 class DirectionalForgetting(FactoredEstimator):
     """Recursive least squares with directional forgetting.
 
-    Only what the sample itself speaks of is forgotten, so the covariance does not wind up
-    where some direction rests, nor does anything change at phi = 0 (R. Kulhavy and M. Karny,
+    Information is forgotten only in the direction of the present sample. So the covariance does
+    not wind up in directions without excitation or at phi = 0 (R. Kulhavy and M. Karny,
     "Tracking of slowly varying parameters by directional forgetting", 9th IFAC World Congress,
     Budapest, 1984, IFAC Proceedings Volumes 17(2), 687-692; as a case of forgetting in general,
     R. Kulhavy and M. B. Zarrop, "On a general concept of forgetting", International Journal of
-    Control 58(4), 905-924, 1993). The variance of a sample's direction settles where
-    phi' P phi = (1 - beta) / beta, however small the sample: it takes a sensor's noise for
-    motion as well.
+    Control 58(4), 905-924, 1993). In the direction of the samples the variance converges to
+    phi' P phi = (1 - beta) / beta, even for very small samples. So the method treats sensor noise
+    like motion.
 
     Parameters
     ----------
     forgetting
         The forgetting factor beta, 0 < beta <= 1.
     initial_covariance
-        Diagonal of P0, for b [(N s/m)^2] and k [(N/m)^2] and what else the model has, per N^2
+        Diagonal of P0 for each model parameter, b [(N s/m)^2] and k [(N/m)^2] first, per N^2
         of force variance.
     sample_period
-        Time [s] over which the information in a sample's direction falls by beta; without,
-        it does so each sample whatever the `dt`.
+        Time [s] over which the information in the direction of a sample decreases by the factor
+        beta. By default it decreases by beta with each sample, independent of `dt`.
     model
-        The regressors.
+        Model that defines the regressors.
     correlation
-        Samples for each independent one, see `LinearGainEstimator`.
+        Samples per independent noise sample, see `LinearGainEstimator`.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The grid of candidates of a multi-estimator."""
+"""Grid of the candidates (b, k) of a multi-estimator."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from estimation.compiled import Floats
 
 MOST = 10**8
-"""Most candidates along one axis."""
+"""Largest number of candidates along one axis."""
 
 
 @dataclass(frozen=True)
@@ -20,7 +20,7 @@ class Axis:
     Raises
     ------
     ValueError
-        Fewer than two values, or values that do not rise.
+        There are fewer than two values, or `first` is not less than `last`.
     """
 
     first: float
@@ -29,7 +29,7 @@ class Axis:
 
     def __post_init__(self) -> None:
         if not -math.inf < self.first < self.last < math.inf:
-            raise ValueError(f"candidates must rise, got {self.first} to {self.last}")
+            raise ValueError(f"candidates must increase, got {self.first} to {self.last}")
         if not 2 <= self.count <= MOST or self.count != int(self.count):
             raise ValueError(
                 f"an axis needs at least two candidates and at most {MOST:g}, got {self.count}"
@@ -37,7 +37,7 @@ class Axis:
 
     @property
     def spacing(self) -> float:
-        """Distance between neighbours."""
+        """Distance between adjacent values."""
         return (self.last - self.first) / (self.count - 1)
 
     @property
@@ -47,19 +47,19 @@ class Axis:
 
     @property
     def nearest_zero(self) -> int:
-        """Index of the value of least magnitude, the lower of two."""
+        """Index of the value with the smallest magnitude; of two, the lower index."""
         wanted = math.ceil(-self.first / self.spacing - 0.5)
         return min(max(wanted, 0), self.count - 1)
 
 
 @dataclass(frozen=True)
 class Grid:
-    """The candidates: every pair of a damping [N s/m] and a stiffness [N/m]."""
+    """All pairs of a damping of axis `b` [N s/m] and a stiffness of axis `k` [N/m]."""
 
     b: Axis
     k: Axis
 
     @property
     def candidates(self) -> int:
-        """How many there are."""
+        """Number of candidates."""
         return self.b.count * self.k.count

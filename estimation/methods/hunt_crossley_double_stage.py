@@ -22,11 +22,11 @@ from estimation.methods.hunt_crossley import (
 from estimation.step import B, K, Regressors, State
 
 LARGEST = 1e100
-"""Largest K x0^n and B x0^n v0 [N]."""
+"""Largest magnitude of K x0^n and B x0^n v0 [N]."""
 FARTHEST = 20.0
-"""Largest logarithm of a displacement, by the typical one."""
+"""Largest ln x/x0."""
 LEAST_RELATIVE = 1e-30
-"""Least (K x0^n + B x0^n v) / f of which the logarithm is taken."""
+"""Smallest (K x0^n + B x0^n v) / f of which the logarithm is computed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,26 +40,27 @@ class DoubleStageParameters:
     v0: float
     """Typical velocity [m/s]."""
     threshold: float
-    """Force up to which there is no contact [N]."""
+    """Largest force without contact [N]."""
     log_x0: float
     """ln x0."""
 
 
 @dataclass(slots=True)
 class DoubleStageState(State):
-    """State of `step`: normal equations, with g = (x/x0)^n and u = v/v0, and l = ln x/x0."""
+    """State of `step`: normal equations, with g = (x/x0)^n, u = v/v0 and l = ln x/x0."""
 
     gg: float
-    """Stage 1: sums of the products of (g, g u) and f."""
+    """Sums of stage 1, of the products of (g, g u) and f; likewise the next four fields."""
     ggu: float
     gugu: float
     gf: float
     guf: float
     ll: float
-    """Stage 2: weighted sums of l^2 and of l y, y the logarithm of f / (K x0^n + B x0^n v)."""
+    """Weighted sum of l^2 of stage 2."""
     ly: float
+    """Weighted sum of l y of stage 2, with y = ln f / (K x0^n + B x0^n v)."""
     prior: float
-    """Weight of the first guess of n."""
+    """Weight of the initial guess of n."""
 
 
 def step(
@@ -69,7 +70,7 @@ def step(
     f: float,
     dt: float,
 ) -> None:
-    """Both stages, each with the other's latest estimate."""
+    """Update both stages, each with the latest estimate of the other."""
     v, x = phi
     if x / parameters.x0 < TOUCH or f <= parameters.threshold:
         state.held = True
@@ -85,7 +86,7 @@ def step(
 def first_stage(
     state: DoubleStageState, beta: float, g: float, u: float, f: float
 ) -> tuple[float, float]:
-    """Least squares of f on (g, g u): K x0^n and B x0^n v0 [N]."""
+    """Return K x0^n and B x0^n v0 [N] by least squares of f on (g, g u)."""
     gu = g * u
     state.gg = beta * state.gg + g * g
     state.ggu = beta * state.ggu + g * gu
@@ -102,9 +103,10 @@ def first_stage(
 def second_stage(
     state: DoubleStageState, beta: float, n: float, lx: float, relative: float, f: float
 ) -> float:
-    """Least squares of ln (f / relative) = n l, with relative = K x0^n + B x0^n v: n.
+    """Return n by least squares of ln (f / relative) = n l, with relative = K x0^n + B x0^n v.
 
-    The weight is f^2, times (estimate / f)^(3/2) against the bias of a noisy force's logarithm.
+    The weight is f^2 (estimate / f)^(3/2). The second factor removes the bias of the logarithm of
+    a noisy force.
     """
     if relative <= LEAST_RELATIVE * f:
         return n
@@ -125,7 +127,7 @@ def report(
     damping: float,
     n: float,
 ) -> None:
-    """B and k at the present displacement, and K and B, from K x0^n and B x0^n."""
+    """Compute b and k at the present displacement, and K and B, from K x0^n and B x0^n."""
     theta = state.theta
     g = exp(n * lx)
     per_si = exp(clamp(-n * parameters.log_x0, -LARGEST_LOG, LARGEST_LOG))
@@ -142,31 +144,31 @@ class DoubleStage(Estimator):
         stage 1:    f = [x^n, x^n v] [K, B]'            with n of stage 2
         stage 2:    ln (f / (K + B v)) = n ln x         with K and B of stage 1
 
-    each by exponentially forgetting least squares. b and k are what Kelvin-Voigt reads at the
-    present displacement: b = B x^n and k = K x^(n-1), so that b v + k x is the force. There is
-    no interval, since neither stage knows of the other's error: all deviations are NaN.
+    each by least squares with exponential forgetting. b and k are the Kelvin-Voigt parameters at
+    the present displacement: b = B x^n and k = K x^(n-1), so that b v + k x is the force. All
+    standard deviations are NaN, because each stage ignores the error of the other.
 
-    It is valid in contact, x > 0 and f > `threshold`, with the surface at x = 0, and for stage
-    2 where K + B v > 0; a sample of which that is not true moves only K and B. The coupling
-    must be weak: the stages converge the slower, the less x varies within the memory, as K and
-    n then tell the same. `Logarithmic` has no such coupling.
+    The model is valid in contact, for x > 0 and f > `threshold`, with the surface at x = 0. Stage
+    2 also needs K + B v > 0; other samples update only K and B. The stages converge slowly if x
+    varies little within the memory, because then K and n cannot be distinguished. `Logarithmic`
+    does not have this coupling.
 
     References
     ----------
     N. Diolaiti, C. Melchiorri, S. Stramigioli, "Contact impedance estimation for robotic
-    systems", IEEE Trans. Robotics 21(5), 2005 (the two stages). Ours are the typical
-    displacement x0 by which x is divided inside, so that ln x varies about zero, and the
-    weights of stage 2, which rid it of the bias of a noisy force's logarithm.
+    systems", IEEE Trans. Robotics 21(5), 2005 (the two stages). Not in the paper: x is divided
+    by a typical displacement x0, so that ln x varies about zero, and stage 2 has weights that
+    remove the bias of the logarithm of a noisy force.
 
     Parameters
     ----------
     memory
-        Time [s] over which a sample's weight falls by e.
+        Time [s] in which the weight of a sample decreases to 1/e.
     displacement, velocity
-        Typical ones, x0 [m] and v0 [m/s], by which both are divided inside.
+        Typical displacement x0 [m] and velocity v0 [m/s], used for scaling.
     threshold
-        Force [N] up to which a sample is taken for no contact, > 0: one or two deviations of
-        its noise. So is a sample with x <= 0. The estimate is held then.
+        Largest force [N] without contact, > 0: one or two standard deviations of the force
+        noise. Samples below it, or with x <= 0, hold the estimate.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Single-stage identification of the Hunt-Crossley model on the logarithm of force."""
+"""Single-stage identification of the Hunt-Crossley model from the logarithm of the force."""
 
 from __future__ import annotations
 
@@ -35,19 +35,19 @@ class LogarithmicParameters:
     v0: float
     """Typical velocity [m/s]."""
     threshold: float
-    """Force up to which there is no contact [N]."""
+    """Largest force without contact [N]."""
     correlation: float
-    """Samples for each independent one, >= 1."""
+    """Samples per independent noise sample, >= 1."""
     log_x0: float
     """ln x0."""
 
 
 @dataclass(slots=True)
 class LogarithmicState(State):
-    """State of `step`, of y = ln f + ... on (1, l, u), with l = ln x/x0 and u = v/v0."""
+    """State of `step`: least squares of y on (1, l, u), with l = ln x/x0 and u = v/v0 / (1 + z)."""
 
     w: float
-    """Weighted sums R of the products of (1, l, u), and r of those with y."""
+    """Weighted sums R of the products of (1, l, u), and r of their products with y."""
     w_l: float
     w_u: float
     w_ll: float
@@ -57,7 +57,7 @@ class LogarithmicState(State):
     w_ly: float
     w_uy: float
     q: float
-    """The sums Q of the products of (1, l, u), with weights that have decayed twice."""
+    """Sums Q of the products of (1, l, u), with weights that decay twice as fast."""
     q_l: float
     q_u: float
     q_ll: float
@@ -79,7 +79,7 @@ class LogarithmicState(State):
     noise: float
     """Variance of the noise [N^2]."""
     evidence: float
-    """Mean weight of the samples that gave it."""
+    """Mean weight of the samples from which `noise` is estimated."""
 
 
 def step(
@@ -89,9 +89,9 @@ def step(
     f: float,
     dt: float,
 ) -> None:
-    """Weighted least squares of ln f on (1, l, u), and what follows from it.
+    """Update the weighted least squares of ln f on (1, l, u), and the estimate.
 
-    With the damping so far in z, ln f = ln K + n l + ln(1 + B v/K) is linearised to
+    ln f = ln K + n l + ln(1 + B v/K) is linearised at z, the present estimate of B v/K:
     ln f - ln(1 + z) + z/(1 + z) = ln K + n l + (v0 B/K) u/(1 + z).
     """
     v, x = phi
@@ -111,23 +111,23 @@ def step(
         spread = 1.0 + weight * variance(state, 1.0, off_l, off_u)
         update_noise(state, f * (1.0 - exp(-clamp(error, -30.0, 30.0))), spread, dt)
     noise = max(state.noise, 1e-12 * f * f)
-    gather(state, exp(-dt * parameters.rate), weight, lx, u, y)
+    accumulate(state, exp(-dt * parameters.rate), weight, lx, u, y)
     solve(state, noise)
     report(parameters, state, x, lx, parameters.correlation * noise)
 
 
 def update_noise(state: LogarithmicState, error: float, spread: float, dt: float) -> None:
-    """Mean of error^2 / spread, each sample with the weight 1 / spread."""
+    """Update the noise variance: the mean of error^2 / spread, with the weights 1 / spread."""
     share = dt / (NOISE_MEMORY + dt)
     state.evidence += share * (1.0 / spread - state.evidence)
     share /= spread * state.evidence
     state.noise += share * (error * error / spread - state.noise)
 
 
-def gather(
+def accumulate(
     state: LogarithmicState, beta: float, weight: float, lx: float, u: float, y: float
 ) -> None:
-    """Let the sums decay by beta, and add a sample."""
+    """Multiply the sums by beta, and add a sample."""
     w_l, w_u = weight * lx, weight * u
     state.w = beta * state.w + weight
     state.w_l = beta * state.w_l + w_l
@@ -148,11 +148,11 @@ def gather(
 
 
 def solve(state: LogarithmicState, noise: float) -> None:
-    """The level, n and v0 B/K, the means of l and u, and the covariance by noise variance.
+    """Solve for the level, n and v0 B/K, and compute their covariance for a noise variance of 1.
 
-    About these weighted means the level, ln f there, is on its own. The covariance is
-    R^-1 Q R^-1: noise in ln f has the variance s/f^2, and so Q is the sum of weights that have
-    decayed twice.
+    l and u are taken relative to their weighted means, so that the level, ln f at these means, is
+    decoupled. The covariance is R^-1 Q R^-1. Noise in ln f has the variance s/f^2, so the weights
+    in Q decay twice as fast as in R.
     """
     inverse = 1.0 / state.w
     l_mean, u_mean = inverse * state.w_l, inverse * state.w_u
@@ -194,7 +194,7 @@ def report(
     lx: float,
     noise: float,
 ) -> None:
-    """B and k at the present displacement, K, B and n, and their standard deviations."""
+    """Compute b and k at the present displacement, K and B, and all standard deviations."""
     theta, std, v0 = state.theta, state.std, parameters.v0
     n, damping = theta[EXPONENT], state.damping
     off = lx - state.l_mean
@@ -217,7 +217,7 @@ def report(
 
 
 def variance(state: LogarithmicState, p: float, q: float, r: float) -> float:
-    """That of p level + q n + r v0 B/K, for a noise variance of 1."""
+    """Return the variance of p level + q n + r v0 B/K for a noise variance of 1."""
     total = p * (p * state.c + 2.0 * (q * state.c_l + r * state.c_u))
     total += q * (q * state.c_ll + 2.0 * r * state.c_lu) + r * r * state.c_uu
     return total if total > 0.0 else 0.0
@@ -228,35 +228,35 @@ class Logarithmic(Estimator):
 
         ln f = ln K + n ln x + z + (ln(1 + z) - z),    z = B v / K
 
-    is linear in ln K, n and B/K but for the remainder in brackets. The paper leaves it out, so
-    that |z| < 0.1 is needed. Here it is put back: linearised at the estimate so far, which
-    leaves no bias for z between -0.5 and 1. Noise of the force with variance s has s/f^2 in
-    ln f, so a sample weighs f^2; times (estimate/f)^(3/2), by which the weight's and the
-    logarithm's own bias cancel to second order in noise.
+    is linear in ln K, n and B/K, except for the remainder in brackets. The paper omits the
+    remainder, which requires |z| < 0.1. Here it is linearised at the present estimate, which
+    gives no bias for z between -0.5 and 1. Force noise of variance s causes noise of variance
+    s/f^2 in ln f, so the weight of a sample is f^2. A further factor (estimate/f)^(3/2) cancels
+    the bias of the weight and of the logarithm up to second order in the noise.
 
-    b and k are what Kelvin-Voigt reads at the present displacement: b = B x^n and
-    k = K x^(n-1), so that b v + k x is the force. Deviations are those of weighted least
-    squares; where motion does not tell, those of the first guess n = 1.5 and B = 0, each give
-    or take one (B in units of K/v0).
+    b and k are the Kelvin-Voigt parameters at the present displacement: b = B x^n and
+    k = K x^(n-1), so that b v + k x is the force. The standard deviations are those of weighted
+    least squares. For parameters that the motion does not determine, they are those of the
+    initial guess n = 1.5 +- 1 and B = 0 +- K/v0.
 
     References
     ----------
     A. Haddadi, K. Hashtrudi-Zaad, "Real-time identification of Hunt-Crossley dynamic models of
     contact environments", IEEE Trans. Robotics 28(3), 2012 (the logarithm). The remainder, the
-    weights and the intervals are ours.
+    weights and the intervals are not in the paper.
 
     Parameters
     ----------
     memory
-        Time [s] over which a sample's weight falls by e.
+        Time [s] in which the weight of a sample decreases to 1/e.
     displacement, velocity
-        Typical ones, x0 [m] and v0 [m/s], by which both are divided inside.
+        Typical displacement x0 [m] and velocity v0 [m/s], used for scaling.
     threshold
-        Force [N] up to which a sample is taken for no contact, > 0: one or two deviations of
-        its noise, since a higher one takes weak forces in only where noise lifts them. So is a
-        sample with x <= 0. The estimate is held then.
+        Largest force [N] without contact, > 0: one or two standard deviations of the force
+        noise. With a larger threshold, weak forces are used only if noise increases them, which
+        causes a bias. Samples below it, or with x <= 0, hold the estimate.
     correlation
-        Samples for each independent one, see `LinearGainEstimator`.
+        Samples per independent noise sample, see `LinearGainEstimator`.
 
     Raises
     ------

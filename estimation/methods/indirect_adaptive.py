@@ -24,7 +24,7 @@ class IndirectParameters(LinearGainParameters):
     rate: float
     """Rate at which the force error decays [1/s]."""
     floor: float
-    """The s's at which the rate is half as high."""
+    """Value of s's at which the rate is halved."""
     per_size: tuple[float, ...]
     """1 / typical size of each regressor, (m,)."""
 
@@ -36,13 +36,13 @@ def step(
     f: float,
     dt: float,
 ) -> None:
-    """The normalised gradient law over one period with phi and f held.
+    """Integrate the normalised gradient law over one period with constant phi and f.
 
     With s_i = phi_i / size_i and G = diag(1 / size_i^2),
 
         theta' = rate G phi (f - phi' theta) / (floor + s's).
 
-    The force error decays along it at the rate `rate` s's / (floor + s's).
+    The force error then decays at the rate `rate` s's / (floor + s's).
     """
     per_size, L = parameters.per_size, state.L
     square = 0.0
@@ -58,36 +58,36 @@ def step(
 
 
 class IndirectAdaptive(LinearGainEstimator):
-    """The estimator of Seraji and Colbaugh's indirect adaptive force control.
+    """Estimator of Seraji and Colbaugh's indirect adaptive force control.
 
     H. Seraji and R. Colbaugh, "Force tracking in impedance control", International Journal of
-    Robotics Research, 1997, let the predicted force k x + f0 follow the measured one by a
-    Lyapunov gradient law, and set the reference position x_r = x_e + f_r / k from the
-    stiffness and the surface's location x_e = -f0 / k. D. Erickson, M. Weber and I. Sharf,
+    Robotics Research, 1997, adapt the predicted force k x + f0 to the measured force by a
+    Lyapunov gradient law. From the stiffness and the location of the surface, x_e = -f0 / k, they
+    compute the reference position x_r = x_e + f_r / k. D. Erickson, M. Weber and I. Sharf,
     "Contact stiffness and damping estimation for robotic systems", International Journal of
-    Robotics Research, 2003, let it estimate damping in the location's place: b v + k x.
+    Robotics Research, 2003, estimate damping instead of the location: b v + k x.
 
-    Taken is the estimator, without the impedance controller that it steers: Erickson's by
-    default, and with the model `datum` the damping and the location both. Added are the
-    normalisation by s's, so that one rate serves every depth and cube, and the exact flow over
-    a sample, so that no rate and no `dt` make it diverge.
+    This class is the estimator without the impedance controller. By default it is that of
+    Erickson et al.; with the model `datum` it estimates damping and location. Two changes were
+    made: the normalisation by s's, so that one rate is suitable for every depth and cube, and the
+    exact solution over a sample period, which is stable for every rate and `dt`.
 
-    A gradient does not converge faster than phi turns: past a rate of about the motion's
-    angular frequency a higher one gains nothing.
+    A gradient method does not converge faster than the direction of phi changes. So a rate above
+    the angular frequency of the motion has no advantage.
 
     Parameters
     ----------
     rate
         Rate [1/s] at which the force error decays.
     sizes
-        Typical size (rms) of each regressor, [m/s] for v, [m] for x. Their ratios weigh the
-        parameters against each other.
+        Typical root mean square of each regressor, [m/s] for v, [m] for x. Their ratios
+        determine the relative adaptation gains of the parameters.
     floor
-        The s's at which the rate is half as high: with less, little is learned.
+        Value of s's at which the rate is halved. Smaller samples have little effect.
     model
-        The regressors.
+        Model that defines the regressors.
     correlation
-        Samples for each independent one, see `LinearGainEstimator`.
+        Samples per independent noise sample, see `LinearGainEstimator`.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Kalman filter of parameters that walk at random (KF)."""
+"""Kalman filter of parameters that are random walks (KF)."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from estimation.methods.ud_factors import (
     FactoredParameters,
     FactoredState,
     add_variance,
-    learn,
-    take_in,
+    correct_with_gain,
+    update_covariance,
     variance,
 )
 from estimation.model import KELVIN_VOIGT, Model
@@ -25,18 +25,18 @@ class KalmanParameters(FactoredParameters):
     """Parameters of `step`, variances in units of P0."""
 
     Q: tuple[float, ...]
-    """Growth of the variance of each parameter [1/s], (m,)."""
+    """Increase of the variance of each parameter [1/s], (m,)."""
     ceiling: tuple[float, ...]
-    """Variance of each parameter at which it grows no further, (m,)."""
+    """Largest variance of each parameter, (m,)."""
 
 
 def process_noise(
     memory: float, sample_period: float, sizes: tuple[float, ...]
 ) -> tuple[float, ...]:
-    """Process noise with which parameters are followed with a time constant `memory`.
+    """Return the process noise with which parameters are tracked with a time constant `memory`.
 
-    A scalar filter of f = s theta + noise, with P^2 s^2 = Q T in the steady state, moves on by
-    the share s^2 P a sample: Q = T / (memory s)^2.
+    In the steady state a scalar filter of f = s theta + noise has P^2 s^2 = Q T, and corrects the
+    fraction s^2 P of the error in each sample. So Q = T / (memory s)^2.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ def process_noise(
     sample_period
         Time T between samples [s].
     sizes
-        Size s of each regressor, as root mean square.
+        Root mean square s of each regressor.
 
     Raises
     ------
@@ -61,7 +61,7 @@ def process_noise(
 
 
 def walk(parameters: KalmanParameters, state: FactoredState, dt: float) -> None:
-    """P <- P + Q dt, by one parameter after the other, none beyond its ceiling."""
+    """Set P <- P + Q dt, with each variance limited to its ceiling."""
     Q, ceiling = parameters.Q, parameters.ceiling
     for i in below[len(state.D)]:
         growth = Q[i] * dt
@@ -73,41 +73,42 @@ def walk(parameters: KalmanParameters, state: FactoredState, dt: float) -> None:
 def step(
     parameters: KalmanParameters, state: FactoredState, phi: Regressors, f: float, dt: float
 ) -> None:
-    """P <- P + Q dt, L = P phi / (1 + phi' P phi), P <- P - L phi' P."""
+    """Set P <- P + Q dt, L = P phi / (1 + phi' P phi), P <- P - L phi' P; correct theta."""
     walk(parameters, state, dt)
-    spread = take_in(parameters, state, phi, 1.0)
-    learn(parameters, state, phi, f, dt, spread)
+    spread = update_covariance(parameters, state, phi, 1.0)
+    correct_with_gain(parameters, state, phi, f, dt, spread)
 
 
 class RandomWalkKalman(FactoredEstimator):
-    """Kalman filter of an environment whose parameters walk at random.
+    """Kalman filter of an environment whose parameters are random walks.
 
-    After G. De Gersem, H. Van Brussel, F. Tendick, "Reliable and enhanced stiffness perception
-    in soft-tissue telemanipulation", Int. J. Robotics Research 24(10), 2005, who follow the
-    stiffness of tissue with a Kalman filter. Taken from it: a parameter is a random walk and
-    the force its noisy measurement, in the textbook's filter. Not taken: what else their filter
-    holds, and the display of stiffness to the operator. Damping and further parameters walk
-    as stiffness does.
+    The method is based on G. De Gersem, H. Van Brussel, F. Tendick, "Reliable and enhanced
+    stiffness perception in soft-tissue telemanipulation", Int. J. Robotics Research 24(10), 2005,
+    who track the stiffness of tissue with a Kalman filter. As in their paper, a parameter is a
+    random walk and the force is its noisy measurement. The other states of their filter, and the
+    display of stiffness to the operator, are omitted. Damping and further parameters are random
+    walks too.
 
-    Only the ratio of the process noise to that of the force matters to the gain, so `Q` is
-    given as such a ratio. It is additive: large stiffness is followed as fast as small.
+    The gain depends only on the ratio of the process noise to the force noise, so `Q` is given as
+    this ratio. The noise is additive, so a large stiffness is tracked as fast as a small one.
 
-    Where a regressor is zero, as velocity is in a hold, the variance of its parameter grows,
-    but not beyond `ceiling`. The standard deviations are those for parameters that do not move.
+    While a regressor is zero, for example the velocity in a hold, the variance of its parameter
+    increases up to `ceiling`. The standard deviations are those for constant parameters.
 
     Parameters
     ----------
     process_noise
-        Diagonal of Q: growth of the variance of b [(N s/m)^2] and k [(N/m)^2] and what else the
-        model has, per second and per N^2 of force variance; see the function of this name.
+        Diagonal of Q: increase of the variance of each model parameter, b [(N s/m)^2] and
+        k [(N/m)^2] first, per second and per N^2 of force variance. See the function
+        `process_noise`.
     initial_covariance
-        Diagonal of P0 in the units of RecursiveLeastSquares.
+        Diagonal of P0, in the units of `RecursiveLeastSquares`.
     ceiling
-        Variances at which growth ends, per N^2 of force variance; P0 unless given.
+        Largest variances, per N^2 of force variance. Default: P0.
     model
-        The regressors.
+        Model that defines the regressors.
     correlation
-        Samples for each independent one, see `LinearGainEstimator`.
+        Samples per independent noise sample, see `LinearGainEstimator`.
 
     Raises
     ------
@@ -134,5 +135,5 @@ class RandomWalkKalman(FactoredEstimator):
         super().__init__(1.0, p0, None, model, correlation, Q=growth, ceiling=room)
 
     def note(self, estimates: Estimates) -> str | None:
-        """Nothing: the covariance does not wind up."""
+        """Return None, because the covariance does not wind up."""
         return None

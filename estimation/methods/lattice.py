@@ -1,16 +1,17 @@
-"""The least point of a positive definite quadratic form over the integer points of a box.
+"""Minimum of a positive definite quadratic form over the integer points of a box.
 
-The multi-estimator's grid is such a box and its monitoring signal such a form,
+The grid of the multi-estimator is such a box, and its monitoring signal is such a form,
 
     q(i, j) = a i^2 + 2 b i j + c j^2 + 2 g i + 2 h j,    0 <= i <= i_last, 0 <= j <= j_last.
 
-The cost does not grow with the box. A Lagrange-Gauss reduced basis (u, w) cuts the grid into
-rows along u, the step that changes the form least. In a reduced basis the least point of the
-unbounded grid lies on one of the two rows beside the form's centre; where that point is
-outside of the box, rows are visited outwards from the lowest point of the box, and a row
-whose lowest point exceeds the best candidate ends the search on its side.
+The cost does not depend on the size of the box. A Lagrange-Gauss reduced basis (u, w) divides the
+grid into rows along u, the step with the smallest change of the form. In a reduced basis the
+minimum over the unbounded grid is on one of the two rows next to the centre of the form. If this
+point is outside of the box, rows are searched in both directions, starting from the row of the
+real minimum on the border. In each direction the search ends at a row whose real minimum exceeds
+the best candidate.
 
-Everything here is scalar code that the interpreter and numba run alike.
+All functions use only scalars, so that the interpreter and numba can run them.
 
 Reference: P. Q. Nguyen, D. Stehle, "Low-dimensional lattice basis reduction revisited", ACM
 Trans. Algorithms 5(4), 2009 (reduction); U. Fincke, M. Pohst, Math. Comp. 44, 1985 (search).
@@ -24,7 +25,7 @@ from math import ceil, floor, inf
 def least_in_box(
     a: float, b: float, c: float, g: float, h: float, i_last: int, j_last: int
 ) -> tuple[int, int]:
-    """Integer (i, j) of the box where the positive definite form is least."""
+    """Return the integers (i, j) in the box that minimise the positive definite form."""
     ui, uj, wi, wj = 1, 0, 0, 1
     uu, uw, ww = a, b, c
     if ww < uu:
@@ -87,7 +88,7 @@ def least_in_box(
 def lowest_on_border(
     a: float, b: float, c: float, g: float, h: float, i_last: int, j_last: int
 ) -> tuple[float, float]:
-    """Real (i, j) on the border of the box where the form is least."""
+    """Return the real (i, j) on the border of the box that minimise the form."""
     least = inf
     i_least = j_least = 0.0
     for side in range(4):
@@ -106,7 +107,10 @@ def lowest_on_border(
 def inside(
     i: int, i_step: int, i_last: int, j: int, j_step: int, j_last: int
 ) -> tuple[float, float]:
-    """Real (low, high) of m with (i + m i_step, j + m j_step) in the box; low > high if none."""
+    """Return the range (low, high) of real m for which (i + m i_step, j + m j_step) is in the box.
+
+    If there is none, low > high.
+    """
     low, high = -inf, inf
     for start, step, last in ((i, i_step, i_last), (j, j_step, j_last)):
         if step > 0:

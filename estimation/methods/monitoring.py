@@ -1,7 +1,7 @@
-"""Monitoring signals of all candidates (b, k) at once, and the error of the least point.
+"""Monitoring signals of all candidates (b, k), and the minimum of the signal with its error.
 
-The monitoring signal (11) of a candidate is a quadratic form in (b, k), so six exponentially
-decayed sums of products of (f, v, x) give the signal of every candidate:
+The monitoring signal (11) of a candidate is a quadratic form in (b, k). So six exponentially
+weighted sums of products of (f, v, x) determine the signals of all candidates:
 
     mu(b, k) = ff - 2 b fv - 2 k fx + b^2 vv + 2 b k vx + k^2 xx.
 """
@@ -17,7 +17,7 @@ from estimation.step import State
 
 @dataclass(slots=True)
 class MonitoringState(State):
-    """The sums; each sample's weight has decayed by e^(-2 lambda t)."""
+    """Exponentially weighted sums of products. The weight of a sample decays as e^(-2 lambda t)."""
 
     ff: float
     """Sum of f^2 [N^2 s]."""
@@ -27,39 +27,39 @@ class MonitoringState(State):
     vx: float
     xx: float
     q_vv: float
-    """Sum of v^2 with squared weights."""
+    """Sum of v^2 with squared weights; likewise `q_vx` of v x and `q_xx` of x^2."""
     q_vx: float
     q_xx: float
     weights: float
     """Sum of the weights [s]."""
     dt: float
-    """Time between the last two samples [s], and what follows from it:"""
+    """Time between the last two samples [s]. The next three fields depend on it."""
     decay: float
-    """the factor by which the sums decay,"""
+    """Factor by which the sums decay per sample."""
     weight: float
-    """the weight of the last sample [s],"""
+    """Weight of the last sample [s]."""
     noise_share: float
-    """and its share in the mean that is the noise."""
+    """Weight of the last sample in the mean that estimates the noise."""
     evidence: float
-    """Share of the noise memory that has been filled."""
+    """Sum of the weights in this mean, from 0 to 1."""
     noise: float
     """Variance of the noise [N^2]."""
 
 
 NO_SUMS = (0.0,) * 16
-"""The fields of a `MonitoringState`, but for those of `State`, before the first sample."""
+"""Initial values of the fields of `MonitoringState`, without those of `State`."""
 
 
 def decay_and_add(
     twice_lambda: float, state: MonitoringState, v: float, x: float, f: float, dt: float
 ) -> None:
-    """Let the sums decay and add a sample.
+    """Decay the sums and add a sample.
 
-    With the force error held over `dt`, (11) is exactly mu <- e^(-2 lambda dt) mu + w e^2
-    with w = (1 - e^(-2 lambda dt)) / 2 lambda. Its e^2 = (b v + k x - f)^2 expands into
-    products of (f, v, x).
+    For a force error e that is constant over `dt`, (11) is mu <- e^(-2 lambda dt) mu + w e^2 with
+    w = (1 - e^(-2 lambda dt)) / 2 lambda. e^2 = (b v + k x - f)^2 is a sum of products of
+    (f, v, x).
     """
-    if dt != state.dt:  # samples are even for most of the time
+    if dt != state.dt:  # usually the sample period is constant
         state.dt = dt
         loss = -math.expm1(-twice_lambda * dt)
         state.decay = 1.0 - loss
@@ -82,7 +82,7 @@ def decay_and_add(
 
 
 def monitoring_signal(state: MonitoringState, b: float, k: float) -> float:
-    """(11) of a candidate [N^2 s], not below 0 by rounding."""
+    """Return the monitoring signal (11) of a candidate [N^2 s], >= 0 despite rounding errors."""
     mu = (
         state.ff
         + b * (b * state.vv - 2.0 * state.fv)
@@ -93,15 +93,16 @@ def monitoring_signal(state: MonitoringState, b: float, k: float) -> float:
 
 
 UNDETERMINED = (0.0, 0.0, math.inf, math.inf)
-"""What `least_point` returns where the data do not determine b and k."""
+"""Return value of `least_point` if the data do not determine b and k."""
 
 
 def least_point(correlation: float, state: MonitoringState) -> tuple[float, float, float, float]:
-    """The least point (b, k) of the quadratic form, and the variances of b and k there.
+    """Return the minimum (b, k) of the quadratic form, and the variances of b and k.
 
-    It is weighted least squares, R theta = r. White noise of variance s gives it the covariance
-    s R^-1 Q R^-1, with Q the sum of squared weights, and mu the expectation
-    s (sum of weights - tr R^-1 Q), which gives s, as a mean over `NOISE_MEMORY`.
+    The minimum is the weighted least-squares solution, R theta = r. For white noise of variance s
+    its covariance is s R^-1 Q R^-1, where Q is the same sum as R with squared weights. The
+    expectation of mu at the minimum is s (sum of weights - tr R^-1 Q). So s is estimated from mu,
+    averaged with the time constant `NOISE_MEMORY`.
     """
     vv, vx, xx = state.vv, state.vx, state.xx
     determinant = vv * xx - vx * vx
@@ -129,7 +130,7 @@ def least_point(correlation: float, state: MonitoringState) -> tuple[float, floa
 
 
 def deviation(variance: float, distance: float, most: float) -> float:
-    """Root mean square error of a value at a distance from the least point, at most `most`."""
+    """Return the root mean square error of a value at a distance from the minimum, <= `most`."""
     square = variance + distance * distance
     std = math.sqrt(square) if square > 0.0 else 0.0
     return std if std < most else most

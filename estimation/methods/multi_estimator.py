@@ -1,4 +1,4 @@
-"""The multi-estimator (ME): the candidate (b, k) of least monitoring signal, out of a grid."""
+"""Multi-estimator (ME): the candidate (b, k) of a grid with the smallest monitoring signal."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from estimation.step import B, K, Regressors
 Indices = NDArray[np.int64]
 
 TIE = 1e-9
-"""Weight of the tie-breaking term, as a share of the monitoring signal that the grid spans."""
+"""Weight of the tie-breaking term, as a fraction of the monitoring signal that the grid spans."""
 FASTEST = 1e6
 """Largest forgetting rate [1/s]."""
 
@@ -39,7 +39,7 @@ class MultiEstimatorParameters:
     b: GridAxis
     k: GridAxis
     correlation: float
-    """Samples for each independent one, >= 1."""
+    """Samples per independent noise sample, >= 1."""
 
 
 def step(
@@ -49,7 +49,7 @@ def step(
     f: float,
     dt: float,
 ) -> None:
-    """Let the sums decay, add the sample, and take the candidate of least (11)."""
+    """Decay the sums, add the sample, and select the candidate with the smallest (11)."""
     v, x = phi
     b_axis, k_axis = parameters.b, parameters.k
     decay_and_add(parameters.twice_lambda, state, v, x, f, dt)
@@ -61,27 +61,27 @@ def step(
 
 
 class MultiEstimator(Estimator):
-    """The candidate of least monitoring signal, the paper's (10)-(11), out of a grid.
+    """Candidate of a grid with the smallest monitoring signal, the paper's (10)-(11).
 
-    The signals of all candidates are one quadratic form in (b, k), and its least candidate is
-    found without visiting the others, so the cost does not grow with the grid.
+    The signals of all candidates are one quadratic form in (b, k). Its minimum over the grid is
+    found without evaluating all candidates, so the cost does not depend on the size of the grid.
 
-    Ties are broken by one rule: to the monitoring signal of a candidate is added `TIE` times
-    the signal that the grid spans (int f^2 + (b v)^2 + (k x)^2, b and k the axes' lengths),
-    times its squared distance from the candidate nearest to (b, k) = (0, 0), in units of the
-    axes' lengths. So a damping of which the data says nothing reads as zero, and candidates
-    that the data does tell apart are not affected.
+    A small term is added to each signal, so that ties are broken in favour of the candidate
+    nearest to (b, k) = (0, 0). The term is `TIE` times the squared distance from this candidate
+    in units of the axes' lengths, times the signal that the grid spans, int f^2 + (b v)^2 +
+    (k x)^2 with the axes' lengths b and k. So a damping that the data do not determine is
+    estimated as zero. The term does not affect candidates that the data distinguish.
 
     Parameters
     ----------
     grid
         The candidates.
     forgetting_rate
-        lambda in (11) [1/s], >= 0: a squared error's weight falls as e^(-2 lambda t).
+        lambda in (11) [1/s], >= 0. The weight of a squared error decays as e^(-2 lambda t).
     correlation
-        Samples for each independent one, see `LinearGainEstimator`.
-    further_parameters, further_state
-        What the step of a subclass needs besides, at the end of its parameters and state.
+        Samples per independent noise sample, see `LinearGainEstimator`.
+    own
+        Additional parameters of the step of a subclass, by name.
 
     Raises
     ------
@@ -109,30 +109,30 @@ class MultiEstimator(Estimator):
         super().__init__(parameters, self.first_state(parameters))
 
     def first_state(self, parameters: Any) -> MonitoringState:
-        """The state before the first sample: the candidate nearest zero."""
+        """Return the state before the first sample, with the candidate nearest to zero."""
         axes = parameters.b, parameters.k
         zero = [axis.first + axis.zero * axis.spacing for axis in axes]
         spans = [axis.span for axis in axes]
         return MonitoringState(zero, spans, False, *NO_SUMS)
 
     def monitoring_signal(self, b: Floats | float, k: Floats | float) -> Floats:
-        """(11) of the candidates (b, k) [N^2 s], arrays that broadcast."""
+        """Return (11) of the candidates (b, k) [N^2 s]; b and k are broadcast."""
         s = self.state
         b, k = np.asarray(b, dtype=np.float64), np.asarray(k, dtype=np.float64)
         signal = s.ff + b * (b * s.vv - 2.0 * s.fv) + k * (k * s.xx - 2.0 * s.fx)
         return np.maximum(signal + 2.0 * b * k * s.vx, 0.0)
 
     def ties(self, margin: float) -> Floats:
-        """Candidates whose monitoring signal exceeds the winner's by at most `margin` of it.
+        """Return the candidates whose monitoring signal is near the smallest one.
 
         Parameters
         ----------
         margin
-            Share of the winner's monitoring signal, >= 0.
+            Largest difference, as a fraction of the smallest monitoring signal, >= 0.
 
         Returns
         -------
-        Array of shape (n, 2), rows of (b, k), the winner among them.
+        Array of shape (n, 2) with rows (b, k), including the best candidate.
 
         Raises
         ------
@@ -148,9 +148,17 @@ class MultiEstimator(Estimator):
         return np.concatenate(rows)
 
     def tied_rows(self, margin: float) -> tuple[Indices, Indices]:
-        """Index of the first and of the last k that `ties` has for each b; first > last if none.
+        """Return the index ranges of k in `ties` for each b.
 
-        Arrays of shape (grid.b.count,). The cost does not grow with the number of k.
+        Parameters
+        ----------
+        margin
+            As in `ties`.
+
+        Returns
+        -------
+        First and last index for each b, arrays of shape (grid.b.count,); first > last for none.
+        The cost does not depend on the number of values of k.
         """
         if not margin >= 0.0:
             raise ValueError(f"margin must be >= 0, got {margin}")
@@ -180,27 +188,27 @@ class MultiEstimator(Estimator):
 
     @property
     def at_edge(self) -> tuple[str, ...]:
-        """Parameters, of "b" and "k", whose winning value is the grid's first or last."""
+        """Names of the parameters, "b" and "k", whose estimate is at the edge of the grid."""
         edges = self.edges()
         return tuple(name for name in edges if getattr(self.estimate, name) in edges[name])
 
     def edges(self) -> dict[str, tuple[float, float]]:
-        """First and last value of "b" and of "k", as the winner takes them."""
+        """Return the first and last value of "b" and of "k", as they appear in estimates."""
         axes = {"b": self.parameters.b, "k": self.parameters.k}
         return {
             name: (axis.first, axis.first + axis.last * axis.spacing) for name, axis in axes.items()
         }
 
     def note(self, estimates: Estimates) -> str | None:
-        """Whether the winner lay on the grid's edge in one sample of ten, or does now."""
+        """Return a note if the estimate is, or was in 10 % of the samples, at the grid's edge."""
         shares = {
             name: float(np.mean(np.isin(getattr(estimates, name), edges)))
             for name, edges in self.edges().items()
             if len(estimates.b)
         }
-        told = [
+        at_edge = [
             f"in {name} in {share:.0%} of the samples"
             for name, share in shares.items()
             if share >= 0.1 or name in self.at_edge
         ]
-        return f"the winner lies on the grid's edge {' and '.join(told)}" if told else None
+        return f"the estimate is at the grid's edge {' and '.join(at_edge)}" if at_edge else None

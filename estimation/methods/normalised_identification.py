@@ -17,11 +17,11 @@ from estimation.model import KELVIN_VOIGT, Model
 from estimation.step import Regressors, Vector, below
 
 LEAST = 0.1
-"""A mean square counts for no less than this share of that of the typical size."""
+"""Smallest mean square, relative to the square of the typical size."""
 MOST = 100.0
-"""A sample's square counts for no more than this many times that of the typical size."""
+"""Largest square of a sample, relative to the square of the typical size."""
 LARGEST_SHARE = 0.1
-"""A sample's share in a mean square at the most, however long a gap came before it."""
+"""Largest weight of one sample in a mean square, also after a long gap."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +41,7 @@ class NormalisedState(LinearGainState):
     """State of `step`."""
 
     mean_square: Vector
-    """Mean square of each regressor, in units of the typical one's, (m,)."""
+    """Mean square of each regressor, relative to the square of its typical size, (m,)."""
 
 
 def step(
@@ -51,7 +51,7 @@ def step(
     f: float,
     dt: float,
 ) -> None:
-    """(8) over one period with phi and f held, Gamma_i = rate / mean square of phi_i."""
+    """Integrate (8) over one period with constant phi and f, Gamma_i = rate / <phi_i^2>."""
     per_size, mean_square, L = parameters.per_size, state.mean_square, state.L
     share = parameters.per_memory * dt
     share = min(share / (1.0 + share), LARGEST_SHARE)
@@ -75,29 +75,30 @@ def step(
 class NormalisedIdentification(LinearGainEstimator):
     """Adaptive identification with a gain normalised by each regressor's mean square.
 
-    The paper's law (8), theta' = -Gamma phi (phi' theta - f), has a gain that must fit the
-    cube and the depth. Here Gamma_i = rate / <phi_i^2>, so that where the regressors are
-    independent every parameter converges at this one rate, whatever their units and sizes. It
-    is the normalised gradient of P. A. Ioannou and J. Sun, "Robust Adaptive Control", 1996,
-    section 4.3, regressor by regressor. (8) is taken exactly over a sample, so that no rate
-    and no `dt` make it diverge.
+    The gain of the paper's law (8), theta' = -Gamma phi (phi' theta - f), must be chosen for the
+    cube and the depth. Here Gamma_i = rate / <phi_i^2>, where < > is a mean over time. So if the
+    regressors are uncorrelated, all parameters converge at this rate, for all units and sizes.
+    This is the normalised gradient of P. A. Ioannou and J. Sun, "Robust Adaptive Control", 1996,
+    section 4.3, applied to each regressor. (8) is solved exactly over a sample period, which is
+    stable for every rate and `dt`.
 
-    A gradient does not converge faster than phi turns: past a rate of about half the motion's
-    angular frequency a higher one gains nothing.
+    A gradient method does not converge faster than the direction of phi changes. So a rate above
+    half the angular frequency of the motion has no advantage.
 
     Parameters
     ----------
     rate
         Rate [1/s] at which parameters converge.
     sizes
-        Typical size (rms) of each regressor, [m/s] for v, [m] for x. Orders of magnitude do:
-        a mean square of a tenth to a hundred times the typical one is made up for in full.
+        Typical root mean square of each regressor, [m/s] for v, [m] for x. The order of
+        magnitude is sufficient: a mean square of 0.1 to 100 times the typical one is fully
+        compensated.
     memory
-        Memory [s] of the mean squares.
+        Time constant [s] of the mean squares.
     model
-        The regressors.
+        Model that defines the regressors.
     correlation
-        Samples for each independent one, see `LinearGainEstimator`.
+        Samples per independent noise sample, see `LinearGainEstimator`.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Exponentially weighted least squares of a passive environment (EWLS)."""
+"""Exponentially weighted least squares with the constraint of passivity (EWLS)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from estimation.step import Matrix, Regressors, Vector, below, diagonal, zeros
 SIGNED = ("f0",)
 """Parameters that may be negative in a passive environment."""
 ROUNDING = 1e-15
-"""Least share of a variance that is left once another parameter is known."""
+"""Smallest fraction of a variance that remains after another parameter was fixed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,7 +21,7 @@ class PassiveParameters(FactoredParameters):
     """Parameters of `step`."""
 
     bounded: tuple[int, ...]
-    """1 for each parameter that is not negative in a passive environment, (m,)."""
+    """1 for each parameter that must not be negative, 0 for the others, (m,)."""
 
 
 @dataclass(slots=True)
@@ -29,13 +29,13 @@ class PassiveState(FactoredState):
     """State of `step`."""
 
     free: Vector
-    """The estimate without constraint, (m,)."""
+    """Estimate without the constraint, (m,)."""
     P: Matrix
-    """Covariance in units of theta, given the parameters at zero; (m, m)."""
+    """Covariance in units of theta, conditional on the parameters fixed at zero; (m, m)."""
 
 
 def multiply_out(parameters: PassiveParameters, state: PassiveState) -> None:
-    """P = U D U', in units of theta."""
+    """Compute P = U D U' in units of theta."""
     s, U, D, P = parameters.s, state.U, state.D, state.P
     m = len(D)
     for i in below[m]:
@@ -52,7 +52,7 @@ def multiply_out(parameters: PassiveParameters, state: PassiveState) -> None:
 
 
 def worst(parameters: PassiveParameters, state: PassiveState) -> int:
-    """Which parameter is most standard deviations below a bound of zero; -1 if none is."""
+    """Return the index of the parameter most standard deviations below zero; -1 for none."""
     theta, P = state.theta, state.P
     found = -1
     most = 0.0
@@ -66,7 +66,7 @@ def worst(parameters: PassiveParameters, state: PassiveState) -> int:
 
 
 def put_at_zero(state: PassiveState, n: int) -> None:
-    """Parameter n to zero, and the others to where they are likeliest then.
+    """Fix parameter n at zero, and set the others to their conditional expectation.
 
     theta <- theta - P e theta_n / P_nn,    P <- P - P e e' P / P_nn,    e the n-th unit vector
     """
@@ -91,7 +91,7 @@ def put_at_zero(state: PassiveState, n: int) -> None:
 def step(
     parameters: PassiveParameters, state: PassiveState, phi: Regressors, f: float, dt: float
 ) -> None:
-    """Recursive least squares without constraint, then the passive theta nearest to its own."""
+    """Update least squares without constraint, then compute the nearest passive theta."""
     theta, free, bounded = state.theta, state.free, parameters.bounded
     indices = below[len(phi)]
     for i in indices:
@@ -112,37 +112,38 @@ def step(
 
 
 class PassiveLeastSquares(FactoredEstimator):
-    """Exponentially weighted least squares among passive environments.
+    """Exponentially weighted least squares with the constraint of a passive environment.
 
-    After M. B. Colton, J. M. Hollerbach, "Identification of nonlinear passive devices for haptic
-    simulations", World Haptics, 2005, and "Reality-based haptic force models of buttons and
-    switches", IEEE Int. Conf. Robotics and Automation, 2007. Taken from them: exponentially
-    weighted least squares (EWLS) as the way to identify a passive device,
+    The method is based on M. B. Colton, J. M. Hollerbach, "Identification of nonlinear passive
+    devices for haptic simulations", World Haptics, 2005, and "Reality-based haptic force models
+    of buttons and switches", IEEE Int. Conf. Robotics and Automation, 2007. They identify a
+    passive device by exponentially weighted least squares (EWLS),
 
         sum_n beta^(N-n) (f_n - phi_n' theta)^2 + beta^N theta' P0^-1 theta -> min.
 
-    Not taken: parameters stored over position and direction of motion, and Coulomb friction.
-    Ours is that passivity is imposed: b, k and further parameters but f0 are not negative.
+    Their parameters as functions of position and direction, and Coulomb friction, are omitted.
+    The constraint is not in the papers: all parameters except f0 are non-negative.
 
-    The estimate is the passive theta nearest to the minimum in the metric of the information
-    P^-1, so that what is cut off one parameter goes to the others as the data would have it.
-    The parameter most standard deviations below zero is put at zero first; for b and k that
-    is the constrained minimum exactly, for more than two parameters nearly always. The filter
-    goes on from the minimum without constraint, and the standard deviations are that one's.
+    The estimate is the passive theta that is nearest to the unconstrained minimum in the metric
+    of the information matrix P^-1. The parameter most standard deviations below zero is set to
+    zero first. For b and k the result is the exact constrained minimum; for more than two
+    parameters it nearly always is. The recursion continues from the unconstrained minimum, and
+    the standard deviations are those of the unconstrained minimum.
 
     Parameters
     ----------
     forgetting
         The forgetting factor beta, 0 < beta <= 1.
     initial_covariance
-        Diagonal of P0, for b [(N s/m)^2] and k [(N/m)^2] and what else the model has, per N^2
+        Diagonal of P0 for each model parameter, b [(N s/m)^2] and k [(N/m)^2] first, per N^2
         of force variance.
     sample_period
-        Time [s] over which a sample's weight falls by beta; without, it does so each sample.
+        Time [s] over which a weight decreases by the factor beta. By default it decreases by
+        beta with each sample, independent of `dt`.
     model
-        The regressors.
+        Model that defines the regressors.
     correlation
-        Samples for each independent one, see `LinearGainEstimator`.
+        Samples per independent noise sample, see `LinearGainEstimator`.
 
     Raises
     ------
@@ -167,7 +168,7 @@ class PassiveLeastSquares(FactoredEstimator):
         )
 
     def first_state(self, guess_variance: tuple[float, ...]) -> PassiveState:
-        """The state before the first sample: P = I, no parameter at zero."""
+        """Return the state before the first sample: P = I, without constraint."""
         m = len(guess_variance)
         return PassiveState(
             **asdict(super().first_state(guess_variance)), free=zeros(m), P=diagonal(zeros(m))

@@ -1,4 +1,4 @@
-"""Least squares segment by segment, pooled: whether one Kelvin-Voigt body explains them all."""
+"""Pooled least squares of segments, with a test whether one Kelvin-Voigt body explains all."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from estimation.estimator import Estimates, Estimator
 from estimation.step import B, K, Regressors, State
 
 SIGNIFICANT = 3.090232306167813
-"""Standard deviations that a normal number exceeds once in a thousand times."""
+"""99.9 % quantile of the standard normal distribution."""
 TELLING = 0.1
-"""A spread between segments of this share of their root mean square is told."""
+"""Smallest reported standard deviation between segments, relative to their root mean square."""
 FEWEST = 8
-"""Fewest samples of a segment."""
+"""Smallest number of samples in a segment."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,31 +24,32 @@ class SegmentParameters:
     length: float
     """Length of a segment [s]."""
     correlation: float
-    """Samples for each independent one, >= 1."""
+    """Samples per independent noise sample, >= 1."""
 
 
 @dataclass(slots=True)
 class Pool:
-    """What the segments gave for one parameter."""
+    """Statistics of one parameter over all segments so far."""
 
     count: int
-    """How many segments there were."""
+    """Number of segments."""
     weights: float
     """Sum of the weights, 1 / variance."""
     weighted_mean: float
+    """Weighted mean of the parameter."""
     Q: float
-    """Weighted sum of the squared deviations from it: Cochran's Q."""
+    """Cochran's Q: weighted sum of the squared deviations from the weighted mean."""
     mean: float
-    """Mean, all segments of one weight."""
+    """Unweighted mean of the parameter."""
     squares: float
-    """Sum of the squared deviations from it."""
+    """Sum of the squared deviations from the unweighted mean."""
     variance: float
-    """Mean of the variances."""
+    """Mean of the variances of the segments."""
 
 
 @dataclass(slots=True)
 class SegmentState(State):
-    """State of `step`: the sums of the present segment, and the segments before it."""
+    """State of `step`: the sums of the present segment, and the statistics of earlier ones."""
 
     ff: float
     fv: float
@@ -66,7 +67,7 @@ class SegmentState(State):
 def step(
     parameters: SegmentParameters, state: SegmentState, phi: Regressors, f: float, dt: float
 ) -> None:
-    """Add the sample to its segment; pool the segment once it is long enough."""
+    """Add the sample to the present segment; end the segment when it is long enough."""
     v, x = phi
     if dt > parameters.length:
         begin(state)
@@ -86,14 +87,14 @@ def step(
 
 
 def begin(state: SegmentState) -> None:
-    """Begin a segment."""
+    """Start a new segment."""
     state.ff = state.fv = state.fx = state.vv = state.vx = state.xx = 0.0
     state.samples = 0
     state.elapsed = 0.0
 
 
 def end(parameters: SegmentParameters, state: SegmentState) -> None:
-    """Least squares of the segment, which is pooled with those before it."""
+    """Fit the segment by least squares, and add the result to the pools."""
     ff, fv, fx, vv, vx, xx = state.ff, state.fv, state.fx, state.vv, state.vx, state.xx
     determinant = vv * xx - vx * vx
     if determinant > 1e-9 * vv * xx:
@@ -108,7 +109,7 @@ def end(parameters: SegmentParameters, state: SegmentState) -> None:
 
 
 def add(pool: Pool, value: float, variance: float) -> None:
-    """Add a segment's value."""
+    """Add the value of a segment, with its variance, to the statistics."""
     weight = 1.0 / (variance + 1e-300)
     pool.count += 1
     pool.weights += weight
@@ -122,7 +123,11 @@ def add(pool: Pool, value: float, variance: float) -> None:
 
 
 def pooled(pool: Pool) -> tuple[float, float]:
-    """Mean, and its standard deviation: noise alone, or the spread where segments disagree."""
+    """Return the weighted mean and its standard deviation.
+
+    The variance due to noise is used; if the segments disagree, the variance between segments
+    is added.
+    """
     variance = 1.0 / pool.weights
     if disagree(pool):
         variance += spread(pool)
@@ -130,7 +135,7 @@ def pooled(pool: Pool) -> tuple[float, float]:
 
 
 def disagree(pool: Pool) -> bool:
-    """Whether Q exceeds the 99.9 % quantile of chi-squared, by Wilson and Hilferty."""
+    """Return whether Q exceeds the 99.9 % quantile of chi-squared, by Wilson and Hilferty."""
     freedom = pool.count - 1
     if freedom < 1:
         return False
@@ -140,28 +145,28 @@ def disagree(pool: Pool) -> bool:
 
 
 def spread(pool: Pool) -> float:
-    """Variance between the segments, by Hedges and Olkin: theirs, less that which noise gives."""
+    """Return the variance between segments after Hedges and Olkin: total minus noise variance."""
     if pool.count < 2:
         return 0.0
     return max(pool.squares / (pool.count - 1) - pool.variance, 0.0)
 
 
 class PooledSegments(Estimator):
-    """Batch least squares on segments of the motion, and whether they agree.
+    """Batch least squares of segments of the motion, with a test of their agreement.
 
-    Each segment gives b and k with their variances, and their weighted mean is the answer. If
-    the environment is a Kelvin-Voigt body, the segments differ by noise alone, and Cochran's Q,
-    the weighted sum of their squared deviations from the mean, follows chi-squared. Where Q
-    exceeds its 99.9 % quantile, one (b, k) does not explain them all: the standard deviation
-    then has the spread between segments in it, and `misfit` tells it, once it is a tenth of
-    their size.
+    Each segment gives b and k with their variances, and the estimate is the weighted mean. If
+    the environment is a Kelvin-Voigt body, the segments differ only by noise. Then Cochran's Q,
+    the weighted sum of the squared deviations from the mean, has a chi-squared distribution. If Q
+    exceeds its 99.9 % quantile, one (b, k) does not explain all segments. The standard deviation
+    then includes the variance between segments, and `misfit` reports it if it exceeds 10 %.
 
     Parameters
     ----------
     length
-        Length of a segment [s], about a period of the motion: it must show b and k apart.
+        Length of a segment [s], about one period of the motion. The motion in a segment must
+        distinguish b and k.
     correlation
-        Samples for each independent one, see `LinearGainEstimator`.
+        Samples per independent noise sample, see `LinearGainEstimator`.
 
     Raises
     ------
@@ -181,7 +186,7 @@ class PooledSegments(Estimator):
 
     def __init__(self, length: float, correlation: float = 1.0) -> None:
         if not 0.0 < length < math.inf:
-            raise ValueError(f"a segment's length must be positive, got {length} s")
+            raise ValueError(f"segment length must be positive, got {length} s")
         check_correlation(correlation)
         nan = math.nan
         b, k = (Pool(0, *(0.0,) * 6) for _ in range(2))
@@ -192,7 +197,7 @@ class PooledSegments(Estimator):
 
     @property
     def correlation(self) -> float:
-        """Samples for each independent one; a new value counts from the next sample on.
+        """Samples per independent noise sample; a new value applies from the next sample on.
 
         Raises
         ------
@@ -208,14 +213,14 @@ class PooledSegments(Estimator):
 
     @property
     def segments(self) -> int:
-        """How many segments there were so far."""
+        """Number of completed segments."""
         return self.state.b.count
 
     @property
     def misfit(self) -> dict[str, float]:
-        """Parameters on which the segments disagree: spread between them, as a share of their size.
+        """Relative standard deviation between segments of each parameter on which they disagree.
 
-        Empty where one Kelvin-Voigt body explains all segments.
+        It is empty if one Kelvin-Voigt body explains all segments.
         """
         found = {}
         for name, pool in (("b", self.state.b), ("k", self.state.k)):
@@ -227,11 +232,11 @@ class PooledSegments(Estimator):
         return found
 
     def note(self, estimates: Estimates) -> str | None:
-        """Which parameters the segments disagree on."""
-        told = [f"{name} spreads by {share:.0%}" for name, share in self.misfit.items()]
-        if told:
+        """Return a note on the parameters on which the segments disagree."""
+        misfits = [f"{name} spreads by {share:.0%}" for name, share in self.misfit.items()]
+        if misfits:
             return (
                 f"Kelvin-Voigt does not fit: between {self.segments} segments "
-                f"{' and '.join(told)}, beyond noise"
+                f"{' and '.join(misfits)}, beyond noise"
             )
         return None

@@ -6,9 +6,9 @@ from estimation.methods.ud_factors import (
     FactoredEstimator,
     FactoredParameters,
     FactoredState,
-    kept,
-    learn,
-    take_in,
+    correct_with_gain,
+    forgetting_factor,
+    update_covariance,
 )
 from estimation.model import KELVIN_VOIGT, Model
 from estimation.step import Regressors, below
@@ -17,11 +17,11 @@ from estimation.step import Regressors, below
 def step(
     parameters: FactoredParameters, state: FactoredState, phi: Regressors, f: float, dt: float
 ) -> None:
-    """(3)-(4): L = P z / (beta + z' P z), P <- (P - L z' P) / beta."""
-    take_in_and_forget(parameters, state, phi, f, dt, kept(parameters, state, dt))
+    """Update by (3)-(4): L = P z / (beta + z' P z), P <- (P - L z' P) / beta."""
+    update_and_forget(parameters, state, phi, f, dt, forgetting_factor(parameters, state, dt))
 
 
-def take_in_and_forget(
+def update_and_forget(
     parameters: FactoredParameters,
     state: FactoredState,
     phi: Regressors,
@@ -29,43 +29,44 @@ def take_in_and_forget(
     dt: float,
     beta: float,
 ) -> None:
-    """(3)-(4) with a forgetting factor beta."""
+    """Update by (3)-(4) with a forgetting factor beta."""
     D = state.D
-    spread = take_in(parameters, state, phi, beta)
+    spread = update_covariance(parameters, state, phi, beta)
     growth = 1.0 / beta
     for j in below[len(phi)]:
         D[j] *= growth
-    learn(parameters, state, phi, f, dt, spread)
+    correct_with_gain(parameters, state, phi, f, dt, spread)
 
 
 class RecursiveLeastSquares(FactoredEstimator):
-    """Recursive least squares with exponential forgetting, the paper's (3)-(4), by U-D factors.
+    """Recursive least squares with exponential forgetting, the paper's (3)-(4).
 
-    Minimises sum_n beta^(N-n) (f_n - phi_n' theta)^2 + beta^N theta' P0^-1 theta.
+    The estimate minimises sum_n beta^(N-n) (f_n - phi_n' theta)^2 + beta^N theta' P0^-1 theta.
 
-    Without motion nothing is learned while forgetting goes on, and the covariance grows by
-    1/beta a sample, or at once over a gap in the data. It grows no further once a variance is
-    `WINDUP` times its initial value; a recording with motion does not come near. Kept as U-D
-    factors it stays positive definite meanwhile, and keeps its digits where double precision
-    gives out for P itself.
+    Without motion, old information is forgotten but none is added: the covariance grows by the
+    factor 1/beta per sample, or in one step over a gap in the data. It stops growing when a
+    variance is `WINDUP` times its initial value, which recordings with motion do not reach. The
+    covariance is stored as U-D factors. So it stays positive definite, and keeps its precision
+    where P itself would lose it in double precision.
 
     Parameters
     ----------
     forgetting
         The forgetting factor beta, 0 < beta <= 1.
     initial_covariance
-        Diagonal of P0, for b [(N s/m)^2] and k [(N/m)^2] and what else the model has, per N^2
+        Diagonal of P0 for each model parameter, b [(N s/m)^2] and k [(N/m)^2] first, per N^2
         of force variance.
     sample_period
-        Time [s] over which a sample's weight falls by beta. Given it, forgetting honours a
-        varying `dt`; without, a weight falls by beta each sample whatever the `dt`.
+        Time [s] over which a weight decreases by the factor beta, so that forgetting depends on
+        `dt`. By default it decreases by beta with each sample, independent of `dt`.
     model
-        The regressors.
+        Model that defines the regressors.
     correlation
-        Samples for each independent one, see `LinearGainEstimator`.
+        Samples per independent noise sample, see `LinearGainEstimator`.
     guess_variance
-        Variance of the first guess, zero, that the interval begins with, in the units of
-        the initial covariance, where that is smaller than the guess deserves.
+        Variance of the initial guess theta = 0 that the intervals start with, in the units of
+        the initial covariance. Use it if the initial covariance is too small for the error of
+        this guess. Default: the initial covariance.
 
     Raises
     ------

@@ -18,9 +18,9 @@ class ReferenceParameters:
     rate: float
     """Rate at which the force error decays [1/s]."""
     bandwidth: float
-    """a, bandwidth of the reference and the model [1/s]."""
+    """Bandwidth a of the reference and of the model [1/s]."""
     floor: float
-    """The s's at which the rate is half as high."""
+    """Value of s's at which the rate is halved."""
     per_size: tuple[float, ...]
     """1 / typical size of each regressor, (m,)."""
 
@@ -30,7 +30,7 @@ class ReferenceState(State):
     """State of `step`."""
 
     e: float
-    """Output error [N], reference minus model, normalised."""
+    """Normalised output error, reference minus model [N]."""
 
 
 def step(
@@ -40,7 +40,7 @@ def step(
     f: float,
     dt: float,
 ) -> None:
-    """One period of implicit Euler.
+    """Integrate over one period by implicit Euler.
 
     With s_i = phi_i / size_i, G = diag(1 / size_i^2) and n^2 = floor + s's,
 
@@ -63,36 +63,37 @@ def step(
 
 
 class ReferenceModel(Estimator):
-    """Model-reference adaptive estimate: the error of a model's output adapts its parameters.
+    """Model-reference adaptive estimator: the output error of a model adapts its parameters.
 
-    After S. K. Singh and D. O. Popa, "An analysis of some fundamental problems in adaptive
-    control of force and impedance behavior: theory and experiments", IEEE Transactions on
-    Robotics and Automation, 1995, whose adaptation is driven by the tracking error of a force
-    loop against a reference model. A listener has no loop, so this keeps the structure and
-    not the paper's regressor: the force, behind a first-order lag of bandwidth a, is the
-    reference, the same lag driven by phi' theta is the model, and e, reference minus model, adapts
-    theta. Both are divided by n, which grows with phi, so that one rate serves every depth and
-    cube. For a constant environment theta_0,
+    The method is based on S. K. Singh and D. O. Popa, "An analysis of some fundamental problems
+    in adaptive control of force and impedance behavior: theory and experiments", IEEE
+    Transactions on Robotics and Automation, 1995. There the tracking error between a force loop
+    and a reference model drives the adaptation. An estimator alone has no force loop, so this
+    class keeps the structure but not the regressor of the paper. The reference is the force after
+    a first-order lag of bandwidth a. The model is the same lag with the input phi' theta. The
+    error e, reference minus model, adapts theta. Both are divided by n, which increases with phi,
+    so that one rate is suitable for every depth and cube. For a constant environment theta_0,
 
-        V = e^2 + a (theta - theta_0)' G^-1 (theta - theta_0) / rate,    V' = -2 a e^2,
+        V = e^2 + a (theta - theta_0)' G^-1 (theta - theta_0) / rate,    V' = -2 a e^2.
 
-    and implicit Euler lets V fall as well, for every rate and every `dt`.
+    With implicit Euler V decreases too, for every rate and every `dt`.
 
-    There is no standard deviation: the lag makes noise correlate.
+    There are no standard deviations, because the lag makes the noise correlated.
 
     Parameters
     ----------
     rate
-        Rate [1/s] at which the force error decays, if much below the bandwidth.
+        Rate [1/s] at which the force error decays, if it is much less than the bandwidth.
     sizes
-        Typical size (rms) of each regressor, [m/s] for v, [m] for x. Their ratios weigh the
-        parameters against each other.
+        Typical root mean square of each regressor, [m/s] for v, [m] for x. Their ratios
+        determine the relative adaptation gains of the parameters.
     bandwidth
-        Of the reference and the model, a [1/s]. Below four times the rate e rings.
+        Bandwidth a [1/s] of the reference and of the model. Below four times the rate, e
+        oscillates.
     floor
-        The s's at which the rate is half as high: with less, little is learned.
+        Value of s's at which the rate is halved. Smaller samples have little effect.
     model
-        The regressors.
+        Model that defines the regressors.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Damping and stiffness from the response at the motion's frequency (SPM)."""
+"""Damping and stiffness from the frequency response at the motion's frequency (SPM)."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from estimation.step import B, K, Regressors, State
 FASTEST = 500.0
 """Largest angular frequency of a motion [rad/s]."""
 SLOWEST = 0.5
-"""Least angular frequency of a motion [rad/s]."""
+"""Smallest angular frequency of a motion [rad/s]."""
 DISTINCT = 0.3
-"""X and V are told apart if their determinant is this share of what a sine would give."""
+"""Smallest determinant of X and V for a solution, relative to that of a sine."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,20 +21,20 @@ class SpectralParameters:
     """Parameters of `step`."""
 
     angle: float
-    """Memory of the window [rad of the motion]."""
+    """Time constant of the window, as phase angle of the motion [rad]."""
     per_memory: float
-    """1 / memory of the frequency [1/s]."""
+    """1 / time constant of the frequency estimate [1/s]."""
     frequency: float
-    """Angular frequency of the motion [rad/s]; 0 to find it."""
+    """Angular frequency of the motion [rad/s]; 0 to estimate it."""
     least_variance: float
-    """Variance of x up to which the estimate is held [m^2]."""
+    """Variance of x below which the estimate is held [m^2]."""
     least_determinant: float
-    """Determinant up to which the estimate is held, in units of rms v times rms x."""
+    """Determinant below which the estimate is held, in units of rms v times rms x."""
 
 
 @dataclass(slots=True)
 class Spectrum:
-    """Means < > over the window of a signal s: <s>, and <e s> with e = exp(-j w (now - t))."""
+    """Means < > of a signal s over the window: <s>, and <e s> with e = exp(-j w (now - t))."""
 
     mean: float
     re: float
@@ -46,15 +46,15 @@ class SpectralState(State):
     """State of `step`."""
 
     filled: float
-    """Share of the frequency's memory that has been filled."""
+    """Sum of the weights in the next three means, from 0 to 1."""
     x_mean: float
-    """Mean of x over that memory [m]."""
+    """Mean of x over the memory of the frequency [m]."""
     x_variance: float
-    """Variance of x over that memory [m^2]."""
+    """Variance of x over this memory [m^2]."""
     v_square: float
-    """Mean square of v over that memory [m^2/s^2]."""
+    """Mean square of v over this memory [m^2/s^2]."""
     window_filled: float
-    """Share of the window that has been filled."""
+    """Sum of the weights in the window, from 0 to 1."""
     one: Spectrum
     x: Spectrum
     v: Spectrum
@@ -64,7 +64,7 @@ class SpectralState(State):
 def step(
     parameters: SpectralParameters, state: SpectralState, phi: Regressors, f: float, dt: float
 ) -> None:
-    """Find the frequency, move the window on, and solve F = b V + k X."""
+    """Estimate the frequency, advance the window, and solve F = b V + k X."""
     v, x = phi
     frequency = find_frequency(parameters, state, v, x, dt)
     slide(parameters, state, v, x, f, frequency * dt)
@@ -87,7 +87,7 @@ def step(
 def find_frequency(
     parameters: SpectralParameters, state: SpectralState, v: float, x: float, dt: float
 ) -> float:
-    """Angular frequency of the motion, w^2 = <v^2> / <(x - <x>)^2> [rad/s]."""
+    """Return the angular frequency w of the motion [rad/s], w^2 = <v^2> / <(x - <x>)^2>."""
     share = parameters.per_memory * dt
     share /= 1.0 + share
     state.filled += share * (1.0 - state.filled)
@@ -111,11 +111,11 @@ def slide(
     f: float,
     angle: float,
 ) -> None:
-    """Turn the window on by an angle w dt, and add a sample."""
+    """Advance the window by an angle w dt, and add a sample."""
     share = -math.expm1(-angle / parameters.angle)
     state.window_filled += share * (1.0 - state.window_filled)
     share /= state.window_filled
-    # Cayley's form of the turn, whose length is 1 for every angle
+    # rotation by the Cayley transform, which preserves the length for every angle
     half = 0.5 * min(angle, 1.0)
     turn = (1.0 - share) / (1.0 + half * half)
     cos = turn * (1.0 - half * half)
@@ -127,7 +127,7 @@ def slide(
 
 
 def update(spectrum: Spectrum, value: float, share: float, cos: float, sin: float) -> None:
-    """Add a sample's value to the means of a signal."""
+    """Add the value of a sample to the means of a signal."""
     re, im = spectrum.re, spectrum.im
     spectrum.mean += share * (value - spectrum.mean)
     spectrum.re = cos * re - sin * im + share * value
@@ -135,42 +135,44 @@ def update(spectrum: Spectrum, value: float, share: float, cos: float, sin: floa
 
 
 def coefficient(state: SpectralState, signal: Spectrum) -> tuple[float, float]:
-    """<e s> - <e> <s>, real and imaginary part."""
+    """Return the real and imaginary part of <e s> - <e> <s>."""
     return signal.re - signal.mean * state.one.re, signal.im - signal.mean * state.one.im
 
 
 class SpectralRatio(Estimator):
     """Damping and stiffness from the ratio of spectra, k + j w b = F / X.
 
-    The idea is the signal processing method of D. Erickson, M. Weber and I. Sharf, "Contact
-    stiffness and damping estimation for robotic systems", International Journal of Robotics
-    Research, 2003, which works off line: it takes the frequency from a Fourier transform of
-    the force of a robot in contact. Here it is made recursive and needs no robot's mass.
-    With means < > over an exponential window that ends now and e = exp(-j w (s - t)),
+    The method is based on the signal processing method of D. Erickson, M. Weber and I. Sharf,
+    "Contact stiffness and damping estimation for robotic systems", International Journal of
+    Robotics Research, 2003. Their method is offline, and uses the frequency of the force of a
+    robot in contact, from a Fourier transform, and the mass of the robot. This one is recursive
+    and does not need a mass. With means < > over an exponential window that ends at the present
+    time s, and e = exp(-j w (s - t)),
 
         X = <e x> - <e> <x>,    V and F likewise,    F = b V + k X,
 
-    two real equations for b and k. Of a lasting oscillation over a long window V is j w X, and
-    this is the ratio above. Of a short window it is not, but the equation holds exactly for
-    every motion, whatever the frequency w: it only chooses what part of the spectrum is
-    looked at. A constant force is no part of it.
+    which are two real equations for b and k. For a steady oscillation and a long window V is
+    j w X, and the result is the ratio above. For a short window V is not j w X, but the equations
+    are still exact for every motion and every frequency w. The frequency only selects a part of
+    the spectrum. A constant force has no effect.
 
-    The frequency is w^2 = <v^2> / <(x - <x>)^2> over a longer memory. Where a window holds too
-    little of a motion to tell b from k, the estimate is held.
+    The frequency is w^2 = <v^2> / <(x - <x>)^2>, with means over a longer memory. The estimate is
+    held while the motion in the window is not sufficient to distinguish b and k.
 
-    There is no standard deviation.
+    There are no standard deviations.
 
     Parameters
     ----------
     periods
-        Memory of the window, in periods of the motion. A short one follows faster, a long one
-        lets less noise through: the determinant of the equations falls as its sixth power.
+        Time constant of the window, in periods of the motion. A short window reacts faster, a
+        long one reduces noise. For short windows the determinant of the equations is
+        proportional to the sixth power of this parameter.
     frequency
-        Of the motion [Hz]; by default it is had from the motion.
+        Frequency of the motion [Hz]. Default: estimated from the motion.
     motion
-        Least standard deviation of the displacement [m]; with less the estimate is held.
+        Standard deviation of the displacement [m] below which the estimate is held.
     memory
-        Memory of the frequency [s].
+        Time constant of the frequency estimate [s].
 
     Raises
     ------
@@ -216,5 +218,8 @@ class SpectralRatio(Estimator):
 
 
 def sine_determinant(angle: float) -> float:
-    """|Re V Im X - Im V Re X| of a sine over its rms v and x, for a memory of this angle [rad]."""
+    """Return |Re V Im X - Im V Re X| of a sine, divided by its rms v and rms x.
+
+    `angle` is the time constant of the window as phase angle of the sine [rad].
+    """
     return 2.0 * angle**6 / ((1.0 + angle**2) ** 2 * (1.0 + 4.0 * angle**2))

@@ -10,15 +10,15 @@ from estimation.methods.ud_factors import (
     FactoredParameters,
     FactoredState,
     add,
-    kept,
-    learn,
-    take_in,
+    correct_with_gain,
+    forgetting_factor,
+    update_covariance,
 )
 from estimation.model import KELVIN_VOIGT, Model
 from estimation.step import Regressors, below
 
 LEAST = 1e-100
-"""Least square of a threshold."""
+"""Smallest square of a threshold."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,11 +26,11 @@ class SubspaceParameters(FactoredParameters):
     """Parameters of `step`."""
 
     epsilon: float
-    """Least z' z of a sample that counts."""
+    """Smallest z' z of a sample that is used."""
 
 
 def scale(parameters: SubspaceParameters, state: FactoredState, phi: Regressors) -> float:
-    """Make y the scaled regressors z; return z' z."""
+    """Set y to the scaled regressors z; return z' z."""
     s, y = parameters.s, state.y
     square = 0.0
     for i in below[len(phi)]:
@@ -41,7 +41,7 @@ def scale(parameters: SubspaceParameters, state: FactoredState, phi: Regressors)
 
 
 def information(state: FactoredState) -> float:
-    """Z' P^-1 z = |D^-1/2 U^-1 z|^2, with y = z; overwrites the gain."""
+    """Return z' P^-1 z = |D^-1/2 U^-1 z|^2 for z = y; overwrite the gain."""
     U, D, y, L = state.U, state.D, state.y, state.L
     m = len(D)
     total = 0.0
@@ -59,48 +59,48 @@ def information(state: FactoredState) -> float:
 def step(
     parameters: SubspaceParameters, state: FactoredState, phi: Regressors, f: float, dt: float
 ) -> None:
-    """With R = P^-1, R <- R - (1 - beta) R z z' R / z' R z + z z'; gain P z, P the new one.
+    """Set R <- R - (1 - beta) R z z' R / z' R z + z z' with R = P^-1; the gain is P z, P new.
 
-    The forgetting is P <- P + (1 - beta) / beta z z' / z' R z. Where |z| is below the threshold,
-    nothing changes.
+    The forgetting is P <- P + (1 - beta) / beta z z' / z' R z. If |z| is below the threshold, the
+    estimate is held.
     """
     if scale(parameters, state, phi) < parameters.epsilon:
         state.held = True
     else:
-        beta = kept(parameters, state, dt)
+        beta = forgetting_factor(parameters, state, dt)
         add(state, (1.0 - beta) / (beta * information(state)), len(phi))
-        spread = take_in(parameters, state, phi, 1.0)
-        learn(parameters, state, phi, f, dt, spread)
+        spread = update_covariance(parameters, state, phi, 1.0)
+        correct_with_gain(parameters, state, phi, f, dt, spread)
 
 
 class SubspaceForgetting(FactoredEstimator):
-    """Recursive least squares that forgets in the subspace of the sample's information, SIFt-RLS.
+    """Recursive least squares that forgets in the subspace of the new information, SIFt-RLS.
 
-    Information on a direction is forgotten only as new information on it comes, and a sample
-    too small to count is filtered out (B. Lai and D. S. Bernstein, "SIFt-RLS: Subspace of
-    Information Forgetting Recursive Least Squares", arXiv:2404.10844, 2024, its Algorithm 1
-    for one measurement a sample; the forgetting is that of L. Cao and H. Schwartz, "A
-    directional forgetting algorithm based on the decomposition of the information matrix",
-    Automatica 36(11), 1725-1731, 2000). P is bounded below and above whatever the motion: it
-    never exceeds P0 by more than (1 - beta) / threshold^2, if that is above 1.
+    Information in a direction is forgotten only when new information in this direction arrives,
+    and samples below a threshold are ignored (B. Lai and D. S. Bernstein, "SIFt-RLS: Subspace of
+    Information Forgetting Recursive Least Squares", arXiv:2404.10844, 2024, Algorithm 1 for one
+    measurement per sample; the forgetting is that of L. Cao and H. Schwartz, "A directional
+    forgetting algorithm based on the decomposition of the information matrix", Automatica 36(11),
+    1725-1731, 2000). P is bounded below and above for every motion. Its upper bound is P0 times
+    the larger of 1 and (1 - beta) / threshold^2.
 
     Parameters
     ----------
     forgetting
         The forgetting factor beta, 0 < beta <= 1.
     initial_covariance
-        Diagonal of P0, for b [(N s/m)^2] and k [(N/m)^2] and what else the model has, per N^2
+        Diagonal of P0 for each model parameter, b [(N s/m)^2] and k [(N/m)^2] first, per N^2
         of force variance.
     sample_period
-        Time [s] over which the information in a sample's direction falls by beta; without,
-        it does so each sample whatever the `dt`.
+        Time [s] over which the information in the direction of a sample decreases by the factor
+        beta. By default it decreases by beta with each sample, independent of `dt`.
     threshold
-        Least sqrt(phi' P0 phi) of a sample that counts: the deviation of the force that the
-        first guess predicts, by that of the noise. The paper's sqrt(epsilon).
+        Smallest sqrt(phi' P0 phi) of a sample that is used, sqrt(epsilon) in the paper. It is
+        the standard deviation of the force predicted with P0, relative to that of the noise.
     model
-        The regressors.
+        Model that defines the regressors.
     correlation
-        Samples for each independent one, see `LinearGainEstimator`.
+        Samples per independent noise sample, see `LinearGainEstimator`.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Supervisory switching: the multi-estimator whose candidate changes only when it must."""
+"""Multi-estimator with supervisory switching, which limits the changes of the candidate."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ class SwitchingParameters(MultiEstimatorParameters):
     """Parameters of `step`."""
 
     factor: float
-    """1 + h, h the hysteresis."""
+    """1 + h, with the hysteresis h."""
     dwell: float
-    """Least time between switches [s]."""
+    """Minimum time between switches [s]."""
 
 
 @dataclass(slots=True)
@@ -40,7 +40,7 @@ class SwitchingState(MonitoringState):
     since: float
     """Time since the last switch [s]."""
     switches: int
-    """How often the candidate has changed."""
+    """Number of changes of the candidate."""
 
 
 def step(
@@ -50,14 +50,14 @@ def step(
     f: float,
     dt: float,
 ) -> None:
-    """Decay and add as the multi-estimator; then switch, if hysteresis and dwell time allow."""
+    """Update the sums as in the multi-estimator; switch if hysteresis and dwell time allow it."""
     v, x = phi
     theta, b_axis, k_axis = state.theta, parameters.b, parameters.k
     decay_and_add(parameters.twice_lambda, state, v, x, f, dt)
     b, k = least_candidate(state, b_axis, k_axis, TIE)
     state.since += dt
     if state.since >= parameters.dwell:
-        # the same share of the force is added to each signal, so that none is zero
+        # the same small offset is added to each signal, so that none is zero
         offset = TIE * state.ff
         bound = parameters.factor * (monitoring_signal(state, b, k) + offset)
         if monitoring_signal(state, theta[B], theta[K]) + offset > bound:
@@ -70,34 +70,34 @@ def step(
 
 
 class SwitchingMultiEstimator(MultiEstimator):
-    """The multi-estimator under a supervisor's scale-independent hysteresis switching.
+    """Multi-estimator with scale-independent hysteresis switching.
 
-    Of the candidates p with the monitoring signals mu_p, (11), sigma is reported:
+    Of the candidates p with the monitoring signals mu_p, (11), candidate sigma is reported:
 
-        sigma stays while mu_sigma <= (1 + h) min_p mu_p, or for the dwell time after a switch;
-        then sigma = arg min_p mu_p.
+        sigma is kept while mu_sigma <= (1 + h) min_p mu_p, and for the dwell time after a switch;
+        otherwise sigma = arg min_p mu_p.
 
-    A factor common to all signals, such as the one by which they are forgotten, cancels. So
-    noise does not make the estimate chatter, and the switches in a time are bounded. What is
-    reported may be off the least point; its standard deviations grow by as much.
+    A common factor of all signals, such as the forgetting factor, cancels. So noise does not
+    cause chattering, and the number of switches per time is bounded. The reported candidate may
+    differ from the minimum; the standard deviations include this difference.
 
     References
     ----------
     J. P. Hespanha, D. Liberzon, A. S. Morse, "Hysteresis-based switching algorithms for
     supervisory control of uncertain systems", Automatica 39(2), 2003 (hysteresis); A. S. Morse,
     "Supervisory control of families of linear set-point controllers, part 1", IEEE Trans.
-    Automatic Control 41(10), 1996 (dwell time). They switch controllers; here the supervisor
-    alone is taken, since what it selects is the estimate.
+    Automatic Control 41(10), 1996 (dwell time). In these papers a supervisor switches
+    controllers. Here only the supervisor is used, because its selection is the estimate.
 
     Parameters
     ----------
     grid, forgetting_rate, correlation
-        As `MultiEstimator`.
+        As in `MultiEstimator`.
     hysteresis
-        h, >= 0. With N samples in memory and noise alone, sigma stays while it is nearer than
-        about sqrt(h N) standard deviations to the least point.
+        Hysteresis h, >= 0. With N samples in memory and only noise, sigma is kept while it is
+        within about sqrt(h N) standard deviations of the minimum.
     dwell
-        Least time [s] between switches, >= 0.
+        Minimum time [s] between switches, >= 0.
 
     Raises
     ------
@@ -126,25 +126,25 @@ class SwitchingMultiEstimator(MultiEstimator):
         super().__init__(grid, forgetting_rate, correlation, factor=1.0 + hysteresis, dwell=dwell)
 
     def first_state(self, parameters: SwitchingParameters) -> SwitchingState:
-        """The state before the first sample, which may switch at once."""
+        """Return the state before the first sample, which may cause a switch immediately."""
         return SwitchingState(
             **asdict(super().first_state(parameters)), since=parameters.dwell, switches=0
         )
 
     @property
     def sigma(self) -> tuple[int, int]:
-        """The switching signal: indices of the reported damping and stiffness on their axes."""
+        """Switching signal: the indices of the reported damping and stiffness on their axes."""
         b, k = self.grid.b, self.grid.k
         i = round((self.state.theta[B] - b.first) / b.spacing)
         return i, round((self.state.theta[K] - k.first) / k.spacing)
 
     @property
     def switches(self) -> int:
-        """How often sigma has changed; the first sample's choice counts."""
+        """Number of changes of sigma, including the selection at the first sample."""
         return self.state.switches
 
     def note(self, estimates: Estimates) -> str | None:
-        """How often sigma changed and where it is, and what the multi-estimator says."""
-        told = f"{self.switches} switches, at candidate {self.sigma}"
+        """Return the number of switches and sigma, followed by the note of `MultiEstimator`."""
+        switching = f"{self.switches} switches, at candidate {self.sigma}"
         edge = super().note(estimates)
-        return f"{told}; {edge}" if edge else told
+        return f"{switching}; {edge}" if edge else switching

@@ -1,10 +1,11 @@
-"""A covariance kept as U-D factors, P = U D U', U unit upper triangular and D diagonal.
+"""Covariance stored as U-D factors, P = U D U', with U unit upper triangular and D diagonal.
 
-P so kept is positive definite whatever the rounding, and has the precision of a square root
-(G. J. Bierman, "Factorization Methods for Discrete Sequential Estimation", Academic Press, 1977).
+In this form P is positive definite for all rounding errors, with the precision of a square-root
+filter (G. J. Bierman, "Factorization Methods for Discrete Sequential Estimation", Academic Press,
+1977).
 
-It is the covariance of the parameters in units of the deviation s_i of their first guess, for
-regressors z_i = s_i phi_i, so that P begins as I whatever the units of phi.
+P is the covariance of the parameters in units of the standard deviation s_i of their initial
+guess, for regressors z_i = s_i phi_i. So P starts as I for all units of phi.
 """
 
 from __future__ import annotations
@@ -30,17 +31,17 @@ from estimation.model import KELVIN_VOIGT, Model
 from estimation.step import Matrix, Regressors, Vector, below, diagonal, zeros
 
 WINDUP = 1e10
-"""A variance grows by forgetting to this multiple of its initial value at the most."""
+"""Largest variance that forgetting may cause, relative to the initial value."""
 
 
 @dataclass(frozen=True, slots=True)
 class FactoredParameters(LinearGainParameters):
-    """What the functions below need."""
+    """Parameters of the functions in this file."""
 
     s: tuple[float, ...]
-    """Standard deviation of the first guess of each parameter, (m,)."""
+    """Standard deviation of the initial guess of each parameter, (m,)."""
     beta: float
-    """Forgetting factor of a sample, where `rate` is 0."""
+    """Forgetting factor per sample, used if `rate` is 0."""
     rate: float
     """Rate of forgetting [1/s]; the forgetting factor of a sample is exp(-rate dt)."""
 
@@ -50,27 +51,27 @@ class FactoredState(LinearGainState):
     """State of a `LinearGainEstimator` with the factors of P."""
 
     U: Matrix
-    """Column by column: U_ij, i < j, is U[j][i]; (m, m)."""
+    """Factor U, stored by columns: U_ij with i < j is U[j][i]; (m, m)."""
     D: Vector
     """Diagonal of D, (m,)."""
     y: Vector
-    """A vector for `add`, (m,)."""
+    """Work vector of `add`, (m,)."""
     bound: float
-    """No less than the trace of P."""
+    """Upper bound of the trace of P."""
     dt: float
-    """Time between the last two samples [s], 0 before."""
+    """Time between the last two samples [s]; 0 before the second sample."""
     beta: float
     """Forgetting factor for this time."""
 
 
-def kept(parameters: FactoredParameters, state: FactoredState, dt: float) -> float:
-    """Share of the information that is kept: beta, or more where a variance would wind up.
+def forgetting_factor(parameters: FactoredParameters, state: FactoredState, dt: float) -> float:
+    """Return beta for a sample, or a larger factor if a variance would exceed `WINDUP`.
 
-    Whichever direction is forgotten, no variance grows by more than 1/beta, so none ever
-    exceeds `WINDUP` times its initial value. Nor does the trace, which is no less than any
-    variance, so that it need not be computed for each sample.
+    In every direction, forgetting increases a variance by at most 1/beta. So no variance exceeds
+    `WINDUP` times its initial value. The trace is an upper bound of every variance and is itself
+    bounded by `bound`, so it is not computed for each sample.
     """
-    if dt != state.dt:  # samples are even for most of the time
+    if dt != state.dt:  # usually the sample period is constant
         state.dt = dt
         rate = parameters.rate
         state.beta = math.exp(-rate * dt) if rate > 0.0 else parameters.beta
@@ -85,7 +86,7 @@ def kept(parameters: FactoredParameters, state: FactoredState, dt: float) -> flo
 
 
 def trace(state: FactoredState) -> float:
-    """Trace of P."""
+    """Return the trace of P."""
     U, D = state.U, state.D
     total = 0.0
     for j in below[len(D)]:
@@ -98,7 +99,7 @@ def trace(state: FactoredState) -> float:
 
 
 def variance(state: FactoredState, i: int) -> float:
-    """P_ii = D_i + sum_j U_ij^2 D_j, j > i."""
+    """Return P_ii = D_i + sum_j U_ij^2 D_j, j > i."""
     U, D = state.U, state.D
     total = D[i]
     for n in below[len(D) - 1 - i]:
@@ -110,7 +111,7 @@ def variance(state: FactoredState, i: int) -> float:
 def predicted_variance(
     parameters: FactoredParameters, state: FactoredState, phi: Regressors
 ) -> float:
-    """Z' P z = |D^1/2 U' z|^2: variance of the force that P predicts, by that of the noise."""
+    """Return z' P z = |D^1/2 U' z|^2, the variance of the predicted force over noise variance."""
     s, U, D = parameters.s, state.U, state.D
     m = len(phi)
     total = 0.0
@@ -124,13 +125,13 @@ def predicted_variance(
     return total
 
 
-def take_in(
+def update_covariance(
     parameters: FactoredParameters, state: FactoredState, phi: Regressors, noise: float
 ) -> float:
-    """P <- P - P z z' P / (noise + z' P z); return the denominator.
+    """Set P <- P - P z z' P / (noise + z' P z); return the denominator.
 
-    Leaves P z, with the former P, in the gain L. Bierman's update (1977, chapter V), with
-    y = U' z.
+    P z, with P before the update, is stored in the gain L. This is Bierman's update (1977,
+    chapter V), with y = U' z.
     """
     s, U, D, L = parameters.s, state.U, state.D, state.L
     now = noise
@@ -153,7 +154,7 @@ def take_in(
 
 
 def add(state: FactoredState, weight: float, columns: int) -> None:
-    """P <- P + weight y y', weight >= 0, where y_j = 0 for j >= columns; y is used up.
+    """Set P <- P + weight y y', with weight >= 0 and y_j = 0 for j >= columns; overwrite y.
 
     W. S. Agee and R. H. Turner, "Triangular decomposition of a positive definite matrix plus a
     symmetric dyad", White Sands Missile Range, technical report 38, 1972.
@@ -176,7 +177,7 @@ def add(state: FactoredState, weight: float, columns: int) -> None:
 
 
 def add_variance(state: FactoredState, i: int, weight: float) -> None:
-    """P_ii <- P_ii + weight."""
+    """Set P_ii <- P_ii + weight."""
     y = state.y
     for j in below[i]:
         y[j] = 0.0
@@ -184,7 +185,7 @@ def add_variance(state: FactoredState, i: int, weight: float) -> None:
     add(state, weight, i + 1)
 
 
-def learn(
+def correct_with_gain(
     parameters: FactoredParameters,
     state: FactoredState,
     phi: Regressors,
@@ -192,7 +193,7 @@ def learn(
     dt: float,
     spread: float,
 ) -> None:
-    """`correct` with the gain P z / spread, where `take_in` left P z."""
+    """Call `correct` with the gain P z / spread, after `update_covariance` stored P z in L."""
     s, L = parameters.s, state.L
     certainty = 1.0 / spread
     for i in below[len(phi)]:
@@ -201,7 +202,7 @@ def learn(
 
 
 def forgetting_rate(forgetting: float, sample_period: float | None) -> float:
-    """Rate of forgetting [1/s] for a factor of `forgetting` each sample period; 0 without one.
+    """Return the forgetting rate [1/s] for a factor per sample period; 0 without a period.
 
     Raises
     ------
@@ -216,25 +217,26 @@ def forgetting_rate(forgetting: float, sample_period: float | None) -> float:
 
 
 class FactoredEstimator(LinearGainEstimator):
-    """An estimator whose gain comes from a covariance kept as U-D factors.
+    """Base class of estimators whose gain is computed from a covariance in U-D factors.
 
     Parameters
     ----------
     forgetting
         The forgetting factor beta, 0 < beta <= 1.
     initial_covariance
-        Diagonal of P0, for b [(N s/m)^2] and k [(N/m)^2] and what else the model has, per N^2
+        Diagonal of P0 for each model parameter, b [(N s/m)^2] and k [(N/m)^2] first, per N^2
         of force variance.
     sample_period
-        Time [s] over which a weight falls by beta; without, it falls by beta each sample.
+        Time [s] over which a weight decreases by the factor beta. None: it decreases by beta
+        with each sample, independent of `dt`.
     model
-        The regressors.
+        Model that defines the regressors.
     correlation
-        Samples for each independent one, see `LinearGainEstimator`.
+        Samples per independent noise sample, see `LinearGainEstimator`.
     guess_variance
-        Variance of the first guess; the initial covariance unless given.
+        Variance of the initial guess. Default: the initial covariance.
     own
-        What else the method's parameters have, by name.
+        Additional parameters of the method, by name.
 
     Raises
     ------
@@ -263,7 +265,7 @@ class FactoredEstimator(LinearGainEstimator):
         super().__init__(parameters, self.first_state(guess_variance or p0), model)
 
     def first_state(self, guess_variance: tuple[float, ...]) -> FactoredState:
-        """The state before the first sample: P = I."""
+        """Return the state before the first sample: P = I."""
         m = len(guess_variance)
         return FactoredState(
             **linear_gain_state(guess_variance),
@@ -278,17 +280,17 @@ class FactoredEstimator(LinearGainEstimator):
     @staticmethod
     @abstractmethod
     def step(parameters: Any, state: Any, phi: Regressors, f: float, dt: float) -> None:
-        """Update U and D, and `learn`."""
+        """Update U and D, and call `correct_with_gain`."""
 
     @property
     def scaled_covariance(self) -> Floats:
-        """P, in units of the deviations of the first guess, shape (m, m)."""
+        """P in units of the standard deviations of the initial guess, shape (m, m)."""
         U = np.array(self.state.U).T
         p: Floats = U * self.state.D @ U.T
         return p
 
     def note(self, estimates: Estimates) -> str | None:
-        """Whether the covariance has wound up."""
+        """Return a note if the covariance is near its upper bound."""
         if np.any(np.diag(self.scaled_covariance) > 0.5 * WINDUP):
-            return "too little motion: the covariance has wound up and forgetting is held"
+            return "too little motion: the covariance is at its limit and forgetting is suspended"
         return None

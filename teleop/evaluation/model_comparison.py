@@ -97,7 +97,7 @@ def cost(estimator: Estimator, regression: Regression) -> float:
     """
     part = regression.part(slice(TIMED))
     further = part.further if estimator.model.further else None
-    samples = estimator.as_taken(checked_samples(part.x, part.v, part.f, part.dt, further))
+    samples = estimator.step_samples(checked_samples(part.x, part.v, part.f, part.dt, further))
     best = math.inf
     for _ in range(3):
         fresh = deepcopy(estimator)

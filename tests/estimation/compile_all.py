@@ -8,5 +8,5 @@ from estimation.compiled import compiled_sweep
 
 for make in METHODS.values():
     estimator = make(paper_preset())
-    samples = estimator.as_taken(checked_samples([1e-3], [0.0], [2.0], 1e-3))
+    samples = estimator.step_samples(checked_samples([1e-3], [0.0], [2.0], 1e-3))
     compiled_sweep(estimator.law, estimator.state, samples)

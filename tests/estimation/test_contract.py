@@ -19,7 +19,7 @@ from estimation import (
     RecursiveLeastSquares,
     paper_preset,
 )
-from estimation.compiled import WORTH_COMPILING
+from estimation.compiled import MIN_SAMPLES_TO_COMPILE
 from estimation.records import numbers
 from estimation.step import State
 from estimation.testing import CHECKS, check_compiled_equals_interpreted, check_estimator
@@ -63,7 +63,7 @@ def test_compiled_and_interpreted_give_the_same_numbers_to_the_bit(name):
 @pytest.mark.usefixtures("compiled_estimators")
 @pytest.mark.parametrize("name", ESTIMATORS)
 def test_a_batch_that_is_compiled_is_the_same_as_its_pieces(name, palpation):
-    s = palpation(seconds=WORTH_COMPILING / 1000 + 1.0, noise=0.1)
+    s = palpation(seconds=MIN_SAMPLES_TO_COMPILE / 1000 + 1.0, noise=0.1)
     whole, pieces = ESTIMATORS[name](), ESTIMATORS[name]()
     expected = whole.run(*s)[:5]
     parts = [pieces.run(*(c[i : i + 3000] for c in s))[:5] for i in range(0, len(s.x), 3000)]

@@ -156,7 +156,7 @@ def test_a_bad_sample_is_named_without_a_bandwidth_too(samples, message):
         (([], [], DT), "at least four samples"),
         ((X[:3], F[:3], DT), "at least four samples"),
         ((0.0 * X, F, DT), "a motion"),
-        ((X, 0.0 * F, DT), "nothing to estimate from: the force is zero throughout"),
+        ((X, 0.0 * F, DT), "cannot estimate: the force is zero in all samples"),
     ],
 )
 def test_data_that_shows_nothing_is_refused(samples, message):
@@ -167,8 +167,8 @@ def test_data_that_shows_nothing_is_refused(samples, message):
     ("settings", "message"),
     [
         ({"estimators": ["rsl"]}, "estimator 'rsl': expected all, or some of rls, ai, me"),
-        ({"estimators": ["rls", "rls"]}, "estimator 'rls' is named twice"),
-        ({"estimators": []}, "no estimator is named"),
+        ({"estimators": ["rls", "rls"]}, "estimator 'rls' is given twice"),
+        ({"estimators": []}, "no estimator is given"),
         ({"model": "maxwell"}, "model 'maxwell': expected one of kelvin-voigt"),
         ({"bandwidth": 0.0}, "bandwidth must be positive"),
         ({"force_lag": -1.0}, "lag must be >= 0"),

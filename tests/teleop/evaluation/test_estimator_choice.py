@@ -118,8 +118,8 @@ def test_more_estimators_are_compared(capsys, tmp_path):
     ("option", "value", "told"),
     [
         ("--estimators", "rls,magic", "estimator 'magic': expected all, or some of rls, ai, me"),
-        ("--estimators", "rls,rls", "estimator 'rls' is named twice"),
-        ("--estimators", ",", "no estimator is named"),
+        ("--estimators", "rls,rls", "estimator 'rls' is given twice"),
+        ("--estimators", ",", "no estimator is given"),
         ("--model", "jelly", "--model"),
     ],
 )
@@ -196,7 +196,7 @@ def test_a_model_that_no_estimator_takes_is_refused_before_anything_moves(capsys
     table = write_table(tmp_path / "sine.csv", 1.0, 20.0, 2100.0)
     for command in ([*RUN, "--no-record"], ["estimate", str(table)]):
         assert main([*command, "--estimators", "me,segments", "--model", "datum"]) == 2
-        assert "model datum: none of me, segments takes it" in capsys.readouterr().err
+        assert "model datum: none of me, segments supports it" in capsys.readouterr().err
 
 
 def test_a_file_named_twice_is_refused(capsys, tmp_path):
