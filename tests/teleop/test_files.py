@@ -108,7 +108,7 @@ def test_a_file_that_exists_is_not_overwritten(refused, trial, folder, command):
 
 
 @by_command
-def test_a_link_to_nothing_is_not_overwritten(refused, trial, folder, command):
+def test_a_link_without_a_target_is_not_overwritten(refused, trial, folder, command):
     name, arguments = REFUSED_OUTPUTS[command]
     if command == "recover":
         (folder / "trial.mcap").write_bytes(trial.read_bytes()[:-2000])
@@ -121,7 +121,7 @@ def test_a_link_to_nothing_is_not_overwritten(refused, trial, folder, command):
 
 
 @pytest.mark.parametrize("command", OUTPUTS)
-def test_overwrite_replaces_it_and_the_file_is_whole(folder, capsys, command):
+def test_overwrite_replaces_a_file_as_a_whole(folder, capsys, command):
     name, arguments = OUTPUTS[command]
     (folder / name).write_text("old")
     assert main([*arguments, "--overwrite"]) == 0
@@ -142,7 +142,9 @@ def test_a_recording_is_never_overwritten(refused, folder):
 
 
 @by_command
-def test_an_output_that_is_no_regular_file_is_refused_at_once(refused, trial, folder, command):
+def test_an_output_that_is_not_a_regular_file_is_refused_immediately(
+    refused, trial, folder, command
+):
     name, arguments = REFUSED_OUTPUTS[command]
     if command == "recover":
         (folder / "trial.mcap").write_bytes(trial.read_bytes()[:-2000])
@@ -172,13 +174,13 @@ def test_an_output_that_is_no_regular_file_is_refused_at_once(refused, trial, fo
     ],
     ids=" ".join,
 )
-def test_an_input_that_is_no_regular_file_is_refused_at_once(refused, folder, arguments):
+def test_an_input_that_is_not_a_regular_file_is_refused_immediately(refused, folder, arguments):
     for path, kind in special_files(folder).items():
         error = refused(*(word.format(path) for word in arguments))
         assert f"{path}: expected a file, this is {kind}" in error.replace("FIFO", "fifo")
 
 
-def test_a_recording_that_is_no_regular_file_is_refused_at_once(refused, folder):
+def test_a_recording_that_is_not_a_regular_file_is_refused_immediately(refused, folder):
     for path in special_files(folder):
         link = folder / "link.mcap"
         link.unlink(missing_ok=True)
@@ -186,7 +188,7 @@ def test_a_recording_that_is_no_regular_file_is_refused_at_once(refused, folder)
         assert "expected a file, this is a" in refused("estimate", link)
 
 
-def test_a_file_for_the_frames_of_a_rig_that_is_no_regular_file_is_refused(refused, folder):
+def test_a_dbc_file_of_a_rig_that_is_not_a_regular_file_is_refused(refused, folder):
     text = (RIG.parent / "dbc-sensor.toml").read_text(encoding="utf-8")
     assert 'file = "dbc-sensor.dbc"' in text
     for path in special_files(folder):
@@ -222,7 +224,7 @@ def test_a_file_that_appears_during_the_work_is_kept(folder):
     assert not [*folder.glob(".*")]
 
 
-def test_work_that_fails_leaves_nothing_and_keeps_what_was_there(folder):
+def test_after_an_error_no_partial_file_remains_and_an_existing_one_is_kept(folder):
     for overwrite in (False, True):
         path = folder / f"{overwrite}.txt"
         if overwrite:

@@ -29,7 +29,7 @@ def send(name="SIGINT"):
 
 
 @pytest.mark.parametrize("name", [n for n in interruption.ENDING if hasattr(signal, n)])
-def test_each_signal_interrupts_a_program_and_its_handler_is_put_back(name):
+def test_each_signal_interrupts_a_program_and_its_handler_is_restored(name):
     number = getattr(signal, name)
     before = signal.getsignal(number)
     with Interruption(), pytest.raises(KeyboardInterrupt):
@@ -52,7 +52,7 @@ def test_a_signal_that_is_ignored_on_entry_stays_ignored(name):
         signal.signal(number, before)
 
 
-def test_a_second_signal_does_not_break_off_the_clean_up_until_it_hangs(passes):
+def test_a_second_signal_does_not_interrupt_the_clean_up_unless_it_hangs(passes):
     with Interruption():
         with pytest.raises(KeyboardInterrupt):
             send()
@@ -64,7 +64,7 @@ def test_a_second_signal_does_not_break_off_the_clean_up_until_it_hangs(passes):
             send()
 
 
-def test_a_loop_that_answers_is_never_interrupted(passes):
+def test_a_loop_that_acknowledges_signals_is_never_interrupted(passes):
     with Interruption() as interrupted:
         interrupted.timeout = 0.1
         for _ in range(5):
@@ -83,7 +83,7 @@ def test_a_loop_that_hangs_is_interrupted_by_the_second_signal(passes):
             send()
 
 
-def test_off_the_main_thread_no_signal_is_taken():
+def test_in_another_thread_no_signal_is_handled():
     before = signal.getsignal(signal.SIGINT)
     seen = []
 

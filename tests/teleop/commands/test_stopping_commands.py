@@ -87,7 +87,7 @@ def test_ctrl_c_twice_ends_a_run_in_virtual_time_whose_recorder_is_stopped(tmp_p
     assert not Path(f"/proc/{recorder}").exists()
 
 
-def test_a_run_that_is_stopped_before_arming_is_not_drawn_and_says_so(monkeypatch, capsys):
+def test_a_run_that_is_stopped_before_arming_reports_that_it_is_not_drawn(monkeypatch, capsys):
     def request(self, arm, skipped, end=""):
         self.count = 1
         return Request(arm=False, stop="Ctrl-C")
@@ -113,7 +113,7 @@ def test_recordings_that_are_started_in_the_same_second_get_different_names(monk
     assert all(path.exists() for path in paths)
 
 
-def test_runs_that_are_started_at_once_are_all_recorded(tmp_path):
+def test_runs_that_are_started_at_the_same_time_are_all_recorded(tmp_path):
     arguments = ("run", "--clock", "virtual", "--duration", "0.1", "--json")
     for process in [start(*arguments) for _ in range(3)]:
         with process:

@@ -44,7 +44,7 @@ def fill(end):
 
 
 @pytest.mark.parametrize("block", [stop, fill])
-def test_a_terminal_that_takes_no_output_costs_no_tick(tmp_path, terminal, block):
+def test_a_terminal_that_accepts_no_output_loses_no_tick(tmp_path, terminal, block):
     path = tmp_path / "a.mcap"
     block(terminal[1])
     run = subprocess.run(
@@ -62,7 +62,7 @@ def test_a_terminal_that_takes_no_output_costs_no_tick(tmp_path, terminal, block
     assert len(recording) == 1 + round((recording["time"][-1] - recording["time"][0]) * 1e3)
 
 
-def test_a_terminal_that_goes_on_shows_what_was_written_and_the_last_drawing(terminal):
+def test_a_resumed_terminal_shows_the_messages_and_the_last_line(terminal):
     far, near = terminal
     stop(near)
     output = Terminal(near)

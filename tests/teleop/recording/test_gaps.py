@@ -73,7 +73,7 @@ CONDITIONING = ("matched", "svf", "foaw", "difference")
 
 
 @pytest.mark.parametrize("conditioning", CONDITIONING)
-def test_what_is_given_after_a_gap_does_not_depend_on_what_was_before_it(conditioning):
+def test_conditioned_signals_after_a_gap_do_not_depend_on_those_before_it(conditioning):
     signals = linear()
     start = signals.gaps[0]
     moved = signals._replace(x=signals.x.copy(), f=signals.f.copy())
@@ -101,7 +101,7 @@ def test_velocity_has_settled_where_the_estimators_are_given_it_after_a_gap(cond
     np.testing.assert_allclose(holed.regression.v[after], whole.regression.v[same], atol=4e-4)
 
 
-def test_estimators_get_the_time_that_passed_over_a_gap():
+def test_estimators_receive_the_duration_of_a_gap():
     signals = linear()
     evaluation = evaluate(signals, EstimateSettings(preset="paper", whole=True))
     t, dt = evaluation.t, evaluation.regression.dt

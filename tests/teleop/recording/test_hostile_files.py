@@ -64,7 +64,7 @@ def tick(t, *values):
     return b"\0\1\0\0" + struct.pack(f"<{1 + len(values)}d", t, *values)
 
 
-def test_what_follows_is_made_as_our_own_files_are(tmp_path):
+def test_the_files_of_these_tests_are_built_like_recordings(tmp_path):
     for compression in CompressionType:
         path = ros(tmp_path / "a.mcap", compression, ticks=[tick(0.0, 1.0), tick(0.1, 2.0)])
         assert load(path)["x"].tolist() == [1.0, 2.0]
@@ -148,7 +148,7 @@ def test_a_recording_without_a_column_that_is_needed_is_refused(tmp_path, refuse
 
 
 @pytest.mark.parametrize("compression", ["zstd", "lz4", "brotli"])
-def test_a_chunk_that_cannot_be_decompressed_is_told(tmp_path, refused, compression):
+def test_a_chunk_that_cannot_be_decompressed_is_reported(tmp_path, refused, compression):
     data = bytes(1000)
     for compressed in (b"", b"\xff" * 50, chunk(data, compression).data[:-12]):
         damaged = chunk(data, compression, compressed=compressed)
@@ -170,7 +170,7 @@ def test_a_chunk_that_cannot_be_decompressed_is_told(tmp_path, refused, compress
     ],
     ids=lambda document: document[:12],
 )
-def test_settings_that_are_no_sound_json_are_told(tmp_path, refused, document):
+def test_settings_that_are_not_valid_json_are_reported(tmp_path, refused, document):
     path = ros(tmp_path / "a.mcap", ticks=[tick(0.0, 1.0)])
     record = RecordBuilder()
     Metadata(name="settings", metadata={"json": document}).write(record)
@@ -196,7 +196,7 @@ def test_settings_that_are_no_sound_json_are_told(tmp_path, refused, document):
     ],
     ids=str,
 )
-def test_an_event_that_is_not_as_expected_is_refused(changes):
+def test_an_invalid_event_is_refused(changes):
     good = {"time": 0.0, "text": "armed", "mode": "active", "fault": None}
     assert checked_event(json.dumps(good).encode()) == good
     with pytest.raises(ValueError, match="an event|expected value"):
@@ -207,7 +207,7 @@ def test_the_size_of_a_message_follows_from_its_definition():
     assert message_size(DEFINITION) == 4 + 2 * 8
 
 
-def test_a_decompressor_takes_a_chunk_in_pieces():
+def test_a_chunk_is_decompressed_in_pieces():
     data = bytes(range(256)) * (3 * chunks.PIECE // 256) + b"end"
     for compression in ("zstd", "lz4", ""):
         assert chunks.chunk_data(chunk(data, compression)) == data

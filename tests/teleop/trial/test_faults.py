@@ -126,7 +126,7 @@ def test_ctrl_c_ramps_down_and_keeps_the_recording(tmp_path):
     assert recording["commanded_slave_velocity"][-1] == 0.0
 
 
-def test_a_closed_terminal_ends_the_run_in_good_order(tmp_path):
+def test_a_closed_terminal_ends_the_run_with_a_ramp(tmp_path):
     run = Run(tmp_path, "--duration", "60", "--record", "a.mcap")
     run.wait_until(MOVING)
     os.kill(run.pid, signal.SIGHUP)

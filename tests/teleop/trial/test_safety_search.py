@@ -9,7 +9,7 @@ from pathlib import Path
 SCRIPT = Path(__file__).parents[3] / "benchmarks" / "safety_search.py"
 
 
-def test_no_sequence_of_faults_failing_calls_and_requests_breaks_a_law_of_safety():
+def test_no_sequence_of_faults_failing_calls_and_requests_violates_a_safety_rule():
     sys.path.insert(0, str(SCRIPT.parent))
     spec = importlib.util.spec_from_file_location("safety_search", SCRIPT)
     module = importlib.util.module_from_spec(spec)

@@ -63,7 +63,7 @@ signals = st.one_of(
         depth=st.sampled_from([None, 2.5e-3]),
     )
 )
-def test_a_document_gives_the_same_settings_again(settings):
+def test_the_round_trip_through_a_document_is_exact(settings):
     assert through_json(settings) == settings
 
 
@@ -94,7 +94,7 @@ def test_a_setting_out_of_its_range_is_refused_as_on_the_command_line():
         from_document(to_document(TrialSettings()) | {"rate_hz": 10.0})
 
 
-def test_a_document_of_an_older_version_is_refused_with_what_it_lacks():
+def test_a_document_of_an_older_version_is_refused_with_its_missing_settings():
     document = to_document(TrialSettings())
     for name in ("estimators", "custom_preset"):
         del document[name]

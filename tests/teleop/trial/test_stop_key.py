@@ -140,7 +140,7 @@ def test_ctrl_d_and_other_keys_neither_stop_the_run_nor_end_the_stop_key(run):
 
 
 @pytest.mark.parametrize("keys", [b"\x03", b"\x1c"], ids=["Ctrl-C", "Ctrl-backslash"])
-def test_ctrl_c_still_ramps_down_and_the_terminal_is_as_before(run, keys):
+def test_ctrl_c_still_ramps_down_and_the_terminal_is_restored(run, keys):
     going = run("--record", "a.mcap")
     going.type(keys)
     assert going.end() == 130
@@ -149,20 +149,20 @@ def test_ctrl_c_still_ramps_down_and_the_terminal_is_as_before(run, keys):
 
 
 @pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP"])
-def test_the_terminal_is_as_before_after_a_request_to_end(run, name):
+def test_the_terminal_is_restored_after_a_signal(run, name):
     going = run()
     os.kill(os.tcgetpgrp(going.terminal), getattr(signal, name))
     assert going.end() == 130
     assert going.is_cooked()
 
 
-def test_the_terminal_is_as_before_after_the_end_of_the_trial(run):
+def test_the_terminal_is_restored_after_the_end_of_the_trial(run):
     going = run(duration="20")
     assert going.end() == 0
     assert going.is_cooked()
 
 
-def test_the_terminal_is_the_shells_while_the_run_is_suspended(run):
+def test_the_terminal_is_restored_while_the_run_is_suspended(run):
     going = run()
     going.type(b"\x1a")
     assert going.event() == b"suspended"
@@ -180,13 +180,13 @@ def test_the_terminal_is_the_shells_while_the_run_is_suspended(run):
     assert going.is_cooked()
 
 
-def test_a_run_that_goes_on_in_the_background_says_that_the_key_does_not_act(run):
+def test_a_run_that_continues_in_the_background_reports_that_the_key_does_not_work(run):
     going = run()
     job = os.tcgetpgrp(going.terminal)
     going.type(b"\x1a")
     assert going.event() == b"suspended"
     os.write(going.commands, b"b")
-    going.wait_until(rb"in the background: the stop key does not act")
+    going.wait_until(rb"in the background: the stop key does not work")
     assert going.is_cooked()
     os.kill(job, signal.SIGTERM)
     assert going.end() == 130
@@ -205,7 +205,7 @@ def test_a_run_whose_terminal_is_lost_ramps_down(run, tmp_path):
     assert stop["mode"] == "stopping"
 
 
-def test_on_a_system_without_terminals_there_is_no_key_and_the_instructions_say_so(monkeypatch):
+def test_on_a_system_without_terminals_the_instructions_say_that_there_is_no_key(monkeypatch):
     monkeypatch.setattr("teleop.trial.stop_key.find_spec", lambda name: None)
     switch = StopSwitch(key=True)
     assert "no stop key: not available on this system" in switch.instructions
@@ -213,7 +213,7 @@ def test_on_a_system_without_terminals_there_is_no_key_and_the_instructions_say_
         assert switch.request(True).arm
 
 
-def test_without_a_terminal_there_is_no_key_and_the_run_goes_on(tmp_path):
+def test_without_a_terminal_there_is_no_key_and_the_run_continues(tmp_path):
     command = [sys.executable, "-m", "teleop", "run", "--clock", "virtual", "--no-record"]
     done = subprocess.run([*command, "--duration", "1"], input=b"\n\n", capture_output=True)
     assert done.returncode == 0

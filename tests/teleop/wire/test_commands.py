@@ -103,7 +103,7 @@ def served(name, folder):
             thread.join()
 
 
-def test_the_check_tells_of_channels_round_trips_and_watchdogs(tmp_path):
+def test_the_check_reports_channels_round_trips_and_watchdogs(tmp_path):
     with served("odrive-bota", tmp_path) as (rig, emulator):
         for _ in range(3):
             checked = teleop("rig", "check", rig, "--seconds", 0.5, "--json")
@@ -151,7 +151,7 @@ def test_when_the_controller_is_killed_the_drives_stop_by_their_own_watchdogs(na
             time.sleep(0.01)
 
 
-def test_what_is_wrong_in_a_rig_file_is_told_a_line_each(tmp_path, capsys):
+def test_each_problem_of_a_rig_file_is_reported_on_its_own_line(tmp_path, capsys):
     text = (RIGS / "serial-board.toml").read_text()
     text = text.replace('signal = "force_1"', 'signal = "force_9"')
     text = text.replace("max_velocity_mm_per_s = 200\nmax_acc", "max_speed = 3\nmax_acc")
@@ -169,7 +169,7 @@ def test_what_is_wrong_in_a_rig_file_is_told_a_line_each(tmp_path, capsys):
     [("rig", "check"), ("rig", "tare", "--rig"), ("run", "--no-record", "--rig")],
     ids=" ".join,
 )
-def test_a_port_that_is_not_there_is_one_line(refused, arguments):
+def test_a_missing_port_is_reported_in_one_line(refused, arguments):
     assert "port /dev/ttyACM0 cannot be opened" in refused(*arguments, BOARD)
 
 
@@ -189,7 +189,7 @@ def test_a_port_that_is_not_there_is_one_line(refused, arguments):
         (("rig", "emulate", BOARD, "--fault", "reset:usb@1"), "expected one of board"),
     ],
 )
-def test_what_cannot_be_is_one_line(refused, arguments, told):
+def test_an_impossible_request_is_reported_in_one_line(refused, arguments, told):
     assert told in refused(*arguments)
 
 

@@ -174,7 +174,7 @@ def test_without_a_motion_the_watchdogs_are_checked_at_standstill(stepped, name)
         assert 0.01 < drive.watchdog_s < 0.15
 
 
-def test_a_slave_that_the_limits_hold_is_not_proven(stepped):
+def test_a_slave_held_by_its_limits_fails_the_check(stepped):
     checked = Checked(stepped("serial-board", rewrite=LOW))
     assert checked.stayed_small()
     assert "expected a slave that is free to move" in checked.problems["slave"]
@@ -186,7 +186,7 @@ def test_a_slave_beyond_its_hard_limits_is_refused(stepped):
         Checked(stepped("serial-board", rewrite=beyond))
 
 
-def test_near_the_end_of_its_travel_the_slave_first_goes_the_other_way(stepped):
+def test_near_the_end_of_its_range_the_slave_first_moves_away_from_it(stepped):
     near = rewritten("limits", soft_position_mm=[0.2, 25], hard_position_mm=[-0.1, 30])
     checked = Checked(stepped("serial-board", rewrite=near))
     assert set(checked.problems.values()) == {""}

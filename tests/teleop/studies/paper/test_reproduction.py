@@ -85,7 +85,7 @@ def test_every_claim_holds_for_the_papers_own_numbers():
         (("mimic", "medium", "rls", "b", 3.0), "negative"),
     ],
 )
-def test_a_claim_fails_once_its_numbers_do(change, word):
+def test_a_claim_fails_when_its_numbers_differ(change, word):
     failed = [claim.claim for claim in check_claims(outcomes(change)) if not claim.holds]
     assert any(word in claim for claim in failed)
 
@@ -141,7 +141,7 @@ def test_reproduce_writes_table_figures_and_a_page_that_needs_nothing_else(tmp_p
         (["--out", __file__], "expected a folder"),
     ],
 )
-def test_bad_arguments_are_told(capsys, arguments, words):
+def test_invalid_arguments_are_reported(capsys, arguments, words):
     assert main(["reproduce", *arguments]) == 2
     out, err = capsys.readouterr()
     assert out == ""
