@@ -1,4 +1,4 @@
-"""Tests never time: hypothesis has no deadline on a shared machine, and half its examples."""
+"""Common fixtures; hypothesis runs without deadlines, because the machine may be shared."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ settings.register_profile("shared machine", deadline=None, max_examples=50)
 settings.load_profile("shared machine")
 
 for ending in (signal.SIGINT, getattr(signal, "SIGHUP", None)):
-    if ending and signal.getsignal(ending) is signal.SIG_IGN:  # as nohup and scripts leave them
+    if ending and signal.getsignal(ending) is signal.SIG_IGN:  # as set by nohup and scripts
         signal.signal(ending, signal.default_int_handler)
 
 COMPILER = pytest.StashKey[subprocess.Popen]()
 
 
 def pytest_collection_modifyitems(items):
-    """Tests of compiled code come last, when it has been compiled."""
+    """Run the tests of compiled code last, when it has been compiled."""
     items.sort(key=lambda item: "compiled_estimators" in item.fixturenames)
 
 
 def pytest_collection_finish(session):
-    """Compile the estimators on the other processor until their tests come."""
+    """Compile the estimators in another process during the other tests."""
     wanted = any(item.path.name == "test_contract.py" for item in session.items)
     if wanted and find_spec("numba") and not session.config.option.collectonly:
         script = Path(__file__).parent / "estimation" / "compile_all.py"
@@ -35,7 +35,7 @@ def pytest_collection_finish(session):
 
 
 def pytest_sessionfinish(session):
-    """Leave nothing behind."""
+    """End the process that compiles."""
     if process := session.config.stash.get(COMPILER, None):
         process.terminate()
         process.wait()
@@ -43,6 +43,6 @@ def pytest_sessionfinish(session):
 
 @pytest.fixture(scope="session")
 def compiled_estimators(request):
-    """Waits until every estimator has been compiled."""
+    """Wait until every estimator has been compiled."""
     if process := request.config.stash.get(COMPILER, None):
         assert process.wait() == 0

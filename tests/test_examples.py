@@ -1,4 +1,4 @@
-"""Each worked example runs, prints what it is about, and saves its figure."""
+"""Each worked example runs, prints its results, and saves its figure."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ MACH1 = ROOT.parent / "shared" / "data" / "mach1"
 
 @pytest.fixture
 def printed(tmp_path):
-    """Runs an example; what it printed, once its figure is there."""
+    """Return a function that runs an example, checks its figure, and returns its output."""
 
     def run(name: str, *arguments: object) -> str:
         command = [sys.executable, ROOT / "examples" / f"{name}.py", tmp_path, *arguments]

@@ -70,7 +70,7 @@ def read_session() -> dict[str, Any]:
     return session
 
 
-class Drain:
+class FrameReader:
     """Separates the frames and passes them to the file and the progress line.
 
     Parameters
@@ -94,7 +94,7 @@ class Drain:
         self._last = b""
         self._rest = b""
 
-    def take(self, data: bytes) -> None:
+    def process(self, data: bytes) -> None:
         """Process data from the pipe, which may end within a frame."""
         data = self._rest + data
         place, end = 0, len(data)
@@ -149,7 +149,7 @@ def main() -> None:
     progress = Progress(
         session["show"], session["duration"], session["hint"], session["instructions"]
     )
-    drain = Drain(session, file, progress)
+    frames = FrameReader(session, file, progress)
     monitor = FileMonitor(session["path"], file, progress) if file else None
     pipe = sys.stdin.fileno()
     if hasattr(os, "set_blocking"):
@@ -162,12 +162,12 @@ def main() -> None:
         if data == b"":
             break
         if data:
-            drain.take(data)
+            frames.process(data)
         if monitor:
             monitor.update()
         if not data or len(data) < BULK:
             time.sleep(NAP)
-    status = finish(file, drain.ticks) if file else {"problem": ""}
+    status = finish(file, frames.ticks) if file else {"problem": ""}
     progress.close()
     send(**status)
 

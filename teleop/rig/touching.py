@@ -117,14 +117,14 @@ def touch(
         settings,
         record,
         condition=Touch(settings.admittance.damping * SPEED, threshold, 0.5 * AWAY),
-        rig_maker=None if rig else lambda now: off_the_cube(cube, now, sensors, seed),
+        rig_maker=None if rig else lambda now: rig_away_from_cube(cube, now, sensors, seed),
     )
     if trial.fault:
         text = trial.fault["text"]
         raise SafetyStop(f"tare: stopped {time_text(trial.fault['time'])}: {text}")
     if trial.interrupted:
         raise KeyboardInterrupt
-    return zero.position + contact_begins(trial.recording.estimated())
+    return zero.position + contact_position(trial.recording.estimated())
 
 
 def touch_limits(limits: Limits) -> Limits:
@@ -138,13 +138,15 @@ def touch_limits(limits: Limits) -> Limits:
     )
 
 
-def off_the_cube(cube: str, now: Callable[[], float], sensors: Sensors, seed: int) -> SimulatedRig:
+def rig_away_from_cube(
+    cube: str, now: Callable[[], float], sensors: Sensors, seed: int
+) -> SimulatedRig:
     """Return the simulated rig with a free handle and the slave away from the cube."""
     body = replace(CUBES[cube], glued=False)
     return SimulatedRig(body, now, sensors=sensors, seed=seed, start=-AWAY)
 
 
-def contact_begins(recording: Recording) -> float:
+def contact_position(recording: Recording) -> float:
     """Return the position at which contact begins in a recorded approach [m].
 
     It is fitted to a force that is zero before contact and increases linearly after it.
@@ -159,10 +161,12 @@ def contact_begins(recording: Recording) -> float:
     if not len(f) or f.max() < 0.5 * TOUCH:
         raise InputError(f"tare: no contact within {REACH * 1e3:g} mm: expected a contact")
     candidates = np.linspace(x.max() - 0.5 * np.ptp(x), x.max(), 400, endpoint=False)
-    return float(candidates[int(np.argmin([misfit(x, f, start) for start in candidates]))])
+    return float(
+        candidates[int(np.argmin([squared_residuals(x, f, start) for start in candidates]))]
+    )
 
 
-def misfit(x: Floats, f: Floats, start: float) -> float:
+def squared_residuals(x: Floats, f: Floats, start: float) -> float:
     """Return the sum of squared residuals of the best spring with contact at `start` [N^2].
 
     Parameters

@@ -22,7 +22,7 @@ GOOD = "Time [s],Position [mm],Force [N]\n" + "".join(
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path, monkeypatch):
-    """Where recordings go."""
+    """The folder of the recordings."""
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
@@ -220,7 +220,7 @@ def test_help_imports_nothing_heavy():
 
 
 class Terminal:
-    """A pseudo-terminal that a run has for its standard error."""
+    """A pseudo-terminal as standard error of a run."""
 
     def __init__(self, *arguments: str) -> None:
         pty = pytest.importorskip("pty", reason="needs a pseudo-terminal")
@@ -341,7 +341,7 @@ def test_a_full_disk_for_standard_output_is_reported():
     ("output", "reason"), [("> /dev/full", "no space left on device"), ("| true", "broken pipe")]
 )
 def test_a_safety_stop_is_reported_also_without_standard_output(output, reason, json):
-    # the limits of so shallow a palpation lie below the noise of the force sensor
+    # the limits of such a small depth are below the noise of the force sensor
     run = f"{sys.executable} -m teleop run --clock virtual --depth 1e-3um --no-record {json}"
     command = f"{{ {run}; echo $? >&2; }} {output}"
     done = subprocess.run(["sh", "-c", command], capture_output=True, text=True)
@@ -381,7 +381,7 @@ def test_a_file_of_random_bytes_is_reported_without_a_traceback(refused, tmp_pat
 
 
 def test_a_recorder_that_cannot_be_started_is_reported_in_one_line(tmp_path):
-    """With eight files open at the most."""
+    """At most eight files may be open."""
     resource = pytest.importorskip("resource")
     done = subprocess.run(
         [sys.executable, "-m", "teleop", "run", "--clock", "virtual", "--record", "a.mcap"],

@@ -1,4 +1,4 @@
-"""Files that commands read and write: regular ones, and none is overwritten unasked."""
+"""Files of commands must be regular, and are overwritten on request only."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import pytest
 from teleop.cli import main
 from teleop.errors import InputError
 from teleop.files import check_outputs, new_file, write_text
-from teleop.rig.generated_file import is_unchanged, stamped
+from teleop.rig.generated_file import is_unchanged, with_checksum
 
 RIG = Path(__file__).parents[2] / "rigs" / "serial-board.toml"
 
@@ -29,7 +29,7 @@ def trial(tmp_path_factory):
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path, trial, monkeypatch):
-    """An empty folder but for a recording and a table, which the test is in."""
+    """The working folder of the test, with a recording and a table."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "trial.mcap").write_bytes(trial.read_bytes())
     t = np.arange(0.0, 3.0, 0.01)
@@ -82,7 +82,7 @@ by_command = pytest.mark.parametrize("command", REFUSED_OUTPUTS)
 
 
 def special_files(folder):
-    """A file of each kind that is not a regular one."""
+    """Return a file of each kind that is not regular."""
     os.mkfifo(folder / "fifo")
     with socket.socket(socket.AF_UNIX) as listener:
         listener.bind("socket")
@@ -198,7 +198,7 @@ def test_a_dbc_file_of_a_rig_that_is_not_a_regular_file_is_refused(refused, fold
 
 def test_an_emulator_replaces_its_own_file_unless_it_was_edited(folder):
     path = folder / "run.toml"
-    path.write_text(stamped("a = 1\n", "teleop rig emulate"))
+    path.write_text(with_checksum("a = 1\n", "teleop rig emulate"))
     assert is_unchanged(path, "teleop rig emulate")
     assert not is_unchanged(path, "another")
     path.write_text(path.read_text() + "b = 2\n")

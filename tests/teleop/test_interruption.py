@@ -1,4 +1,4 @@
-"""Signals that ask a program to end are counted, answered or raised, and ignored where ignored."""
+"""Signals that end a program are counted, acknowledged or raised, and stay ignored."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ import threading
 import pytest
 
 from teleop import interruption
-from teleop.interruption import CLEAN_UP, Interruption, handled, stop_signals
+from teleop.interruption import CLEAN_UP, Interruption, handle_signals, stop_signals
 
 
 @pytest.fixture
 def passes(monkeypatch):
-    """Lets time pass [s]."""
+    """Advances the time [s]."""
     now = [0.0]
     monkeypatch.setattr(interruption.time, "monotonic", lambda: now[0])
 
@@ -28,7 +28,7 @@ def send(name="SIGINT"):
     os.kill(os.getpid(), getattr(signal, name))
 
 
-@pytest.mark.parametrize("name", [n for n in interruption.ENDING if hasattr(signal, n)])
+@pytest.mark.parametrize("name", [n for n in interruption.SIGNALS if hasattr(signal, n)])
 def test_each_signal_interrupts_a_program_and_its_handler_is_restored(name):
     number = getattr(signal, name)
     before = signal.getsignal(number)
@@ -37,7 +37,7 @@ def test_each_signal_interrupts_a_program_and_its_handler_is_restored(name):
     assert signal.getsignal(number) is before
 
 
-@pytest.mark.parametrize("name", [n for n in interruption.ENDING if hasattr(signal, n)])
+@pytest.mark.parametrize("name", [n for n in interruption.SIGNALS if hasattr(signal, n)])
 def test_a_signal_that_is_ignored_on_entry_stays_ignored(name):
     """`nohup` ignores SIGHUP, and `&` in a shell script ignores SIGINT."""
     number = getattr(signal, name)
@@ -88,7 +88,7 @@ def test_in_another_thread_no_signal_is_handled():
     seen = []
 
     def run():
-        with handled(print):
+        with handle_signals(print):
             seen.append(signal.getsignal(signal.SIGINT))
 
     thread = threading.Thread(target=run)

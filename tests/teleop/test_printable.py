@@ -1,4 +1,4 @@
-"""Texts from files never control the terminal."""
+"""Control characters in texts from files never reach the terminal."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def test_a_rig_files_names_are_shown(tmp_path, capsys, content):
 
 @pytest.mark.skipif(sys.platform != "linux", reason="names of files are bytes")
 def test_a_file_whose_name_is_not_valid_text_is_evaluated(tmp_path, capsys):
-    """As a Latin-1 name on a UTF-8 system is."""
+    """The name is in Latin-1 on a system with UTF-8."""
     path, figure = (
         os.fsdecode(os.fsencode(tmp_path) + b"/\xe9\xff." + e) for e in (b"csv", b"svg")
     )

@@ -1,4 +1,4 @@
-"""Outputs that are symbolic links: whatever the check answers, it leaves them as they are."""
+"""The check of outputs does not change symbolic links."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Position and force of one moment, from sensors that sample at moments of their own."""
+"""Pairs of position and force at the same time, from sensors with different sampling times."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from teleop.control.alignment import Alignment
 
 
 def measure(now, position_age=0.0, force_age=0.0, x=math.sin, f=math.cos):
-    """What sensors read of a motion x(t) and a force f(t) that they sampled so long ago."""
+    """Return the measurement of a motion x(t) and a force f(t) with samples of these ages [s]."""
     return Measurement(
         now,
         0.0,

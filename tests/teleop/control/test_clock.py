@@ -8,7 +8,7 @@ from teleop.control.clock import RealClock, VirtualClock
 
 
 class FakeTime:
-    """A monotonic clock that only sleep and work move on."""
+    """A monotonic clock that advances only by sleep and by work."""
 
     def __init__(self, monkeypatch) -> None:
         self.ns = 10**15

@@ -1,4 +1,4 @@
-"""What the controller does with each channel and each dt, told by a rig of distinct values."""
+"""Data flow of the controller: each channel and each dt, on a rig with distinct values."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ WIDE = Limits(
         for name, channel in default_channel_limits().items()
     },
 )
-"""Limits that never bite: the supervisor's own are tested in tests/teleop/safety."""
+"""Limits that are never reached; limits are tested in tests/teleop/safety."""
 SKIPPED = [3 if n % 20 == 10 else 0 for n in range(300)]
 TIMES = np.cumsum(
     PERIOD * (1.0 + np.array(SKIPPED) + 0.5 * np.random.default_rng(0).uniform(-1.0, 1.0, 300))
@@ -50,7 +50,7 @@ TIMES = np.cumsum(
 
 
 class SpyRig(Rig):
-    """Channels that differ in every sample; drives that apply a third of the command."""
+    """A rig with different values in every sample, whose drives apply a third of the command."""
 
     def __init__(self, failing: str = "", always: bool = False, **overrides: float) -> None:
         self.tick = -1
@@ -116,7 +116,7 @@ def make(rig, condition=None, limits=WIDE, tare=NO_TARE):
 
 
 def at(position):
-    """A measurement with the slave at this position [m]."""
+    """Return a measurement with the slave at a position [m]."""
     return Measurement(0.0, 0.0, 0.0, position, 0.0, 0.0, Ages(*[0.0] * 5))
 
 
@@ -305,7 +305,7 @@ def test_the_admittance_follows_the_limited_command():
 
 
 def drive_and_tick(controller, clock, ticks, request):
-    """Run some ticks; the last record."""
+    """Run some ticks and return the last record."""
     for _ in range(ticks):
         record = controller.tick(clock.wait(), request)
     return record
@@ -329,7 +329,7 @@ def test_the_slave_does_not_move_when_it_is_armed_or_armed_again(scale):
 
 
 class SlowRig(SpyRig):
-    """Drives that take a while to get ready."""
+    """Drives that need some ticks to get ready."""
 
     def __init__(self, ready_at: int) -> None:
         super().__init__()
@@ -418,7 +418,7 @@ def test_a_fault_at_the_tick_of_arming_enables_no_drive():
 
 
 class StuckRig(SpyRig):
-    """Writing and idling fail in some ticks."""
+    """A rig whose `write` and `idle` fail in some ticks."""
 
     def __init__(self, no_write=(), no_idle=(), **overrides):
         super().__init__(**overrides)
@@ -452,7 +452,7 @@ def test_idle_is_repeated_until_it_succeeds_and_no_commands_are_sent_meanwhile(n
 
 
 def test_a_failed_condition_does_not_hide_an_emergency_stop_or_a_rig_failure():
-    """The ramp takes 30 ticks; what is worse ends it at once."""
+    """The ramp takes 30 ticks; a more severe fault ends it immediately."""
     gentle = replace(WIDE, max_acceleration=2.0, max_master_acceleration=4.0)
 
     class Failing(SpyRig):

@@ -14,7 +14,7 @@ stiffnesses = st.one_of(st.just(0.0), st.floats(0.1, 5000.0))
 
 
 def at(position: float) -> Measurement:
-    """A measurement with the slave at this position [m]."""
+    """Return a measurement with the slave at a position [m]."""
     return Measurement(0.0, 0.0, 0.0, position, 0.0, 0.0, Ages(*[0.0] * 5))
 
 

@@ -1,4 +1,4 @@
-"""Rigs and conditions of other authors that return or raise what they should not."""
+"""Rigs and conditions of other packages that return invalid values or raise exceptions."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from teleop.trial.run import run_trial
 from teleop.trial.settings import TrialSettings
 
 AT = 300
-"""Call from which on the rig or the condition is odd; the drives move then."""
+"""Number of the first faulty call of the rig or the condition; the drives move then."""
 
 
 class OddRig(SimulatedRig):
@@ -40,7 +40,7 @@ class OddRig(SimulatedRig):
         return self.attempt("read", super().read)
 
     def idle(self):
-        # the first call, in reads; that on leaving the rig comes a second later
+        # number of the read at the first call; the call at the end comes a second later
         self.idled = min(getattr(self, "idled", math.inf), self.calls["read"])
         super().idle()
 
@@ -49,7 +49,7 @@ class OddRig(SimulatedRig):
 
 
 class Odd(Condition):
-    """A push whose force or end is odd from call `AT` on."""
+    """A constant force whose value or `finished` is replaced from call `AT` on."""
 
     def __init__(self, **odd: Any) -> None:
         self._odd, self._calls = odd, itertools.count()
@@ -65,7 +65,7 @@ SETTINGS = TrialSettings(condition="autonomous", clock="virtual", duration=1.0, 
 
 
 class OddTrial:
-    """A trial on an odd rig, or under an odd condition."""
+    """A trial with a faulty rig or a faulty condition."""
 
     def __init__(self, odd: tuple[str, Any] = ("", None), other: Condition | None = None) -> None:
         self.odd, self.other = odd, other

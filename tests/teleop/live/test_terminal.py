@@ -1,4 +1,4 @@
-"""Output to a terminal that does not take any: it must not cost the recorder a tick."""
+"""Output to a terminal that accepts none must not make the recorder lose a tick."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ RUN = [sys.executable, "-m", "teleop", "run", "--clock", "virtual", "--duration"
 
 @pytest.fixture
 def terminal():
-    """A terminal whose other end is not read: (the other end, this end)."""
+    """Yield both ends of a terminal whose first end is not read."""
     ends = os.openpty()
     yield ends
     for end in ends:
@@ -32,7 +32,7 @@ def stop(end):
 
 
 def fill(end):
-    """Write to a terminal that nobody reads until it takes no more."""
+    """Write to a terminal until it accepts no more."""
     os.set_blocking(end, False)
     with suppress(BlockingIOError):
         while True:

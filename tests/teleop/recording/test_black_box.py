@@ -1,4 +1,4 @@
-"""What a fault leaves behind."""
+"""The black box and the report of a fault."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from teleop.trial.settings import TrialSettings
 
 @pytest.fixture
 def with_fault(monkeypatch):
-    """Lets a fault set in at a time of the rig's clock."""
+    """Injects a fault at a time of the rig's clock."""
 
     def inject(fault, at):
         def make(cube, now, **options):

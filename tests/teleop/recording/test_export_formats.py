@@ -46,7 +46,7 @@ def need(ending):
 
 
 def same(a, b):
-    """Equal to the bit but for the payload of NaN."""
+    """Return whether arrays are exactly equal; all NaN are equal."""
     return a.dtype == b.dtype and np.array_equal(a, b, equal_nan=True)
 
 
@@ -206,7 +206,7 @@ for ending in endings:
 
 
 def test_a_full_disk_is_reported_in_one_line_and_existing_files_are_kept(trial, tmp_path):
-    """In a process of its own, in which no file can grow beyond 3000 bytes."""
+    """Run in another process, in which no file can exceed 3000 bytes."""
     pytest.importorskip("resource")
     for ending in ENDINGS:
         need(ending)

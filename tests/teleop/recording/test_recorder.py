@@ -1,4 +1,4 @@
-"""The recorder process: what is pushed is kept, and nothing it meets reaches the loop."""
+"""The recorder process: pushed ticks are recorded, and its problems do not affect the loop."""
 
 from __future__ import annotations
 
@@ -134,7 +134,7 @@ def test_a_suspended_recorder_loses_ticks_but_does_not_delay_the_loop(tmp_path):
 
 
 class Wide:
-    """A layout whose messages the system may split: they are larger than PIPE_BUF."""
+    """A layout with messages larger than PIPE_BUF, which the system may split."""
 
     columns = tuple((f"column_{i}" if i else "time", "-", "a test") for i in range(1500))
     estimators = ()
@@ -205,7 +205,7 @@ def test_a_full_disk_is_reported_and_does_not_stop_the_run(tmp_path, capfd):
 
 
 def test_a_file_that_cannot_be_written_is_refused_before_anything_moves(tmp_path):
-    with pytest.raises(InputError, match="cannot be recorded to: no such file"):
+    with pytest.raises(InputError, match="recording failed: no such file"):
         recorder(tmp_path / "nowhere" / "a.mcap")
 
 

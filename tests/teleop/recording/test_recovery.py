@@ -24,7 +24,7 @@ MAGIC = 8
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
-    """A recording of a real trial in many chunks, as a run in real time leaves it."""
+    """Return a recording of a trial in many chunks, as a run in real time writes it."""
     folder = tmp_path_factory.mktemp("trial")
     assert (
         main(["run", "--clock", "virtual", "--duration", "1", "--record", f"{folder}/a.mcap"]) == 0
@@ -57,7 +57,7 @@ def recording(whole):
 
 @pytest.fixture(scope="module")
 def records(whole):
-    """Place, opcode and end of each record."""
+    """Yield position, opcode and end of each record."""
     data = whole.read_bytes()
     found, place = [], MAGIC
     while place < len(data) - MAGIC:
@@ -69,7 +69,7 @@ def records(whole):
 
 @pytest.fixture(scope="module")
 def first_tick_chunk(records):
-    """Where the first chunk with ticks ends."""
+    """Return the end of the first chunk with ticks."""
     return [end for _, opcode, end in records if opcode == 6][1]
 
 
@@ -84,7 +84,7 @@ def cut(whole, tmp_path):
 
 
 def ticks_before(path):
-    """Ticks in the chunks that lie wholly in a file, by the MCAP library alone."""
+    """Return the ticks in the complete chunks of a file, read by the MCAP library only."""
     count, ticks = 0, None
     size = path.stat().st_size
     with path.open("rb") as file:
@@ -256,7 +256,7 @@ def flipped(whole, tmp_path, place, bit):
 
 
 def assert_refused_or_same(path, recording):
-    """A damaged file either loads as what it was or is refused; what is intact is a prefix."""
+    """Check that a damaged file loads unchanged or is refused, and its intact part is a prefix."""
     told = ""
     try:
         loaded = load(path)
@@ -296,7 +296,7 @@ def test_a_flipped_bit_in_any_records_head_is_refused_or_harmless(
 
 
 def test_a_lost_chunk_keeps_everything_before_it(whole, recording, records, cut, tmp_path):
-    """An opcode that no reader knows hides a chunk; what follows must not close the gap."""
+    """An unknown opcode hides a chunk; the ticks after it must not follow those before it."""
     chunks = [place for place, opcode, _ in records if opcode == 6]
     data_end = next(place for place, opcode, _ in records if opcode == 15)
     for place in chunks[2:-1]:

@@ -1,4 +1,4 @@
-"""The band within which a drive's sensors may differ from its command."""
+"""Tolerance of the travel that a drive's sensors measure."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from teleop.rig.drive_travel import BAND, SLACK, DriveTravel
 
 CHANNELS = read_rig_file(Path(__file__).parents[3] / "rigs" / "serial-board.toml").sections.channels
 COUNT = 1e-6
-"""Of the encoder in that file [m]."""
+"""Resolution of the encoder in that file [m]."""
 FRESH = Ages(0.0, 0.0, 0.0, 0.0, 0.0)
 directions = st.sampled_from([-1.0, 1.0])
 
@@ -25,7 +25,7 @@ def measurement(position, velocity=math.nan, force=0.0):
 
 
 def travelled(commanded, moved, velocity=math.nan, force=0.0, compliance=0.0):
-    """A slave that was commanded to go so far in a second, and what its encoder shows."""
+    """Return the travel of a slave after a commanded motion of a second, and a measured one [m]."""
     travel = DriveTravel("slave", CHANNELS, compliance)
     travel.advance(0.0, measurement(3e-3), 0.1)
     travel.begin()

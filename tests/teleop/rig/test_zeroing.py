@@ -1,4 +1,4 @@
-"""The tare: found at rest and unloaded, refused otherwise, stored, applied."""
+"""The tare: measured at rest and without load, refused otherwise, stored, applied."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from teleop.trial.run import run_trial
 from teleop.trial.settings import TrialSettings
 
 FILE = {"master_force": 0.5, "contact_force": -0.25, "slave_position": 1e-3, "date": "2026"}
-"""A file of teleop 0.1, which names no rig."""
+"""A file of teleop 0.1, without the name of a rig."""
 OFFSETS = Sensors(master_zero=1.5, contact_zero=-2.25, contact_position=3.7e-3)
 
 

@@ -1,4 +1,4 @@
-"""Every fault of every channel is named right, at the tick at which it happens."""
+"""Every fault of every channel is detected and named at the tick at which it occurs."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from teleop.safety import (
 )
 
 DT = 1.0 / 512.0
-"""Times are binary fractions, so that a limit may be met to the bit."""
+"""Period as a binary fraction, so that times and limits are exact."""
 HEALTHY = ChannelLimits(-1.0, 1.0, max_rate=64.0, max_age=10 * DT)
 POSITIONS = {"master_position": 0, "slave_position": 1}
-"""Which of the two drives moves a position."""
+"""Index of the drive that moves each position."""
 
 
 def limits_with(name: str = "contact_force", limits: ChannelLimits = HEALTHY) -> Limits:
-    """Wide limits of the slave, so that channels alone trip."""
+    """Return wide limits of the slave, so that only channel faults occur."""
     return Limits(
         max_velocity=10.0,
         max_acceleration=1e6,
@@ -46,7 +46,7 @@ def limits_with(name: str = "contact_force", limits: ChannelLimits = HEALTHY) ->
 
 
 class Bench:
-    """Ticks a supervisor whose channels are all alive; the channel under test reads `value`."""
+    """Runs the supervisor with working channels; the channel under test has the value `value`."""
 
     def __init__(self, name: str, limits: ChannelLimits = HEALTHY) -> None:
         self.name, self.limits = name, limits_with(name, limits)
@@ -66,7 +66,7 @@ class Bench:
         assert self.tick(*args, **kwargs).state.mode is not Mode.FAULT
 
     def trips(self, fault: Fault, *args, **kwargs):
-        """Tick, and see that the fault is named in event and state; returns the event."""
+        """Run a tick, check that event and state name the fault, and return the event."""
         verdict = self.tick(*args, **kwargs)
         assert verdict.state.mode is Mode.FAULT
         (event,) = verdict.events
@@ -318,7 +318,7 @@ def test_the_first_channel_with_a_fault_is_reported():
 
 
 def test_each_channel_has_its_own_limits():
-    """Each is held against its own limits: only the one with a narrow range trips."""
+    """Only the channel with a narrow range has a fault."""
     for name in CHANNELS:
         bench = Bench(name, ChannelLimits(-0.1, 0.1))
         bench.runs(0.1)

@@ -1,4 +1,4 @@
-"""Limits refuse what cannot be meant, and say which limit it was."""
+"""Limits reject invalid values with a message that names the limit."""
 
 from __future__ import annotations
 

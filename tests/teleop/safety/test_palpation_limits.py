@@ -1,4 +1,4 @@
-"""Limits of every palpation of the paper hang together."""
+"""The limits of every palpation of the paper are consistent."""
 
 from __future__ import annotations
 

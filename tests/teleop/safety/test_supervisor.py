@@ -1,4 +1,4 @@
-"""Laws of the supervisor over arbitrary ticks, and each of its behaviours at the tick of it."""
+"""Safety rules of the supervisor for arbitrary ticks, and each of its behaviours."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from teleop.safety.soft_limits import ACCELERATION, FORCE, POSITION, VELOCITY
 
 LIMITS = Limits()
 GENTLE = Limits(max_acceleration=1.0, max_master_acceleration=2.5, start_ramp=2e-3, preflight=5e-3)
-"""Ramps of 200 ms, which arbitrary ticks have the time to disturb."""
+"""Limits with ramps of 200 ms, so that arbitrary ticks occur during a ramp."""
 FRESH = Ages(0.0, 0.0, 0.0, 0.0, 0.0)
 DT = 1e-3
 EASY = Command(0.05, 0.05)
@@ -37,13 +37,13 @@ NEARLY = 1.0 + 1e-9
 
 
 def decide(*inputs):
-    """The verdict, on a rig whose drives are ready as soon as they are asked."""
+    """Return the verdict for a rig whose drives get ready immediately."""
     verdict = supervise(*inputs)
     return activate(verdict) if verdict.arm else verdict
 
 
 class Bench:
-    """Ticks the supervisor on a healthy rig whose slave follows its command exactly."""
+    """Runs the supervisor on a rig without faults whose slave follows its command exactly."""
 
     def __init__(self, limits: Limits = LIMITS, x: float = 0.0) -> None:
         self.limits, self.x = limits, x
@@ -65,7 +65,7 @@ class Bench:
         return Measurement(**healthy | sensed)
 
     def tick(self, desired=STANDSTILL, dt=DT, *, slave=None, elapsed=None, request=None, **sensed):
-        """One tick; the slave moves by `slave` and the loop's clock by `elapsed` where given."""
+        """Run one tick; `slave` [m] and `elapsed` [s] replace the default motion and loop time."""
         if self.ticks:
             self.time += dt
             self.handle += self.state.applied.master_velocity * dt
@@ -119,7 +119,7 @@ def larger(velocity: float) -> float:
     return math.nextafter(velocity, math.copysign(math.inf, velocity))
 
 
-# Laws over arbitrary ticks
+# Safety rules for arbitrary ticks
 
 ANY = st.floats()
 WILD = st.sampled_from(
@@ -163,7 +163,7 @@ DTS = st.one_of(
 )
 TICKS = st.lists(st.tuples(CHANGES, DESIRED, REQUESTS, DTS), min_size=1, max_size=12)
 TRIPPED = [fault.name for fault in Fault]
-"""Stages in fault, by the kind of the first fault, which tripped at speed."""
+"""Stages in fault mode, by the first fault, which occurred during motion."""
 ALL_STAGES = ["start", "ready", "active", "moving", "fast", "stopping", *TRIPPED]
 STAGES = st.sampled_from(ALL_STAGES)
 
@@ -194,7 +194,7 @@ STARTS = {
 
 
 def unwell(m: Measurement, limits: Limits) -> bool:
-    """What no mode but fault may outlive, as seen in one measurement alone."""
+    """Return whether a single measurement requires the mode fault."""
     for name, value, age in zip(CHANNELS, m[1:6], m.age, strict=True):
         channel = limits.channels[name]
         if math.isnan(value) and not channel.required:
@@ -214,7 +214,7 @@ def unwell(m: Measurement, limits: Limits) -> bool:
 
 
 def stops_now(before: Supervision, m: Measurement, request: Request, limits: Limits) -> bool:
-    """What must stop the drives in the same tick, in whatever mode and after whatever fault."""
+    """Return whether the drives must stop in the same tick, in every mode and after every fault."""
     low, high = limits.hard_position
     dt = m.time - before.time if before.time == before.time else 0.0
     return (
@@ -231,7 +231,7 @@ def stops_now(before: Supervision, m: Measurement, request: Request, limits: Lim
 
 
 def at_rest(m: Measurement, limits: Limits) -> bool:
-    """What a rig must be for the whole preflight."""
+    """Return whether a measurement is healthy, as required during the preflight."""
     return (
         abs(m.slave_velocity) <= limits.rest_velocity
         and abs(m.master_force) <= limits.rest_master_force
@@ -527,7 +527,7 @@ def test_a_ramping_fault_stops_immediately_when_a_more_severe_fault_occurs(worse
 
 
 @pytest.mark.parametrize("hand", [0.0, 8.0])
-def test_after_a_stop_motion_or_a_force_on_the_handle_keeps_idle_without_a_fault(hand):
+def test_a_stop_with_a_lagging_slave_and_a_force_on_the_handle_ends_in_idle(hand):
     bench = Bench().moving()
     v = 0.05
     for _ in range(60):
@@ -628,7 +628,7 @@ def test_twice_the_greatest_speed_stops_immediately_also_when_it_is(velocity, al
 
 
 def moving_again(fault: Fault, worse: Fault | None = None, **sensed):
-    """A fault that ramps, and at the next tick a worse one."""
+    """A fault with a ramp, and a more severe one at the next tick."""
     bench = Bench(GENTLE).moving()
     bench.tick(EASY, request=loop_found(fault))
     assert bench.state.applied != STANDSTILL
@@ -763,7 +763,7 @@ def test_a_runaway_trips_before_it_exceeds_the_following_error(v, dt, desired):
         assert (event.source, event.limit) == ("slave_position", 2e-3)
         assert math.copysign(1.0, event.value) == math.copysign(1.0, departed)
         assert 2e-3 < abs(event.value) <= abs(departed) * NEARLY
-        # What leaks meanwhile is the departure of 2 mm, over a part of FOLLOWING_TIME.
+        # The tolerated error of 2 mm decreases meanwhile over a part of FOLLOWING_TIME.
         assert abs(departed) <= (2e-3 + abs(error) * dt) * 1.15
 
 
@@ -870,7 +870,7 @@ def test_skipped_periods_trip_by_their_fraction_over_about_a_second():
     armed, verdict = bench.time, bench.verdicts[-1]
     while verdict.state.mode is Mode.ACTIVE and bench.time < 5.0:
         verdict = bench.tick(dt=2 * DT, request=Request(skipped=1))
-    # 1 - exp(-t) of a share of one half reaches a quarter at t = log 2.
+    # A fraction of one half, averaged as 1 - exp(-t), reaches a quarter at t = log 2.
     assert bench.time - armed == pytest.approx(math.log(2.0), abs=0.01)
     (event,) = verdict.events
     assert (event.fault, event.limit) == (Fault.OVERRUN, 0.25)
@@ -896,7 +896,7 @@ def test_a_single_long_skip_is_tolerated():
 @pytest.mark.parametrize("share", [0.0, 0.5, 0.9])
 @pytest.mark.parametrize("stage", ALL_STAGES)
 def test_a_rig_whose_time_stands_still_or_is_slow_trips(stage, share):
-    """The measurement that a driver returns again and again is fresh by its own time."""
+    """A driver returns the same measurement repeatedly, whose ages stay small."""
     bench = copy.copy(STARTS[stage, GENTLE.max_acceleration])
     fault, ticks = bench.state.mode is Mode.FAULT, 0
     while ticks < 3000:
@@ -909,7 +909,7 @@ def test_a_rig_whose_time_stands_still_or_is_slow_trips(stage, share):
     if not fault:
         found = {cause.fault for cause in bench.state.causes}
         assert found <= {Fault.RIG_FAILURE, Fault.FROZEN, Fault.NOT_FOLLOWING}
-    # A drift that is forgotten over a second reaches 80 ms after -log(1 - 0.08) of standstill.
+    # With averaging over a second, the drift reaches 80 ms after a standstill of -log(1 - 0.08) s.
     assert share or (ticks - 1) * DT <= -math.log1p(-LIMITS.max_gap) + DT
 
 

@@ -1,4 +1,4 @@
-"""Worker processes end with the block, with an error in it, and with their parent."""
+"""Worker processes end with the block, after an exception in it, and with their parent."""
 
 from __future__ import annotations
 

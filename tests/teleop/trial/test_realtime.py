@@ -1,4 +1,4 @@
-"""Steps that the system refuses are reported, every step is taken back, processes do not share."""
+"""Failed steps are reported, every step is reverted, and processes claim different processors."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def policy():
 
 @pytest.fixture(autouse=True)
 def names(monkeypatch):
-    """Claims of this test alone: other processes of this machine have theirs."""
+    """Use names of claims that other processes of this machine do not use."""
     monkeypatch.setattr(
         "teleop.trial.processor_claims.address",
         lambda name: f"\0test {os.getpid()} {name}".encode(),
@@ -43,7 +43,7 @@ def names(monkeypatch):
 
 @pytest.fixture
 def processors(monkeypatch):
-    """Four processors; the affinity is kept but not applied."""
+    """Simulate four processors; the affinity is stored but not applied."""
     state = {"affinity": {0, 1, 2, 3}}
     monkeypatch.setattr(os, "sched_getaffinity", lambda pid: set(state["affinity"]))
     monkeypatch.setattr(os, "sched_setaffinity", lambda pid, new: state.update(affinity=set(new)))
@@ -52,14 +52,14 @@ def processors(monkeypatch):
 
 @pytest.fixture
 def priorities(monkeypatch):
-    """The priorities that were taken."""
+    """Record the priorities that are set."""
     taken = []
 
     def take(priority=PRIORITY):
         taken.append(priority)
         return taken.pop
 
-    monkeypatch.setattr(steps, "first_in_first_out", take)
+    monkeypatch.setattr(steps, "set_fifo_priority", take)
     return taken
 
 

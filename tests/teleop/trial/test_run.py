@@ -127,7 +127,7 @@ def test_summary_agrees_with_the_columns():
 
 
 class Spy(SimulatedRig):
-    """Counts what the drives are told."""
+    """Counts the commands to the drives."""
 
     def __init__(self, *arguments, **options):
         super().__init__(*arguments, **options)

@@ -1,4 +1,4 @@
-"""What a run leaves behind: its recording, its plot and its exit code."""
+"""Results of a run: its recording, its plot and its exit code."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def at_tick(monkeypatch):
 
 @pytest.fixture
 def fault(monkeypatch):
-    """Lets the slave's position be infinite after half a second."""
+    """Makes the slave's position infinite after half a second."""
 
     def make(cube, now, **options):
         rig = FaultyRig(SimulatedRig(cube, now, **options))

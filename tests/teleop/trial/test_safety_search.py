@@ -1,4 +1,4 @@
-"""A sample of the search of benchmarks/safety_search.py for a way past the supervisor."""
+"""A short run of benchmarks/safety_search.py, the random search for violated safety rules."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The emergency-stop key in a real terminal: which keys stop, and what becomes of the terminal."""
+"""The emergency-stop key in a real terminal: the keys, and the modes of the terminal."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ MOVING = rb"\[Enter stops\] +\d+\.\d of"
 
 
 class Run:
-    """A run in virtual time, the foreground job of a terminal of its own."""
+    """A run in virtual time, the foreground job of a new terminal."""
 
     def __init__(self, folder, *arguments, ignored="", duration="3600"):
         events, told = os.pipe()
@@ -66,7 +66,7 @@ class Run:
         self.pid, self.events, self.text = pid, events, b""
 
     def is_cooked(self):
-        """Whether the terminal gives whole lines and echoes."""
+        """Return whether the terminal passes whole lines and echoes."""
         wanted = termios.ICANON | termios.ECHO
         return termios.tcgetattr(self.terminal)[3] & wanted == wanted
 
@@ -87,7 +87,7 @@ class Run:
         os.write(self.terminal, keys)
 
     def event(self):
-        """What the shell saw of the run next; meanwhile the terminal is read."""
+        """Return the next event of the shell, and read the terminal meanwhile."""
         while True:
             ready, _, _ = select.select([self.events, self.terminal], [], [])
             if self.events in ready:
@@ -194,12 +194,12 @@ def test_a_run_that_continues_in_the_background_reports_that_the_key_does_not_wo
 
 
 def test_a_run_whose_terminal_is_lost_ramps_down(run, tmp_path):
-    """With SIGHUP ignored, as by nohup: else that would end it."""
+    """SIGHUP is ignored, as with nohup; otherwise it would end the run."""
     going = run("--record", "a.mcap", ignored="SIGHUP")
     os.close(going.terminal)
     assert os.read(going.events, 100) == b"ended"
     status = os.waitpid(going.pid, 0)[1]
-    assert os.waitstatus_to_exitcode(status) == 2  # what it prints is lost
+    assert os.waitstatus_to_exitcode(status) == 2  # its output cannot be printed
     stop = load(tmp_path / "a.mcap").events[-2]
     assert stop["text"] == "the terminal of the stop key was lost"
     assert stop["mode"] == "stopping"
@@ -209,7 +209,7 @@ def test_on_a_system_without_terminals_the_instructions_say_that_there_is_no_key
     monkeypatch.setattr("teleop.trial.stop_key.find_spec", lambda name: None)
     switch = StopSwitch(key=True)
     assert "no stop key: not available on this system" in switch.instructions
-    with switch, switch.attended():
+    with switch, switch.reading_keys():
         assert switch.request(True).arm
 
 

@@ -1,4 +1,4 @@
-"""Requests that follow from a person's signals and key; in a terminal, test_stop_key.py."""
+"""Requests from signals and the stop key; tests in a terminal are in test_stop_key.py."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from teleop.trial.stop_switch import StopSwitch
 
 @pytest.fixture
 def running():
-    """A switch whose loop has made its first tick."""
+    """Return a switch whose loop has run its first tick."""
     with StopSwitch() as switch:
         assert switch.request(True).arm
         yield switch

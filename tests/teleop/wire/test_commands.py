@@ -41,7 +41,7 @@ def teleop(*arguments, **options):
 
 @contextlib.contextmanager
 def emulated(name, folder, *arguments):
-    """`teleop rig emulate` of an example rig; what it printed."""
+    """Run `teleop rig emulate` on an example rig; yield its output."""
     out = folder / "run.toml"
     process = subprocess.Popen(
         [sys.executable, "-m", "teleop", "rig", "emulate", RIGS / f"{name}.toml", "--json",
@@ -74,7 +74,7 @@ def test_a_rig_is_run_and_recorded_against_its_emulated_devices(tmp_path):
                 "run", "--rig", rig, "--condition", "autonomous", "--duration", 1.5, "--json",
                 "--record", path,
             )  # fmt: skip
-            if ran.returncode != 3:  # stopped for safety: the machine was taken away: once more
+            if ran.returncode != 3:  # safety stop because the machine was busy: try again
                 break
         assert ran.returncode == 0, ran.stderr
         summary = json.loads(ran.stdout)
@@ -86,7 +86,7 @@ def test_a_rig_is_run_and_recorded_against_its_emulated_devices(tmp_path):
 
 @contextlib.contextmanager
 def served(name, folder):
-    """An emulator of an example rig in a thread of this process, and the rig file for it."""
+    """Run an emulator of an example rig in a thread of this process; yield its rig file."""
     rig = read_rig_file(RIGS / f"{name}.toml")
     settings = TrialSettings(condition="autonomous")
     emulator: Emulator = make_emulator(rig, settings, folder)
@@ -107,7 +107,7 @@ def test_the_check_reports_channels_round_trips_and_watchdogs(tmp_path):
     with served("odrive-bota", tmp_path) as (rig, emulator):
         for _ in range(3):
             checked = teleop("rig", "check", rig, "--seconds", 0.5, "--json")
-            if not checked.returncode:  # else the machine was taken away: once more
+            if not checked.returncode:  # otherwise the machine was busy: try again
                 break
         assert not emulator.bench.driven
     assert checked.returncode == 0, checked.stderr
@@ -122,7 +122,7 @@ def test_the_check_reports_channels_round_trips_and_watchdogs(tmp_path):
 
 
 def controller(rig):
-    """A palpation in a process of its own."""
+    """A palpation in another process."""
     return subprocess.Popen(
         [sys.executable, "-m", "teleop", "run", "--rig", rig, "--condition", "autonomous",
          "--no-record", "--realtime", "off"],
@@ -137,7 +137,7 @@ def test_when_the_controller_is_killed_the_drives_stop_by_their_own_watchdogs(na
         run = controller(rig)
         deadline = time.monotonic() + 40.0
         while abs(emulator.bench.measurement.slave_velocity) < 0.01:
-            if run.poll() == 3:  # stopped for safety: the machine was taken away: once more
+            if run.poll() == 3:  # safety stop because the machine was busy: try again
                 run = controller(rig)
             assert run.poll() is None
             assert time.monotonic() < deadline

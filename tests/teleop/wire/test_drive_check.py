@@ -1,6 +1,6 @@
-"""The check of the drives refuses a wrong sign or scale before the true slave gets far.
+"""The check of the drives detects a wrong sign or scale before the true slave moves far.
 
-Travel and force are those of the simulated plant, not what the rig under test reads.
+Travel and force are those of the simulated plant, not the measurements of the rig.
 """
 
 from __future__ import annotations
@@ -43,13 +43,13 @@ def rewritten(*path: str, **values: Any) -> Callable[[str], str]:
 
 
 def encoder_reads(factor: float, axis: str = "slave") -> dict[str, Any]:
-    """A rig file by which an encoder reads so many times the travel."""
+    """Return a rig file whose encoder shows a multiple of the travel."""
     sign = -1 if factor < 0.0 else 1
     return {"rewrite": rewritten("channels", f"{axis}_position", scale=abs(factor), sign=sign)}
 
 
 def drive_goes(factor: float, axis: str = "slave") -> dict[str, Any]:
-    """A drive that goes at so many times the commanded velocity."""
+    """Make a drive move at a multiple of the commanded velocity."""
 
     def prepare(emulator: Emulator) -> None:
         drive = emulator.bench.drive
@@ -63,7 +63,7 @@ def drive_goes(factor: float, axis: str = "slave") -> dict[str, Any]:
 
 
 class Checked:
-    """The check of an emulated rig, and how far its true slave went [m] and pressed [N]."""
+    """The check of an emulated rig, and the largest true displacement [m] and force [N]."""
 
     def __init__(self, trial: Any, move: bool = True) -> None:
         self.travel = self.force = 0.0

@@ -1,4 +1,4 @@
-"""What becomes of a trial when its wire fails: ridden through, or stopped under its name."""
+"""Faults of a wire during a trial: tolerated, or stopped with the name of the fault."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from sim_backend.wire.wire_faults import FAULTS, BaudMismatch, Burst
 from teleop.safety import Fault, Mode
 
 AT = 0.2
-"""When a fault sets in, after the drives were enabled [s]."""
+"""Time of a fault after the drives were enabled [s]."""
 
 
 class Wired(NamedTuple):
-    """An example rig, and its bus and device whose wire fails."""
+    """An example rig, and the bus and device with a faulty wire."""
 
     rig: str
     bus: str
     device: str
     reset: Fault
-    """What a reset of the device is told as: a CANopen drive boots in silence."""
+    """Faults that may be reported for a reset of the device; a CANopen drive boots silently."""
 
 
 BOARD = Wired("serial-board", "usb", "board", Fault.DRIVE_ERROR)
@@ -34,7 +34,7 @@ NAMES = [wired.bus for wired in WIRES]
 
 
 def run(stepped, wired, kind, where="", duration=0.45):
-    """A trial whose wire fails at `AT`; the trial and the emulator."""
+    """Run a trial with a fault of the wire at `AT`; return the trial and the emulator."""
     emulators = []
     fault = PlannedFault(kind, where or wired.bus, AT)
     trial = stepped(wired.rig, duration=duration, faults=[fault], prepare=emulators.append)
@@ -42,7 +42,7 @@ def run(stepped, wired, kind, where="", duration=0.45):
 
 
 def check_stopped(trial, emulator):
-    """The slave is told to stand still from the fault on, and does."""
+    """Check that the slave is commanded to stop after the fault, and stops."""
     recording = trial.recording
     fault = recording["time"] >= trial.fault["time"] + 0.1
     assert fault.any()

@@ -51,7 +51,7 @@ def test_a_trial_has_the_papers_settings():
 
 
 def outcomes(change=None):
-    """Nine trials that are the paper's own numbers, but for one changed cell."""
+    """Return nine trials with the paper's numbers, of which one cell is changed."""
     made = []
     for condition in ("free", "mimic", "autonomous"):
         for cube in ("soft", "medium", "hard"):
