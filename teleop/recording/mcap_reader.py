@@ -188,13 +188,7 @@ def read_records(file: BinaryIO, contents: Contents) -> None:
 
 
 def check_memory(file: BinaryIO, contents: Contents) -> None:
-    """Check that the decompressed ticks and events are not too large for the memory.
-
-    Raises
-    ------
-    InputError
-        They are too large, which may happen even if the file is small.
-    """
+    """Raise InputError if the decompressed ticks or events are too large for the memory."""
     if len(contents.messages) > LARGEST_TICKS or len(contents.events) > MOST_EVENTS:
         raise InputError(
             f"{file.name}: too large for this machine's memory: more than "
