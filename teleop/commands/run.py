@@ -62,7 +62,7 @@ def run(
     ----------
     condition
         Control condition: the operator palpates freely (free), tries to track a sine (mimic), or
-        the PE injector moves the slave and nobody holds the handle (autonomous).
+        the PE injector moves the slave and the handle is free (autonomous).
     rig
         Rig file (TOML) that lists the devices of the rig. Default: the simulated rig.
     cube

@@ -159,7 +159,7 @@ def contact_position(recording: Recording) -> float:
     deepest = int(np.argmax(recording["slave_position"])) if len(recording) else -1
     x, f = (recording[name][: deepest + 1] for name in ("slave_position", "contact_force"))
     if not len(f) or f.max() < 0.5 * TOUCH:
-        raise InputError(f"tare: no contact within {REACH * 1e3:g} mm: expected a contact")
+        raise InputError("tare: no contact within the range: expected a contact")
     candidates = np.linspace(x.max() - 0.5 * np.ptp(x), x.max(), 400, endpoint=False)
     return float(
         candidates[int(np.argmin([squared_residuals(x, f, start) for start in candidates]))]

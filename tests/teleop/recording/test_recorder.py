@@ -177,7 +177,7 @@ def test_a_recorder_that_hangs_does_not_block_the_end(tmp_path, monkeypatch):
     sink.process.send_signal(signal.SIGSTOP)
     for i in range(10_000):
         sink.push(message(i * 1e-3))
-    sink.event(Event(9.0, Mode.FAULT, "told to nobody", Fault.JUMP))
+    sink.event(Event(9.0, Mode.FAULT, "not recorded", Fault.JUMP))
     assert sink.close().problem == "the recorder was killed"
 
 
@@ -200,8 +200,8 @@ def test_a_full_disk_is_reported_and_does_not_stop_the_run(tmp_path, capfd):
     outcome = sink.close()
     assert outcome.problem == "no space left on device"
     assert outcome.pushed == 3000
-    told = "teleop: /dev/full: no space left on device: the run continues\n"
-    assert capfd.readouterr().err == told
+    expected = "teleop: /dev/full: no space left on device: the run continues\n"
+    assert capfd.readouterr().err == expected
 
 
 def test_a_file_that_cannot_be_written_is_refused_before_anything_moves(tmp_path):
@@ -267,13 +267,13 @@ def test_a_removed_recording_is_reported_while_the_run_continues(tmp_path, capfd
     sink = recorder(path)
     sink.push(message(0.0))
     path.unlink()
-    told = f"teleop: {path}: the file was removed during the run: the run continues\n"
+    expected = f"teleop: {path}: the file was removed during the run: the run continues\n"
     shown = ""
     for _ in range(100):
         if shown := capfd.readouterr().err:
             break
         time.sleep(0.1)
-    assert shown == told
+    assert shown == expected
     sink.close()
 
 

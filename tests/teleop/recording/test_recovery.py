@@ -257,15 +257,15 @@ def flipped(whole, tmp_path, place, bit):
 
 def assert_refused_or_same(path, recording):
     """Check that a damaged file loads unchanged or is refused, and its intact part is a prefix."""
-    told = ""
+    message = ""
     try:
         loaded = load(path)
     except InputError as error:
-        told = str(error)
-    if not told:
+        message = str(error)
+    if not message:
         assert_equal(loaded, recording)
         return
-    assert re.search(r"teleop recover|contains no ticks|not an MCAP file", told)
+    assert re.search(r"teleop recover|contains no ticks|not an MCAP file", message)
     try:
         contents = read_intact(path)
     except InputError:

@@ -282,8 +282,8 @@ def check_tick(before: Supervision, m, desired, request, limits, verdict):
     new = state.causes[len(before.causes) :]
     assert state.causes[: len(before.causes)] == before.causes
     if mode is Mode.FAULT:
-        told = [(e.fault, e.source, e.value, e.limit, e.since) for e in verdict.events]
-        assert repr(told) == repr([tuple(cause) for cause in new])
+        reported = [(e.fault, e.source, e.value, e.limit, e.since) for e in verdict.events]
+        assert repr(reported) == repr([tuple(cause) for cause in new])
 
     if before.mode is Mode.FAULT:
         assert mode is Mode.FAULT
@@ -327,10 +327,10 @@ def test_safety_rules_hold_for_arbitrary_ticks(stage, limits, ticks):
         bench.ticks += 1
         measurement = bench.measure(**changes)
         inputs = (before, measurement, desired, request, limits)
-        told = repr(inputs)
+        before = repr(inputs)
         verdict = decide(*inputs)
         assert repr(decide(*inputs)) == repr(verdict)
-        assert repr(inputs) == told
+        assert repr(inputs) == before
         check_tick(*inputs, verdict)
         bench.state = verdict.state
 
@@ -412,8 +412,8 @@ def test_the_whole_way_from_start_to_standstill():
     assert verdict.state.mode is Mode.STOPPING
     assert verdict.events[0].text == "Ctrl-C"
     bench.until(Mode.IDLE, EASY)
-    told = [event.mode for verdict in bench.verdicts for event in verdict.events]
-    assert told == [Mode.IDLE, Mode.READY, Mode.ACTIVE, Mode.STOPPING, Mode.IDLE]
+    reported = [event.mode for verdict in bench.verdicts for event in verdict.events]
+    assert reported == [Mode.IDLE, Mode.READY, Mode.ACTIVE, Mode.STOPPING, Mode.IDLE]
 
 
 @pytest.mark.parametrize("mode", [Mode.DISCONNECTED, Mode.IDLE])

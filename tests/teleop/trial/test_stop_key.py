@@ -50,18 +50,18 @@ class Run:
     """A run in virtual time, the foreground job of a new terminal."""
 
     def __init__(self, folder, *arguments, ignored="", duration="3600"):
-        events, told = os.pipe()
+        events, sender = os.pipe()
         commands, self.commands = os.pipe()
         pid, self.terminal = pty.fork()
         if pid == 0:
             os.chdir(folder)
-            os.dup2(told, 13)
+            os.dup2(sender, 13)
             os.dup2(commands, 4)
             os.dup2(13, 3)
             os.environ["IGNORED"] = ignored
             end = ["--clock", "virtual", "--duration", duration]
             os.execv(sys.executable, [sys.executable, "-c", SHELL, *end, *arguments])
-        os.close(told)
+        os.close(sender)
         os.close(commands)
         self.pid, self.events, self.text = pid, events, b""
 

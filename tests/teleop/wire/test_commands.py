@@ -160,8 +160,8 @@ def test_each_problem_of_a_rig_file_is_reported_on_its_own_line(tmp_path, capsys
     assert main(["run", "--rig", str(path)]) == 2
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) == 3
-    for told in ("limits.max_speed", "limits.max_velocity_mm_per_s", "force_9"):
-        assert sum(told in line for line in lines) == 1
+    for expected in ("limits.max_speed", "limits.max_velocity_mm_per_s", "force_9"):
+        assert sum(expected in line for line in lines) == 1
 
 
 @pytest.mark.parametrize(
@@ -174,7 +174,7 @@ def test_a_missing_port_is_reported_in_one_line(refused, arguments):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "expected"),
     [
         (("run", "--rig", BOARD, "--clock", "virtual"), "runs in real time"),
         (("run", "--rig", "nowhere.toml"), "nowhere.toml"),
@@ -189,8 +189,8 @@ def test_a_missing_port_is_reported_in_one_line(refused, arguments):
         (("rig", "emulate", BOARD, "--fault", "reset:usb@1"), "expected one of board"),
     ],
 )
-def test_an_impossible_request_is_reported_in_one_line(refused, arguments, told):
-    assert told in refused(*arguments)
+def test_an_impossible_request_is_reported_in_one_line(refused, arguments, expected):
+    assert expected in refused(*arguments)
 
 
 def test_the_ports_of_this_machine_are_listed(capsys):
