@@ -13,8 +13,8 @@ TIMEOUT = 0.5
 class Terminal:
     """Writes to a terminal without ever blocking the caller.
 
-    A terminal blocks its writer while it is stopped (Ctrl-S) or while no program reads it. The
-    descriptor cannot be made non-blocking, because the shell uses the same one.
+    A terminal blocks a program that writes to it while it is stopped (Ctrl-S) or while its output
+    is not read. The descriptor is shared with the shell; it must not be made non-blocking.
 
     Parameters
     ----------

@@ -29,7 +29,7 @@ from teleop.recording.mcap_writer import EVENT_SCHEMA, EVENTS, TICKS
 MAGIC = b"\x89MCAP"
 """First bytes of an MCAP file."""
 HEAD = struct.Struct("<BQHIQQ")
-"""Head of a message's record: opcode, length, channel, sequence number, two times."""
+"""Struct with the head of a message's record: opcode, length, channel, sequence, two times."""
 LARGEST_RECORD = 128 << 20
 """Largest record that is read [bytes]."""
 MOST_EVENTS = 100_000

@@ -36,7 +36,7 @@ FLUSH = 0.05
 BULK = 1 << 16
 """Largest number of bytes that are read from the pipe at a time."""
 PAIR = struct.Struct("<2d")
-"""An estimator's b and k in the message of a tick."""
+"""Struct with b and k of an estimator in the message of a tick."""
 
 
 def send(**status: Any) -> None:

@@ -128,7 +128,7 @@ def touch(
 
 
 def touch_limits(limits: Limits) -> Limits:
-    """Return narrow limits relative to the start, because the datum is not yet known."""
+    """Return narrow limits relative to the start position, because the datum is not yet known."""
     return replace(
         limits,
         soft_position=(-AWAY, REACH),
@@ -167,7 +167,7 @@ def contact_position(recording: Recording) -> float:
 
 
 def squared_residuals(x: Floats, f: Floats, start: float) -> float:
-    """Return the sum of squared residuals of the best spring with contact at `start` [N^2].
+    """Return the sum of squared residuals of a fitted spring with contact at `start` [N^2].
 
     Parameters
     ----------

@@ -172,7 +172,10 @@ def test_a_file_that_names_no_rig_is_accepted(tmp_path):
         (Tare(master_force=math.nan), "master_force nan N: expected a zero"),
         (Tare(slave_position=-math.inf), "slave_position -inf m: expected a zero"),
         (Tare(slave_position=0.7), "slave_position 0.7: expected a value in the range"),
-        (Tare(rig="another"), "measured on the rig 'another': expected a tare of the rig 'simulated'"),
+        (
+            Tare(rig="another"),
+            "measured on the rig 'another': expected a tare of the rig 'simulated'",
+        ),
     ],
 )
 def test_a_tare_that_does_not_fit_the_rig_is_refused(tare, words):
