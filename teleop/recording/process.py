@@ -193,7 +193,7 @@ class FileMonitor:
         self._reported = False
 
     def update(self) -> None:
-        """Flush and check the file if `FLUSH` and `CHECK` have passed."""
+        """Flush the file every `FLUSH` seconds, and check it every `CHECK` seconds."""
         now, file = time.monotonic(), self._file
         if now - self._flushed >= FLUSH:
             self._flushed = now

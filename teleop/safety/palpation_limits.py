@@ -17,7 +17,7 @@ SPEED = 14.0
 STOPPING = 0.015
 """Time in which the slave brakes from the greatest speed to zero [s]."""
 ACCELERATION = 26.0
-"""Greatest acceleration, in depths times the frequency squared; a sine needs 19.7."""
+"""Greatest acceleration, as a multiple of depth times frequency squared; a sine needs 19.7."""
 FOLLOWING, FROZEN = 0.15, 0.03
 """Following error, and commanded travel of a frozen encoder, as fractions of the depth."""
 FROZEN_SPEED = 0.1
