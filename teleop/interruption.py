@@ -17,7 +17,7 @@ SIGNALS = {
     "SIGHUP": "the terminal was closed",
     "SIGQUIT": "Ctrl-\\",
 }
-"""Signals, and the reason that each stands for; Windows has the first two only."""
+"""Reason that is reported for each signal that ends a program; Windows has the first two only."""
 CLEAN_UP = 2.0
 """Time for the clean-up after an interruption, before another signal can interrupt it [s]."""
 

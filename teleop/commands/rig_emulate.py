@@ -1,4 +1,4 @@
-"""`teleop rig emulate`: a rig's devices in software, on real serial ports and CAN buses."""
+"""`teleop rig emulate`: a rig's devices in software, on pseudo-terminals and SocketCAN buses."""
 
 from __future__ import annotations
 

@@ -60,7 +60,7 @@ def read_fault(text: str, rig: RigFile) -> PlannedFault:
 def is_possible(kind: str, bus: SerialSettings | CanSettings) -> bool:
     """Return whether a kind of fault can occur on a bus.
 
-    Corrupted bits need a serial line, error frames a CAN bus.
+    Some kinds occur on serial lines only, others on CAN buses only.
     """
     if kind in ON_CAN:
         return isinstance(bus, CanSettings)

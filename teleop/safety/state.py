@@ -11,7 +11,7 @@ from teleop.safety.events import ACTIVE, STOPPING, Event, Mode, stops_immediatel
 
 
 class Request(NamedTuple):
-    """Requests of the person and input of the loop to the supervisor at a tick."""
+    """Input of the supervisor at a tick: requests of the person, and data from the loop."""
 
     arm: bool = False
     """Whether to arm the drives, which changes the mode from ready to active."""
