@@ -37,7 +37,7 @@ class Terminal:
             self._wake()
 
     def write(self, text: str) -> None:
-        """Write text that is never discarded, and discard text of `draw` that is not written yet."""
+        """Write text that is never discarded; unwritten text of an earlier `draw` is discarded."""
         with self._changed:
             self._kept += encoded(text)
             self._line = b""
