@@ -21,7 +21,7 @@ NOISE = 0.02
 B, K = 20.0, 2100.0
 """Damping [N s/m] and stiffness [N/m] of the Kelvin-Voigt plant."""
 EXPONENT = 1.3
-"""Exponent n of the Hunt-Crossley plant; its b and k at `DEPTH` are those of Kelvin-Voigt."""
+"""Exponent n of the Hunt-Crossley plant, whose b and k at `DEPTH` are `B` and `K`."""
 DEPTH = 5e-3
 """Mean displacement [m]."""
 

@@ -37,7 +37,7 @@ class CampaignClock(VirtualClock):
 
 
 class FileSink(Sink):
-    """The file of the recorder in the same process: with the same flushes, and never closed."""
+    """Writes the file of the recorder in this process, with the same interval of flushes."""
 
     def __init__(self, path: Path, layout: Layout, columns: Any) -> None:
         self.path = path

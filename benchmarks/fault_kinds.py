@@ -123,8 +123,11 @@ def include(case: Case) -> None:
     slave.cube = cube
 
 
-def back(case: Case, travel: float, change: float) -> bool:
-    """Return True: a stalled loop detects it at its next tick; until then the watchdogs act."""
+def after_stall(case: Case, travel: float, change: float) -> bool:
+    """Return True: the loop detects a stall at the first tick after it.
+
+    During the stall, the watchdogs of the drives act.
+    """
     return True
 
 
@@ -242,7 +245,9 @@ KINDS = sensor_kinds() | {
     "rig unplugged": Kind(
         rig_fault(lambda case: Unplugged()), frozenset({Fault.RIG_FAILURE}), PERIOD
     ),
-    "loop stalls 200 ms": Kind(lose(200, 0), frozenset({Fault.OVERRUN}), PERIOD, evidence=back),
+    "loop stalls 200 ms": Kind(
+        lose(200, 0), frozenset({Fault.OVERRUN}), PERIOD, evidence=after_stall
+    ),
     "loop skips 3 of 4 periods": Kind(lose(0, 3), frozenset({Fault.OVERRUN}), 0.5),
     "exception in an estimator": Kind(
         break_estimator, frozenset({Fault.ESTIMATION_FAILURE}), RAMP + PERIOD

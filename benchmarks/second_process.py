@@ -94,7 +94,7 @@ class First:
         self.gaps: list[float] = []
         """Longest time between two ticks of each run [s]."""
         self.faults: list[str] = []
-        """Reasons of the runs that stopped by themselves."""
+        """Faults of the runs that stopped by themselves."""
 
     def ensure(self) -> None:
         """Start the run unless it is running, and wait until it moves."""

@@ -67,7 +67,7 @@ def ours(path: Path, ticks: int) -> dict[str, dict[str, list[float]]]:
 
 
 def timed(poll: Callable[[], None], times: list[float]) -> Callable[[], None]:
-    """Return a function that drains a bus and appends the time of it to `times`."""
+    """Return a function that drains a bus and appends the duration to `times` [s]."""
 
     def watched() -> None:
         start = time.perf_counter()

@@ -1,1 +1,1 @@
-"""Hardware-in-the-loop controller for a 1-DOF telemanipulator that estimates what it touches."""
+"""Hardware-in-the-loop controller for a 1-DOF telemanipulator that estimates its environment."""

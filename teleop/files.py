@@ -109,7 +109,7 @@ def new_file(path: Path, overwrite: bool = False) -> Iterator[BinaryIO]:
     Raises
     ------
     InputError
-        The file cannot be written, or exists.
+        The file cannot be written, or exists and may not be overwritten.
     """
     part = None
     try:
@@ -139,7 +139,7 @@ def write_text(path: Path, text: str, overwrite: bool = False) -> None:
     Raises
     ------
     InputError
-        The file cannot be written, or exists.
+        The file cannot be written, or exists and may not be overwritten.
     """
     with new_file(path, overwrite) as file:
         file.write(text.encode("utf-8", "backslashreplace"))

@@ -11,20 +11,20 @@ from collections.abc import Callable, Iterator
 from types import FrameType
 from typing import Self
 
-ENDING = {
+SIGNALS = {
     "SIGINT": "Ctrl-C",
     "SIGTERM": "asked to end",
     "SIGHUP": "the terminal was closed",
     "SIGQUIT": "Ctrl-\\",
 }
-"""Signals, and the reason that each stands for; Windows has the first two only."""
+"""Reason that is reported for each signal that ends a program; Windows has the first two only."""
 CLEAN_UP = 2.0
 """Time for the clean-up after an interruption, before another signal can interrupt it [s]."""
 
 
 @contextlib.contextmanager
-def handled(handler: Callable[[str], object]) -> Iterator[None]:
-    """Call a handler for the signals of `ENDING` within the block.
+def handle_signals(handler: Callable[[str], object]) -> Iterator[None]:
+    """Call a handler for the signals of `SIGNALS` within the block.
 
     A signal that is ignored on entry stays ignored: `nohup` ignores SIGHUP, and a shell script
     ignores SIGINT in the processes that it starts with `&`. In a thread other than the main
@@ -37,11 +37,11 @@ def handled(handler: Callable[[str], object]) -> Iterator[None]:
     """
 
     def on_signal(number: int, frame: FrameType | None) -> None:
-        handler(ENDING[signal.Signals(number).name])
+        handler(SIGNALS[signal.Signals(number).name])
 
     before = {}
     if threading.current_thread() is threading.main_thread():
-        for name in ENDING:
+        for name in SIGNALS:
             number = getattr(signal, name, None)
             if number and signal.getsignal(number) not in (signal.SIG_IGN, None):
                 before[number] = signal.signal(number, on_signal)
@@ -53,7 +53,7 @@ def handled(handler: Callable[[str], object]) -> Iterator[None]:
 
 
 class Interruption:
-    """Counts the signals of `ENDING`, and raises KeyboardInterrupt if they are not acknowledged.
+    """Counts the signals of `SIGNALS`, and raises KeyboardInterrupt if they are not acknowledged.
 
     Used as a context manager, within which it handles the signals. A signal raises
     KeyboardInterrupt if it, or an earlier one, was not acknowledged within `timeout`. The
@@ -74,17 +74,17 @@ class Interruption:
         self.count = 0
         self.reason = ""
         self.timeout = 0.0
-        self._waits_since = math.inf
+        self._unacknowledged_since = math.inf
         self._handled = contextlib.ExitStack()
 
     def acknowledge(self) -> None:
         """Report that the program responds to the signals so far."""
-        self._waits_since = math.inf
+        self._unacknowledged_since = math.inf
 
     def clean_up(self) -> None:
         """Start the clean-up: a signal does not interrupt it within `CLEAN_UP` from now."""
         self.timeout = CLEAN_UP
-        self._waits_since = time.monotonic()
+        self._unacknowledged_since = time.monotonic()
 
     def on_signal(self, reason: str) -> None:
         """Count a signal.
@@ -97,13 +97,13 @@ class Interruption:
         self.count += 1
         self.reason = reason
         now = time.monotonic()
-        self._waits_since = min(self._waits_since, now)
-        if now - self._waits_since >= self.timeout:
+        self._unacknowledged_since = min(self._unacknowledged_since, now)
+        if now - self._unacknowledged_since >= self.timeout:
             self.clean_up()
             raise KeyboardInterrupt(reason)
 
     def __enter__(self) -> Self:
-        self._handled.enter_context(handled(self.on_signal))
+        self._handled.enter_context(handle_signals(self.on_signal))
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -114,5 +114,5 @@ class Interruption:
 def stop_signals() -> Iterator[Callable[[], bool]]:
     """Yield a function that returns whether a signal has arrived within the block."""
     came = threading.Event()
-    with handled(lambda reason: came.set()):
+    with handle_signals(lambda reason: came.set()):
         yield came.is_set

@@ -1,4 +1,4 @@
-"""Tests never time: hypothesis has no deadline on a shared machine, and half its examples."""
+"""Common fixtures; hypothesis runs without deadlines, because the machine may be shared."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ settings.load_profile("shared machine")
 
 for name in ("SIGINT", "SIGHUP", "SIGQUIT"):
     ending = getattr(signal, name, None)
-    if ending and signal.getsignal(ending) is signal.SIG_IGN:  # as nohup and scripts leave them
+    if ending and signal.getsignal(ending) is signal.SIG_IGN:  # as set by nohup and scripts
         quits = name == "SIGQUIT"
         signal.signal(ending, signal.SIG_DFL if quits else signal.default_int_handler)
 
@@ -54,7 +54,7 @@ def pytest_collection_modifyitems(items):
 
 
 def pytest_collection_finish(session):
-    """Compile the estimators on the other processor until their tests come."""
+    """Compile the estimators in another process during the other tests."""
     wanted = any(item.path.name == "test_contract.py" for item in session.items)
     if wanted and find_spec("numba") and not session.config.option.collectonly:
         script = Path(__file__).parent / "estimation" / "compile_all.py"
@@ -62,7 +62,7 @@ def pytest_collection_finish(session):
 
 
 def pytest_sessionfinish(session):
-    """Leave nothing behind."""
+    """End the process that compiles."""
     if process := session.config.stash.get(COMPILER, None):
         process.terminate()
         process.wait()
@@ -70,7 +70,7 @@ def pytest_sessionfinish(session):
 
 @pytest.fixture(scope="session")
 def compiled_estimators(request):
-    """Waits until every estimator has been compiled."""
+    """Wait until every estimator has been compiled."""
     if process := request.config.stash.get(COMPILER, None):
         assert process.wait() == 0
 

@@ -80,7 +80,7 @@ POSIX_ONLY = {"fcntl", "termios", "pty", "resource", "grp", "pwd", "posix", "sys
 
 
 def imported(path: Path, lazily: bool = True) -> set[str]:
-    """Packages that a module imports, those within its functions included or not."""
+    """Return the packages that a module imports, with or without imports within functions."""
     names: set[str] = set()
     tree = ast.parse(path.read_text())
     for node in ast.walk(tree) if lazily else tree.body:
@@ -107,7 +107,7 @@ def test_no_module_needs_posix_to_be_imported(package):
 
 
 def modules() -> dict[str, Path]:
-    """The files of the four packages by the name of their module."""
+    """Return the files of the four packages by the name of their module."""
     files = (path for package in ALLOWED for path in (ROOT / package).rglob("*.py"))
     return {
         ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): path
@@ -116,7 +116,7 @@ def modules() -> dict[str, Path]:
 
 
 def imports_between_files() -> dict[str, set[str]]:
-    """The modules that each module imports, also within functions and for types alone."""
+    """Return the modules that each module imports, also within functions and for types only."""
     known = modules()
     arrows: dict[str, set[str]] = {}
     for name, path in known.items():
@@ -132,7 +132,7 @@ def imports_between_files() -> dict[str, set[str]]:
 
 
 def room(module: str) -> str:
-    """The room of a module of `teleop`; empty for a flat one."""
+    """Return the room of a module of `teleop`; empty for a module outside the rooms."""
     _, _, rest = module.partition("teleop.")
     first = rest.partition(".")[0]
     return first if first in ROOMS else ""

@@ -1,1 +1,1 @@
-"""The subcommands of `teleop`, one a file; heavy imports wait for their call."""
+"""The subcommands of `teleop`, one per file; slow imports are made when they run."""

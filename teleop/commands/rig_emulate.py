@@ -1,4 +1,4 @@
-"""`teleop rig emulate`: a rig's devices in software, on real serial ports and CAN buses."""
+"""`teleop rig emulate`: a rig's devices in software, on pseudo-terminals and SocketCAN buses."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def emulate(
     from teleop.interruption import stop_signals
     from teleop.output import console, rig_tables
     from teleop.rig.emulation import make_emulator, opened, read_fault
-    from teleop.rig.generated_file import is_unchanged, stamped
+    from teleop.rig.generated_file import is_unchanged, with_checksum
     from teleop.trial.realtime import realtime
     from teleop.trial.rig_loading import load_rig_file
     from teleop.trial.settings import TrialSettings
@@ -90,7 +90,7 @@ def emulate(
             opened(emulator),
             realtime(urgency, REALTIME_STEPS) as real_time,
         ):
-            write_text(out, stamped(host_file(rig, folder), WRITER), overwrite)
+            write_text(out, with_checksum(host_file(rig, folder), WRITER), overwrite)
             ports = host_ports(rig, folder)
             if json:
                 console.print_json({"rig": rig.sections.name, "file": str(out), "ports": ports})

@@ -36,8 +36,8 @@ def tare(
     out
         File for the zeros (JSON).
     contact
-        Contact datum: the zero of the encoder (keep), the position at which the slave touches
-        when it moves forward slowly by at most 4 mm (touch), or a position such as 1.5mm.
+        Contact datum: keep for the zero of the encoder; touch to move the slave forward slowly,
+        by at most 4 mm, until contact; or a position such as 1.5mm.
     cube
         Cube on the simulated rig.
     seed
@@ -55,7 +55,7 @@ def tare(
     from teleop.files import check_outputs
     from teleop.output import console
     from teleop.output.rig_tables import print_tare
-    from teleop.rig.touching import dated_tare, off_the_cube, touch
+    from teleop.rig.touching import dated_tare, rig_away_from_cube, touch
     from teleop.rig.zeroing import force_zero
     from teleop.trial.rig_loading import load_rig_file
 
@@ -71,7 +71,7 @@ def tare(
         opened: Rig = WiredRig(rig_file, clock.now)
     else:
         clock = VirtualClock(1000.0)
-        opened = off_the_cube(cube, clock.now, sensors, seed)
+        opened = rig_away_from_cube(cube, clock.now, sensors, seed)
     with opened:
         zero = force_zero(opened, clock)
     if contact == "touch":

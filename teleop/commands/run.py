@@ -67,7 +67,7 @@ def run(
         is run again. Options override it. The defaults below are those without a file.
     condition
         Control condition: the operator palpates freely (free), tries to track a sine (mimic), or
-        the PE injector moves the slave and nobody holds the handle (autonomous). Default: free.
+        the PE injector moves the slave and the handle is free (autonomous). Default: free.
     rig
         Rig file (TOML) that lists the devices of the rig. Default: the simulated rig.
     cube

@@ -19,7 +19,7 @@ class Tick(NamedTuple):
     overrun: bool
     """Whether the previous tick had not ended at this deadline."""
     skipped: int
-    """Number of whole periods that were skipped because of that."""
+    """Number of whole periods that were skipped because the previous tick took too long."""
     busy: float = 0.0
     """Duration of the previous tick, from its start to the wait after it [s]."""
 

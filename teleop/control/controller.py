@@ -40,13 +40,13 @@ class Controller:
     """Maps force to velocity within the limits and updates the estimators, at each tick.
 
     An exception within a tick becomes a fault for the supervisor, which stops the drives; the
-    first one is stored in `error`. Only KeyboardInterrupt and an exception of the first
-    measurement leave the tick.
+    first one is stored in `error`. Only KeyboardInterrupt, and an exception of the first
+    measurement, are raised by `tick`.
 
     Parameters
     ----------
     rig
-        The telemanipulator, opened.
+        The telemanipulator, which has been opened.
     condition
         Source of the force that drives the master.
     admittance, coupling

@@ -24,7 +24,7 @@ class Signal(ABC):
     @property
     @abstractmethod
     def highest(self) -> float:
-        """Highest frequency [Hz]."""
+        """Highest frequency of the signal [Hz]."""
 
     @abstractmethod
     def at(self, t: float) -> Motion:
@@ -51,7 +51,7 @@ class Sine(Signal):
 
     @property
     def highest(self) -> float:
-        """Highest frequency [Hz]."""
+        """Highest frequency of the signal [Hz]."""
         return self.frequency
 
     def at(self, t: float) -> Motion:
@@ -87,7 +87,7 @@ class Multisine(Signal):
 
     @property
     def highest(self) -> float:
-        """Highest frequency [Hz]."""
+        """Highest frequency of the signal [Hz]."""
         return max(self.frequencies)
 
     def at(self, t: float) -> Motion:
@@ -130,7 +130,7 @@ class Chirp(Signal):
 
     @property
     def highest(self) -> float:
-        """Highest frequency [Hz]."""
+        """Highest frequency of the signal [Hz]."""
         return self.high
 
     def at(self, t: float) -> Motion:

@@ -13,8 +13,8 @@ TIMEOUT = 0.5
 class Terminal:
     """Writes to a terminal without ever blocking the caller.
 
-    A terminal blocks its writer while it is stopped (Ctrl-S) or while no program reads it. The
-    descriptor cannot be made non-blocking, because the shell uses the same one.
+    A terminal blocks a program that writes to it while it is stopped (Ctrl-S) or while its output
+    is not read. The descriptor is shared with the shell; it must not be made non-blocking.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ class Terminal:
             self._wake()
 
     def write(self, text: str) -> None:
-        """Write text that is always written; text of an earlier `draw` is discarded."""
+        """Write text that is never discarded; unwritten text of an earlier `draw` is discarded."""
         with self._changed:
             self._kept += encoded(text)
             self._line = b""

@@ -7,6 +7,6 @@ import struct
 CDR = b"\0\1\0\0"
 """First bytes of a little-endian CDR message."""
 TIME = struct.Struct("<4xd")
-"""Layout of a tick's message up to its first double, the time."""
+"""Struct with the beginning of a tick's message: the CDR head is skipped, then the time [s]."""
 MESSAGE_NAME = "teleop/msg/Tick"
 """Name of the ROS 2 message type of a tick."""

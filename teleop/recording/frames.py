@@ -9,13 +9,17 @@ from __future__ import annotations
 import struct
 
 HEAD = struct.Struct("<I")
-"""Length of the JSON document of the session."""
+"""Struct with the length of the JSON document of the session [bytes]."""
 FRAME = struct.Struct("<cH")
-"""Kind of a frame and length of its content."""
+"""Struct with the kind of a frame and the length of its content [bytes]."""
 TICK, EVENT, BEGIN, END = b"T", b"E", b"B", b"N"
 """Kinds of frame."""
 NUMBER = struct.Struct("<q")
-"""Wall-clock time of the beginning of the trial [ns], or number of dropped ticks at its end."""
+"""Struct with the content of a frame BEGIN or END.
+
+For BEGIN it is the wall-clock time of the beginning of the trial [ns], for END the number of
+dropped ticks.
+"""
 
 
 def number_frame(kind: bytes, number: int) -> bytes:

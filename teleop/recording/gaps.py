@@ -48,7 +48,7 @@ def missing_ticks(
     t
         Time of each recorded tick [s], shape (n,).
     dt
-        Time since the previous tick [s], which may not be recorded, shape (n,).
+        Time since the previous tick [s], even if that tick is not recorded, shape (n,).
     dropped
         Number of ticks dropped before each recorded tick, shape (n,).
     total_dropped

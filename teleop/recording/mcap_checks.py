@@ -88,7 +88,7 @@ def check_ticks(ticks: NDArray[np.uint8], sequence: NDArray[np.uint32]) -> None:
         raise ValueError("a tick has no valid time")
 
 
-def checked_event(document: bytes) -> dict[str, Any]:
+def read_event(document: bytes) -> dict[str, Any]:
     """Return the event in a JSON document.
 
     Raises
@@ -111,7 +111,7 @@ def checked_event(document: bytes) -> dict[str, Any]:
     return event
 
 
-def is_readable(metadata: dict[str, str]) -> bool:
+def is_valid_metadata(metadata: dict[str, str]) -> bool:
     """Return whether a metadata record is text and its JSON document, if any, is valid."""
     try:
         loads(metadata.get("json", "{}"))

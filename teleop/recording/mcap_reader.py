@@ -23,13 +23,13 @@ from teleop.errors import InputError
 from teleop.files import unreadable
 from teleop.recording.cdr import MESSAGE_NAME, TIME
 from teleop.recording.chunks import chunk_data
-from teleop.recording.mcap_checks import check_ticks, checked_event, is_readable, message_size
+from teleop.recording.mcap_checks import check_ticks, is_valid_metadata, message_size, read_event
 from teleop.recording.mcap_writer import EVENT_SCHEMA, EVENTS, TICKS
 
 MAGIC = b"\x89MCAP"
 """First bytes of an MCAP file."""
 HEAD = struct.Struct("<BQHIQQ")
-"""Head of a message's record: opcode, length, channel, sequence number, two times."""
+"""Struct with the head of a message's record: opcode, length, channel, sequence, two times."""
 LARGEST_RECORD = 128 << 20
 """Largest record that is read [bytes]."""
 MOST_EVENTS = 100_000
@@ -86,10 +86,12 @@ class Source:
 
 @dataclass
 class Contents:
-    """What stands in an MCAP file of ours, as far as it is intact."""
+    """Intact content of a recording."""
 
     definition: str = ""
+    """Definition of a tick in the language of ROS 2."""
     messages: bytearray = field(default_factory=bytearray)
+    """Concatenated messages of the ticks."""
     events: list[dict[str, Any]] = field(default_factory=list)
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     start: int = 0
@@ -125,10 +127,8 @@ def read_intact(path: Path) -> Contents:
     return contents
 
 
-class Bounded:
-    """A file whose reads are limited to its remaining size.
-
-    A record with a wrong length therefore does not allocate memory beyond the size of the file.
+class BoundedFile:
+    """A file whose reads are limited to its remaining size, also for records with a wrong length.
 
     Parameters
     ----------
@@ -157,7 +157,7 @@ def read_records(file: BinaryIO, contents: Contents) -> None:
         The recording is too large for the memory.
     """
     channels: dict[int, Source] = {}
-    bounded = Bounded(file)
+    bounded = BoundedFile(file)
     reader = StreamReader(
         cast(BinaryIO, bounded),
         emit_chunks=True,
@@ -170,7 +170,7 @@ def read_records(file: BinaryIO, contents: Contents) -> None:
             if isinstance(record, Chunk):
                 read_chunk(record, contents, channels)
                 check_memory(file, contents)
-            elif isinstance(record, Metadata) and is_readable(record.metadata):
+            elif isinstance(record, Metadata) and is_valid_metadata(record.metadata):
                 contents.metadata[record.name] = dict(record.metadata)
             elif isinstance(record, Metadata):
                 contents.damage = f"damaged: its {record.name} cannot be read"
@@ -188,13 +188,7 @@ def read_records(file: BinaryIO, contents: Contents) -> None:
 
 
 def check_memory(file: BinaryIO, contents: Contents) -> None:
-    """Check that the decompressed ticks and events are not too large for the memory.
-
-    Raises
-    ------
-    InputError
-        They are too large, which may happen even if the file is small.
-    """
+    """Raise InputError if the decompressed ticks or events are too large for the memory."""
     if len(contents.messages) > LARGEST_TICKS or len(contents.events) > MOST_EVENTS:
         raise InputError(
             f"{file.name}: too large for this machine's memory: more than "
@@ -220,10 +214,10 @@ def read_chunk(chunk: Chunk, contents: Contents, channels: dict[int, Source]) ->
         elif isinstance(record, Channel):
             channels.setdefault(record.id, Source(record.topic))
         elif isinstance(record, Message) and channels[record.channel_id].topic == EVENTS:
-            event = checked_event(record.data)
+            event = read_event(record.data)
             shown = EVENT_SCHEMA["properties"]
             contents.events.append({k: v for k, v in event.items() if k not in shown})
-            contents.start = start_of(record.log_time, event["time"])
+            contents.start = start_time(record.log_time, event["time"])
 
 
 def records(
@@ -250,12 +244,14 @@ def records(
             if source.topic == TICKS:
                 if not contents.size or HEAD.size + contents.size != 9 + length:
                     raise ValueError("the size of a tick does not match its definition")
-                run = alike(data, place, 9 + length)
+                run = consecutive_records(data, place, 9 + length)
                 source.follow(sequence, len(run))
                 check_ticks(run[:, HEAD.size :], np.ascontiguousarray(run[:, 11:15]).view("<u4"))
                 contents.messages += run[:, HEAD.size :].tobytes()
                 if not contents.start:
-                    contents.start = start_of(logged, TIME.unpack_from(data, place + HEAD.size)[0])
+                    contents.start = start_time(
+                        logged, TIME.unpack_from(data, place + HEAD.size)[0]
+                    )
                 place += run.size
                 continue
             source.follow(sequence, 1)
@@ -267,7 +263,7 @@ def records(
         place += 9 + length
 
 
-def alike(data: bytes, place: int, stride: int) -> NDArray[np.uint8]:
+def consecutive_records(data: bytes, place: int, stride: int) -> NDArray[np.uint8]:
     """Return the consecutive records from `place` on with equal opcode, length and channel.
 
     The array has the shape (records, stride), where `stride` is the size of a record [bytes].
@@ -278,7 +274,7 @@ def alike(data: bytes, place: int, stride: int) -> NDArray[np.uint8]:
     return rows if same.all() else rows[: int(np.argmin(same))]
 
 
-def start_of(logged: int, t: float) -> int:
+def start_time(logged: int, t: float) -> int:
     """Return the wall-clock time of the beginning of the trial [ns].
 
     Parameters

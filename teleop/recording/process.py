@@ -36,7 +36,7 @@ FLUSH = 0.05
 BULK = 1 << 16
 """Largest number of bytes that are read from the pipe at a time."""
 PAIR = struct.Struct("<2d")
-"""An estimator's b and k in the message of a tick."""
+"""Struct with b and k of an estimator in the message of a tick."""
 
 
 def send(**status: Any) -> None:
@@ -70,7 +70,7 @@ def read_session() -> dict[str, Any]:
     return session
 
 
-class Drain:
+class FrameReader:
     """Separates the frames and passes them to the file and the progress line.
 
     Parameters
@@ -94,7 +94,7 @@ class Drain:
         self._last = b""
         self._rest = b""
 
-    def take(self, data: bytes) -> None:
+    def process(self, data: bytes) -> None:
         """Process data from the pipe, which may end within a frame."""
         data = self._rest + data
         place, end = 0, len(data)
@@ -149,7 +149,7 @@ def main() -> None:
     progress = Progress(
         session["show"], session["duration"], session["hint"], session["instructions"]
     )
-    drain = Drain(session, file, progress)
+    frames = FrameReader(session, file, progress)
     monitor = FileMonitor(session["path"], file, progress) if file else None
     pipe = sys.stdin.fileno()
     if hasattr(os, "set_blocking"):
@@ -162,12 +162,12 @@ def main() -> None:
         if data == b"":
             break
         if data:
-            drain.take(data)
+            frames.process(data)
         if monitor:
             monitor.update()
         if not data or len(data) < BULK:
             time.sleep(NAP)
-    status = finish(file, drain.ticks) if file else {"problem": ""}
+    status = finish(file, frames.ticks) if file else {"problem": ""}
     progress.close()
     send(**status)
 
@@ -193,7 +193,7 @@ class FileMonitor:
         self._reported = False
 
     def update(self) -> None:
-        """Flush and check the file if `FLUSH` and `CHECK` have passed."""
+        """Flush the file every `FLUSH` seconds, and check it every `CHECK` seconds."""
         now, file = time.monotonic(), self._file
         if now - self._flushed >= FLUSH:
             self._flushed = now

@@ -70,7 +70,7 @@ class RecorderProcess(Sink):
         self.path = path
         self._pushed = 0
         self._waiting: list[bytes] = []
-        self._gone = ""
+        self._failure = ""
         self._head = FRAME.pack(TICK, layout.size)
         self._wait = wait
         try:
@@ -102,7 +102,7 @@ class RecorderProcess(Sink):
         try:
             self.process.stdin.write(HEAD.pack(len(data)) + data)
         except BrokenPipeError:
-            self._gone = "the recorder did not start"
+            self._failure = "the recorder did not start"
 
     def begin(self, start: int) -> None:
         """Wait until the file is open; after that, ticks may be pushed.
@@ -122,7 +122,7 @@ class RecorderProcess(Sink):
             self.process.kill()
             self._release()
             cause = status["problem"] if status else "the recorder did not start"
-            raise InputError(f"{self.path or 'progress line'}: cannot be recorded to: {cause}")
+            raise InputError(f"{self.path or 'progress line'}: recording failed: {cause}")
         with contextlib.suppress(BrokenPipeError):
             os.write(self._pipe, number_frame(BEGIN, start))
         if sys.platform == "linux":
@@ -134,7 +134,7 @@ class RecorderProcess(Sink):
 
     def push(self, message: bytes) -> None:
         """Send the message of one tick to the recorder, or count it as dropped."""
-        if self._gone:
+        if self._failure:
             return
         try:
             while self._waiting:
@@ -149,7 +149,7 @@ class RecorderProcess(Sink):
         except BlockingIOError:
             self.dropped += 1
         except OSError:
-            self._gone = "the recorder was killed"
+            self._failure = "the recorder was killed"
 
     def event(self, event: Event) -> None:
         """Send an event to the recorder with the next tick for which the pipe has room."""
@@ -160,7 +160,7 @@ class RecorderProcess(Sink):
         """Wait until the recorder has finished; kill it if this wait is interrupted."""
         assert self.process.stdin
         if self.process.stdin.closed:
-            return Outcome(self.path, 0, 0, self._gone)
+            return Outcome(self.path, 0, 0, self._failure)
         try:
             return self._finish()
         except BaseException:
@@ -182,7 +182,7 @@ class RecorderProcess(Sink):
         status = self._status()
         if status is None:
             self.process.kill()
-            status = {"problem": self._gone or "the recorder was killed"}
+            status = {"problem": self._failure or "the recorder was killed"}
         self._release()
         at_path = status.get("at_path", True)
         return Outcome(self.path, self._pushed, self.dropped, status["problem"], at_path)

@@ -174,7 +174,7 @@ def load(path: Path | str) -> Recording:
     return recording
 
 
-def salvage(path: Path) -> Recording | None:
+def load_intact(path: Path) -> Recording | None:
     """Return the intact part of a recording; None if no part is intact."""
     try:
         contents = read_intact(path)

@@ -13,10 +13,13 @@ class TickColumn(NamedTuple):
     """A quantity that is recorded at each tick."""
 
     name: str
+    """Name of the column."""
     unit: str
+    """SI unit; - for a column without a unit."""
     source: str
     """Attribute of `teleop.control.tick_record.Record` with the value."""
     meaning: str
+    """Description of the quantity."""
 
 
 MODES = ", ".join(f"{mode.value} {mode.name.lower()}" for mode in Mode)

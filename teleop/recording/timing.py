@@ -12,7 +12,7 @@ from teleop.recording.recording import Recording
 
 PERCENTILES = {"p50": 50.0, "p99": 99.0, "p99_9": 99.9, "max": 100.0}
 HISTOGRAM = (1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0, 3000.0, 10000.0)
-"""Upper bounds of the classes of lateness [us]."""
+"""Upper bounds of the bins of the histogram of lateness [us]."""
 
 
 def loop_timing(rate: float, dt: Floats, lateness: Floats, overruns: Floats) -> dict[str, Any]:
@@ -42,7 +42,7 @@ def loop_timing(rate: float, dt: Floats, lateness: Floats, overruns: Floats) -> 
 def tick_times(recording: Recording) -> dict[str, Any]:
     """Return percentiles of the durations of a tick's parts, and a histogram of lateness.
 
-    All times are in us. `HISTOGRAM` has the bounds of the histogram's classes.
+    All times are in us. `HISTOGRAM` has the bounds of the histogram's bins.
     """
     parts = ("read_time", "compute_time", "write_time", "busy_time")
     counts, _ = np.histogram(recording["lateness"] * 1e6, (0.0, *HISTOGRAM, math.inf))

@@ -164,7 +164,7 @@ def channel_problem(
 
 
 def round_trips(rig: WiredRig, clock: Clock) -> Iterator[tuple[str, float]]:
-    """Yield the name and the median round-trip time [s] of each device that supports it."""
+    """Yield the name and the median round-trip time [s] of each device that responds to a ping."""
     for name, device in rig.devices.items():
         times = []
         for _ in range(PINGS):

@@ -182,7 +182,7 @@ class DriveCheck(Condition):
                 )
 
 
-def limits_about(limits: Limits, zero: ForceZero) -> Limits:
+def narrow_limits(limits: Limits, zero: ForceZero) -> Limits:
     """Return narrower limits around the slave's position, relative to that position.
 
     Parameters
@@ -238,7 +238,7 @@ def check_drives(rig: WiredRig, clock: Clock, move: bool) -> DrivesReport:
     """
     sections = rig.file.sections
     limits, zero = rig_limits(sections), force_zero(rig, clock)
-    about = limits_about(limits, zero)
+    about = narrow_limits(limits, zero)
     tested = PausableRig(rig)
     drives = {
         name: DriveTravel(name, sections.channels, limits.drive_compliance)
@@ -261,7 +261,7 @@ def check_drives(rig: WiredRig, clock: Clock, move: bool) -> DrivesReport:
     box = BlackBox(layout, settings.rate)
     controller = make_controller(settings, tested, bank, clock, test)
     try:
-        with StopSwitch(key=True) as switch, switch.attended():
+        with StopSwitch(key=True) as switch, switch.reading_keys():
             Loop(controller, clock, layout, [box], switch, settings.duration).run()
     finally:
         rig.idle()

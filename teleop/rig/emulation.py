@@ -49,7 +49,7 @@ def read_fault(text: str, rig: RigFile) -> PlannedFault:
         )
     places = list(rig.devices)
     if kind != "reset":
-        places = [name for name, bus in rig.sections.buses.items() if suits(kind, bus)]
+        places = [name for name, bus in rig.sections.buses.items() if is_possible(kind, bus)]
     if where not in places:
         raise InputError(
             f"fault {text!r}: {where!r}: expected one of {', '.join(places) or 'none'}"
@@ -57,10 +57,10 @@ def read_fault(text: str, rig: RigFile) -> PlannedFault:
     return PlannedFault(kind, where, seconds)
 
 
-def suits(kind: str, bus: SerialSettings | CanSettings) -> bool:
+def is_possible(kind: str, bus: SerialSettings | CanSettings) -> bool:
     """Return whether a kind of fault can occur on a bus.
 
-    Corrupted bits need a serial line, error frames a CAN bus.
+    Some kinds occur on serial lines only, others on CAN buses only.
     """
     if kind in ON_CAN:
         return isinstance(bus, CanSettings)

@@ -8,9 +8,9 @@ from pathlib import Path
 from drivers.input_file import read_input
 
 
-def stamped(text: str, writer: str) -> str:
+def with_checksum(text: str, writer: str) -> str:
     """Return a text with a first line that names the writer and the checksum of the text."""
-    return f"{head(text, writer)}\n{text}"
+    return f"{first_line(text, writer)}\n{text}"
 
 
 def is_unchanged(path: Path, writer: str) -> bool:
@@ -19,10 +19,10 @@ def is_unchanged(path: Path, writer: str) -> bool:
         first, _, text = read_input(path).decode().partition("\n")
     except (OSError, UnicodeDecodeError):
         return False
-    return first == head(text, writer)
+    return first == first_line(text, writer)
 
 
-def head(text: str, writer: str) -> str:
+def first_line(text: str, writer: str) -> str:
     """Return the first line: a comment with the writer and the checksum of the text."""
     digest = sha256(text.encode("utf-8", "backslashreplace")).hexdigest()[:16]
     return f"# written by {writer}, which replaces this file unless it was edited: {digest}"

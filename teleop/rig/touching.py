@@ -117,18 +117,18 @@ def touch(
         settings,
         record,
         condition=Touch(settings.admittance.damping * SPEED, threshold, 0.5 * AWAY),
-        rig_maker=None if rig else lambda now: off_the_cube(cube, now, sensors, seed),
+        rig_maker=None if rig else lambda now: rig_away_from_cube(cube, now, sensors, seed),
     )
     if trial.fault:
         text = trial.fault["text"]
         raise SafetyStop(f"tare: stopped {time_text(trial.fault['time'])}: {text}")
     if trial.interrupted:
         raise KeyboardInterrupt
-    return zero.position + contact_begins(trial.recording.estimated())
+    return zero.position + contact_position(trial.recording.estimated())
 
 
 def touch_limits(limits: Limits) -> Limits:
-    """Return narrow limits relative to the start, because the datum is not yet known."""
+    """Return narrow limits relative to the start position, because the datum is not yet known."""
     return replace(
         limits,
         soft_position=(-AWAY, REACH),
@@ -138,13 +138,15 @@ def touch_limits(limits: Limits) -> Limits:
     )
 
 
-def off_the_cube(cube: str, now: Callable[[], float], sensors: Sensors, seed: int) -> SimulatedRig:
+def rig_away_from_cube(
+    cube: str, now: Callable[[], float], sensors: Sensors, seed: int
+) -> SimulatedRig:
     """Return the simulated rig with a free handle and the slave away from the cube."""
     body = replace(CUBES[cube], glued=False)
     return SimulatedRig(body, now, sensors=sensors, seed=seed, start=-AWAY)
 
 
-def contact_begins(recording: Recording) -> float:
+def contact_position(recording: Recording) -> float:
     """Return the position at which contact begins in a recorded approach [m].
 
     It is fitted to a force that is zero before contact and increases linearly after it.
@@ -157,13 +159,15 @@ def contact_begins(recording: Recording) -> float:
     deepest = int(np.argmax(recording["slave_position"])) if len(recording) else -1
     x, f = (recording[name][: deepest + 1] for name in ("slave_position", "contact_force"))
     if not len(f) or f.max() < 0.5 * TOUCH:
-        raise InputError(f"tare: no contact within {REACH * 1e3:g} mm: expected a contact")
+        raise InputError("tare: no contact within the range: expected a contact")
     candidates = np.linspace(x.max() - 0.5 * np.ptp(x), x.max(), 400, endpoint=False)
-    return float(candidates[int(np.argmin([misfit(x, f, start) for start in candidates]))])
+    return float(
+        candidates[int(np.argmin([squared_residuals(x, f, start) for start in candidates]))]
+    )
 
 
-def misfit(x: Floats, f: Floats, start: float) -> float:
-    """Return the sum of squared residuals of the best spring with contact at `start` [N^2].
+def squared_residuals(x: Floats, f: Floats, start: float) -> float:
+    """Return the sum of squared residuals of a fitted spring with contact at `start` [N^2].
 
     Parameters
     ----------

@@ -21,7 +21,7 @@ A sample that is read twice does not count as frozen.
 
 
 class ChannelState(NamedTuple):
-    """State of the check of one channel, kept from tick to tick."""
+    """Data that the check of one channel stores from one tick to the next."""
 
     value: float = math.nan
     """Last value, in the channel's SI unit; NaN before the first."""

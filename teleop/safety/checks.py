@@ -183,8 +183,8 @@ def update_following_error(
     """Return the following error of the slave [m].
 
     This is commanded travel minus measured travel, less the part that the compliance and the
-    gain error of the drive explain. A time step for which `check_loop` detects a fault is left
-    out, because the command during it is not known.
+    gain error of the drive explain. A time step for which `check_loop` detects a fault is skipped,
+    because the command during it is not known.
     """
     if math.isnan(state.position):
         return 0.0

@@ -17,11 +17,17 @@ SPEED = 14.0
 STOPPING = 0.015
 """Time in which the slave brakes from the greatest speed to zero [s]."""
 ACCELERATION = 26.0
-"""Greatest acceleration, in depths times the frequency squared; a sine needs 19.7."""
+"""Greatest acceleration, as a multiple of depth times frequency squared; a sine needs 19.7."""
 FOLLOWING, FROZEN = 0.15, 0.03
-"""Following error, and commanded travel of a frozen encoder, as fractions of the depth."""
+"""Greatest following error, and commanded travel after which an unchanged encoder counts as frozen.
+
+Both are fractions of the depth.
+"""
 FROZEN_SPEED = 0.1
-"""Commanded change of a frozen velocity channel, as a fraction of the greatest speed."""
+"""Commanded change of velocity after which an unchanged velocity channel counts as frozen.
+
+It is a fraction of the greatest speed.
+"""
 
 
 def palpation_limits(

@@ -11,10 +11,10 @@ from teleop.safety.events import ACTIVE, STOPPING, Event, Mode, stops_immediatel
 
 
 class Request(NamedTuple):
-    """Requests of the person and input of the loop to the supervisor at a tick."""
+    """Input of the supervisor at a tick: requests of the person, and data from the loop."""
 
     arm: bool = False
-    """Whether to go from ready to active."""
+    """Whether to arm the drives, which changes the mode from ready to active."""
     stop: str = ""
     """Reason for a stop with a ramp; empty to continue."""
     halt: bool = False
@@ -32,7 +32,7 @@ NO_REQUEST = Request()
 
 
 class Supervision(NamedTuple):
-    """State of the supervisor, kept from tick to tick."""
+    """State of the supervisor, which is passed from one tick to the next."""
 
     mode: Mode = Mode.DISCONNECTED
     """Mode after the tick."""

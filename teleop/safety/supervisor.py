@@ -148,7 +148,7 @@ def supervise(
 
 
 def activate(verdict: Verdict) -> Verdict:
-    """Return the verdict of the same tick after the drives were enabled: the mode is active.
+    """Return the verdict for the same tick with the mode active, after the drives were enabled.
 
     Parameters
     ----------

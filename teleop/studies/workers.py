@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 
 from teleop.errors import InputError
-from teleop.interruption import ENDING
+from teleop.interruption import SIGNALS
 
 
 @contextlib.contextmanager
@@ -53,7 +53,7 @@ def end_with_parent() -> None:
     Called at the start of each worker process. A terminal sends its signals to the workers too,
     but the parent process handles them.
     """
-    for name in ENDING:
+    for name in SIGNALS:
         if number := getattr(signal, name, None):
             signal.signal(number, signal.SIG_DFL if name == "SIGTERM" else signal.SIG_IGN)
     threading.Thread(target=await_parent, daemon=True).start()

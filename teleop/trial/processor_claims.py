@@ -1,4 +1,4 @@
-"""Claims on names, each of which at most one process of this machine can hold at a time."""
+"""Claims on names; at most one process of this machine can hold the claim on a name at a time."""
 
 from __future__ import annotations
 

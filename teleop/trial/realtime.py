@@ -62,14 +62,14 @@ def set_priority(process: int, priority: int) -> None:
     os.sched_setscheduler(process, policy, os.sched_param(priority))
 
 
-def first_in_first_out(priority: int = PRIORITY) -> Callable[[], object]:
+def set_fifo_priority(priority: int = PRIORITY) -> Callable[[], object]:
     """Set SCHED_FIFO, so that no normal process delays the loop; return a function to revert."""
     before = os.sched_getscheduler(0), os.sched_getparam(0)
     set_priority(0, priority)
     return lambda: os.sched_setscheduler(0, *before)
 
 
-def shared_first_in_first_out() -> Callable[[], object]:
+def set_shared_fifo_priority() -> Callable[[], object]:
     """Set SCHED_FIFO at the highest free priority for shared processors.
 
     Returns
@@ -86,7 +86,7 @@ def shared_first_in_first_out() -> Callable[[], object]:
             continue
         with contextlib.ExitStack() as undo:
             undo.callback(taken.close)
-            undo.callback(first_in_first_out(priority))
+            undo.callback(set_fifo_priority(priority))
             return undo.pop_all().close
     raise OSError("no free priority")
 
@@ -96,7 +96,7 @@ def processor_name(processor: int) -> str:
     return f"processor {processor}"
 
 
-def own_processor() -> Callable[[], object]:
+def claim_processor() -> Callable[[], object]:
     """Restrict this process to the last free processor, and claim it.
 
     Its caches then keep the data of the loop, and no other teleop process runs on it.
@@ -125,7 +125,7 @@ def own_processor() -> Callable[[], object]:
     return revert
 
 
-def locked_memory() -> Callable[[], object]:
+def lock_memory() -> Callable[[], object]:
     """Lock the memory, so that it is never paged out; return a function to revert.
 
     Raises
@@ -139,7 +139,7 @@ def locked_memory() -> Callable[[], object]:
     return lambda: libc.munlockall()
 
 
-def frozen_collector() -> Callable[[], object]:
+def disable_garbage_collection() -> Callable[[], object]:
     """Disable garbage collection; return a function to revert.
 
     A tick creates no reference cycles, so that memory does not grow.
@@ -158,9 +158,9 @@ def frozen_collector() -> Callable[[], object]:
 
 
 SET_UP = {
-    "locked memory": locked_memory,
-    "no garbage collection": frozen_collector,
-    PROCESSOR: own_processor,
+    "locked memory": lock_memory,
+    "no garbage collection": disable_garbage_collection,
+    PROCESSOR: claim_processor,
 }
 """Slow steps, applied at normal priority. Each returns a function that reverts it."""
 STEPS = (*SET_UP, FIFO)
@@ -197,7 +197,7 @@ class RealTime:
         """
         if FIFO in self._steps:
             own = self.report.get(PROCESSOR) == DONE
-            self._take(FIFO, first_in_first_out if own else shared_first_in_first_out)
+            self._take(FIFO, set_fifo_priority if own else set_shared_fifo_priority)
         if recorder and self.report.get(FIFO) == DONE:
             with contextlib.suppress(OSError):
                 set_priority(recorder, RECORDER_PRIORITY)

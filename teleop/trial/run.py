@@ -14,7 +14,7 @@ from teleop.names import RealtimeName
 from teleop.recording.black_box import BlackBox
 from teleop.recording.message import Layout
 from teleop.recording.recorder import RecorderProcess
-from teleop.recording.recording import from_messages, salvage
+from teleop.recording.recording import from_messages, load_intact
 from teleop.recording.sinks import Memory, Outcome, Sink
 from teleop.trial.assembly import RigMaker, make_clock, make_controller, make_rig
 from teleop.trial.loop import Loop
@@ -97,7 +97,7 @@ def run_trial(
             recorder.begin(start)
         rig = rig_maker(clock.now) if rig_maker else make_rig(settings, clock.now)
         try:
-            with switch.attended(), realtime(real) as real_time, rig:
+            with switch.reading_keys(), realtime(real) as real_time, rig:
                 if settings.rig:
                     check_wire(rig, clock, cost)
                 controller = make_controller(settings, rig, bank, clock, condition)
@@ -118,7 +118,7 @@ def run_trial(
         recording = from_messages(layout.definition, memory.messages, memory.events, metadata)
     else:
         assert record
-        recording = (salvage(record) if outcome.at_path else None) or box.recording(metadata)
+        recording = (load_intact(record) if outcome.at_path else None) or box.recording(metadata)
     folder, box_problem, error, fault = None, "", loop.error, box.fault
     if record and fault:
         folder = record.with_suffix(".fault")

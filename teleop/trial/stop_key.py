@@ -68,7 +68,7 @@ class StopKey:
                     signal.signal(number, handler)
             undo.callback(self._restore_modes)
             try:
-                self._take_keys()
+                self._set_key_mode()
             except termios.error as error:
                 self.missing = str(error.args[-1]).lower()
                 return self
@@ -84,7 +84,7 @@ class StopKey:
     def __exit__(self, *_: object) -> None:
         self._undo.close()
 
-    def _take_keys(self) -> None:
+    def _set_key_mode(self) -> None:
         """Set the terminal to pass each key to the process immediately."""
         import termios
 
@@ -117,7 +117,7 @@ class StopKey:
     def _on_continue(self, *_: object) -> None:
         """Read the keys again if the process is in the foreground."""
         if is_foreground():
-            self._take_keys()
+            self._set_key_mode()
         else:
             with contextlib.suppress(OSError):
                 os.write(2, IN_BACKGROUND.encode())

@@ -34,7 +34,7 @@ class StopSwitch(Interruption):
 
     def __init__(self, key: bool = False) -> None:
         super().__init__()
-        self._wants_key = key
+        self._use_key = key
         self.key = StopKey()
 
     @property
@@ -44,7 +44,7 @@ class StopSwitch(Interruption):
 
     @property
     def _has_key(self) -> bool:
-        return self._wants_key and not self.key.missing
+        return self._use_key and not self.key.missing
 
     @property
     def hint(self) -> str:
@@ -59,9 +59,9 @@ class StopSwitch(Interruption):
         no_key = f"; no stop key: {self.key.missing}" if self.key.missing else ""
         return f"Ctrl-C ramps down, Ctrl-C twice stops at once{no_key}"
 
-    def attended(self) -> StopKey | contextlib.AbstractContextManager[None]:
+    def reading_keys(self) -> StopKey | contextlib.AbstractContextManager[None]:
         """Return a context manager within which the stop key is read."""
-        return self.key if self._wants_key else contextlib.nullcontext()
+        return self.key if self._use_key else contextlib.nullcontext()
 
     def request(self, arm: bool, end: str = "") -> Request:
         """Return the request to the supervisor at a tick.

@@ -7,7 +7,7 @@ from teleop.cli import main
 
 @pytest.fixture
 def refused(capsys):
-    """Runs a command that must be refused in one line, and gives the line."""
+    """Return a function that runs a command which must fail with one line, and returns the line."""
 
     def run(*arguments):
         capsys.readouterr()

@@ -23,7 +23,7 @@ GOOD = "Time [s],Position [mm],Force [N]\n" + "".join(
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path, monkeypatch):
-    """Where recordings go."""
+    """The folder of the recordings."""
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
@@ -59,7 +59,7 @@ def test_run_in_real_time_prints_lateness(capsys):
         assert word in out
 
 
-def test_run_json_is_one_document_with_what_programs_need(capsys):
+def test_run_json_is_one_document_with_the_documented_keys(capsys):
     assert main([*RUN, "--condition", "mimic", "--cube", "medium", "--json"]) == 0
     document = json.loads(capsys.readouterr().out)
     assert document["condition"] == "mimic"
@@ -73,7 +73,7 @@ def test_run_json_is_one_document_with_what_programs_need(capsys):
     assert 0.0 <= document["excitation"]["mean"] <= 1.0
 
 
-def test_a_number_that_is_not_there_is_null_in_json(capsys):
+def test_a_missing_number_is_null_in_json(capsys):
     assert main(["run", "--clock", "virtual", "--duration", "0.001", "--no-record", "--json"]) == 0
     document = json.loads(capsys.readouterr().out)
     assert document["estimates"]["rls"]["rise_time_s"] is None
@@ -83,7 +83,7 @@ def test_a_number_that_is_not_there_is_null_in_json(capsys):
     ("clock", "conditioning"),
     [("virtual", name) for name in ("matched", "svf", "foaw", "difference")] + [("real", "foaw")],
 )
-def test_estimates_from_the_recording_are_those_of_the_run_to_the_bit(
+def test_estimates_from_the_recording_are_exactly_those_of_the_run(
     capsys, tmp_path, conditioning, clock
 ):
     path, picture = tmp_path / "run.mcap", tmp_path / "run.png"
@@ -102,7 +102,7 @@ def test_estimates_from_the_recording_are_those_of_the_run_to_the_bit(
     assert not json.loads(capsys.readouterr().out)["as_online"]
 
 
-def test_a_run_is_recorded_in_a_dated_folder_and_says_where(capsys, tmp_path):
+def test_a_run_is_recorded_in_a_dated_folder_and_prints_the_path(capsys, tmp_path):
     for _ in range(2):
         assert main(["run", "--clock", "virtual", "--duration", "0.2", "--json"]) == 0
         document = json.loads(capsys.readouterr().out)
@@ -162,7 +162,7 @@ def test_estimate_prints_the_estimators_beside_batch_least_squares(capsys, recor
         (["estimate", "nothing.csv"], ["nothing.csv", "no such file"]),
     ],
 )
-def test_bad_arguments_are_told_in_one_line(refused, arguments, words):
+def test_invalid_arguments_are_reported_in_one_line(refused, arguments, words):
     error = refused(*arguments)
     for word in words:
         assert word in error
@@ -178,13 +178,13 @@ def test_bad_arguments_are_told_in_one_line(refused, arguments, words):
         (["--plot", "/nowhere/a.png"], ["/nowhere/a.png"]),
     ],
 )
-def test_bad_arguments_of_estimate_are_told_in_one_line(refused, recording, extra, words):
+def test_invalid_arguments_of_estimate_are_reported_in_one_line(refused, recording, extra, words):
     error = refused("estimate", recording, *extra)
     for word in words:
         assert word in error
 
 
-def test_a_rate_that_the_loop_cannot_hold_is_told(refused):
+def test_a_rate_that_the_loop_cannot_run_at_is_reported(refused):
     error = refused("run", "--rate", "100000")
     assert "a tick takes" in error
     assert "at most" in error
@@ -221,7 +221,7 @@ def test_help_imports_nothing_heavy():
 
 
 class Terminal:
-    """A pseudo-terminal that a run has for its standard error."""
+    """A pseudo-terminal as standard error of a run."""
 
     def __init__(self, *arguments: str) -> None:
         pty = pytest.importorskip("pty", reason="needs a pseudo-terminal")
@@ -244,7 +244,7 @@ class Terminal:
         return chunk
 
 
-def test_the_progress_line_shows_live_estimates_and_goes_when_done():
+def test_the_progress_line_shows_live_estimates_and_is_cleared_at_the_end():
     terminal = Terminal("run", "--duration", "0.5", "--no-record")
     while terminal.read():
         pass
@@ -254,7 +254,7 @@ def test_the_progress_line_shows_live_estimates_and_goes_when_done():
     assert terminal.text.endswith(b"\r\x1b[K")
 
 
-def test_ctrl_c_ends_a_run_with_what_was_run():
+def test_ctrl_c_ends_a_run_and_prints_its_results():
     terminal = Terminal("run", "--duration", "600", "--no-record", "--json")
     while not re.search(rb"0\.[1-9] of 600 s", terminal.text):
         assert terminal.read()
@@ -292,7 +292,9 @@ def test_a_run_is_reproducible_through_the_command_line(capsys):
         (["estimate", "/dev/zero"], ["/dev/zero: expected a file"]),
     ],
 )
-def test_hostile_arguments_are_told_in_one_line(refused, tmp_path, monkeypatch, arguments, words):
+def test_hostile_arguments_are_reported_in_one_line(
+    refused, tmp_path, monkeypatch, arguments, words
+):
     monkeypatch.chdir(tmp_path)
     error = refused(*arguments)
     for word in words:
@@ -316,7 +318,7 @@ def test_a_file_name_with_any_characters_is_drawn(tmp_path, capsys):
     assert main(["estimate", str(path), "--plot", str(tmp_path / "a.png"), "--json"]) == 0
 
 
-def test_closed_streams_are_no_defect():
+def test_closed_streams_cause_no_traceback():
     for closed in (">&-", "2>&-"):
         command = (
             f"{sys.executable} -m teleop run --clock virtual --duration 0.1 --no-record {closed}"
@@ -325,7 +327,7 @@ def test_closed_streams_are_no_defect():
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
-def test_a_full_disk_behind_standard_output_is_told():
+def test_a_full_disk_for_standard_output_is_reported():
     command = (
         f"{sys.executable} -m teleop run --clock virtual --duration 0.1 --no-record > /dev/full"
     )
@@ -340,7 +342,7 @@ def test_a_full_disk_behind_standard_output_is_told():
     ("output", "reason"), [("> /dev/full", "no space left on device"), ("| true", "broken pipe")]
 )
 def test_a_safety_stop_is_reported_also_without_standard_output(output, reason, json):
-    # the limits of so shallow a palpation lie below the noise of the force sensor
+    # the limits of such a small depth are below the noise of the force sensor
     run = f"{sys.executable} -m teleop run --clock virtual --depth 1e-3um --no-record {json}"
     command = f"{{ {run}; echo $? >&2; }} {output}"
     done = subprocess.run(["sh", "-c", command], capture_output=True, text=True)
@@ -351,7 +353,7 @@ def test_a_safety_stop_is_reported_also_without_standard_output(output, reason, 
 
 
 @pytest.mark.parametrize("columns", ["0", "1", "10", "79", "x", "-5"])
-def test_help_is_printed_whatever_the_width(columns, capsys, monkeypatch):
+def test_help_is_printed_for_any_width(columns, capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", columns)
     assert main(["run", "--help"]) == 0
     assert "--duration" in capsys.readouterr().out
@@ -361,7 +363,7 @@ def test_an_empty_depth_is_refused(refused):
     assert "expected a length with its unit" in refused("run", "--clock", "virtual", "--depth", "")
 
 
-def test_a_request_to_end_stops_a_run_like_ctrl_c():
+def test_a_termination_signal_stops_a_run_like_ctrl_c():
     terminal = Terminal("run", "--duration", "600", "--no-record", "--json")
     while not re.search(rb"0\.[1-9] of 600 s", terminal.text):
         assert terminal.read()
@@ -371,7 +373,7 @@ def test_a_request_to_end_stops_a_run_like_ctrl_c():
     assert json.loads(out)["interrupted"]
 
 
-def test_random_bytes_as_a_file_are_told_and_never_a_traceback(refused, tmp_path):
+def test_a_file_of_random_bytes_is_reported_without_a_traceback(refused, tmp_path):
     rng = np.random.default_rng(0)
     path = tmp_path / "noise.csv"
     for _ in range(50):
@@ -379,8 +381,8 @@ def test_random_bytes_as_a_file_are_told_and_never_a_traceback(refused, tmp_path
         refused("estimate", str(path))
 
 
-def test_a_recorder_that_cannot_be_started_is_one_line(tmp_path):
-    """With eight files open at the most."""
+def test_a_recorder_that_cannot_be_started_is_reported_in_one_line(tmp_path):
+    """At most eight files may be open."""
     resource = pytest.importorskip("resource")
     done = subprocess.run(
         [sys.executable, "-m", "teleop", "run", "--clock", "virtual", "--record", "a.mcap"],

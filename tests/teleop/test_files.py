@@ -1,4 +1,4 @@
-"""Files that commands read and write: regular ones, and none is overwritten unasked."""
+"""Files of commands must be regular, and are overwritten on request only."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import pytest
 from teleop.cli import main
 from teleop.errors import InputError
 from teleop.files import check_outputs, new_file, write_text
-from teleop.rig.generated_file import is_unchanged, stamped
+from teleop.rig.generated_file import is_unchanged, with_checksum
 
 RIG = Path(__file__).parents[2] / "rigs" / "serial-board.toml"
 
@@ -29,7 +29,7 @@ def trial(tmp_path_factory):
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path, trial, monkeypatch):
-    """An empty folder but for a recording and a table, which the test is in."""
+    """The working folder of the test, with a recording and a table."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "trial.mcap").write_bytes(trial.read_bytes())
     t = np.arange(0.0, 3.0, 0.01)
@@ -82,7 +82,7 @@ by_command = pytest.mark.parametrize("command", REFUSED_OUTPUTS)
 
 
 def special_files(folder):
-    """A file of each kind that is not a regular one."""
+    """Return a file of each kind that is not regular."""
     os.mkfifo(folder / "fifo")
     with socket.socket(socket.AF_UNIX) as listener:
         listener.bind("socket")
@@ -108,7 +108,7 @@ def test_a_file_that_exists_is_not_overwritten(refused, trial, folder, command):
 
 
 @by_command
-def test_a_link_to_nothing_is_not_overwritten(refused, trial, folder, command):
+def test_a_link_without_a_target_is_not_overwritten(refused, trial, folder, command):
     name, arguments = REFUSED_OUTPUTS[command]
     if command == "recover":
         (folder / "trial.mcap").write_bytes(trial.read_bytes()[:-2000])
@@ -121,7 +121,7 @@ def test_a_link_to_nothing_is_not_overwritten(refused, trial, folder, command):
 
 
 @pytest.mark.parametrize("command", OUTPUTS)
-def test_overwrite_replaces_it_and_the_file_is_whole(folder, capsys, command):
+def test_overwrite_replaces_a_file_as_a_whole(folder, capsys, command):
     name, arguments = OUTPUTS[command]
     (folder / name).write_text("old")
     assert main([*arguments, "--overwrite"]) == 0
@@ -142,7 +142,9 @@ def test_a_recording_is_never_overwritten(refused, folder):
 
 
 @by_command
-def test_an_output_that_is_no_regular_file_is_refused_at_once(refused, trial, folder, command):
+def test_an_output_that_is_not_a_regular_file_is_refused_immediately(
+    refused, trial, folder, command
+):
     name, arguments = REFUSED_OUTPUTS[command]
     if command == "recover":
         (folder / "trial.mcap").write_bytes(trial.read_bytes()[:-2000])
@@ -172,13 +174,13 @@ def test_an_output_that_is_no_regular_file_is_refused_at_once(refused, trial, fo
     ],
     ids=" ".join,
 )
-def test_an_input_that_is_no_regular_file_is_refused_at_once(refused, folder, arguments):
+def test_an_input_that_is_not_a_regular_file_is_refused_immediately(refused, folder, arguments):
     for path, kind in special_files(folder).items():
         error = refused(*(word.format(path) for word in arguments))
         assert f"{path}: expected a file, this is {kind}" in error.replace("FIFO", "fifo")
 
 
-def test_a_recording_that_is_no_regular_file_is_refused_at_once(refused, folder):
+def test_a_recording_that_is_not_a_regular_file_is_refused_immediately(refused, folder):
     for path in special_files(folder):
         link = folder / "link.mcap"
         link.unlink(missing_ok=True)
@@ -186,7 +188,7 @@ def test_a_recording_that_is_no_regular_file_is_refused_at_once(refused, folder)
         assert "expected a file, this is a" in refused("estimate", link)
 
 
-def test_a_file_for_the_frames_of_a_rig_that_is_no_regular_file_is_refused(refused, folder):
+def test_a_dbc_file_of_a_rig_that_is_not_a_regular_file_is_refused(refused, folder):
     text = (RIG.parent / "dbc-sensor.toml").read_text(encoding="utf-8")
     assert 'file = "dbc-sensor.dbc"' in text
     for path in special_files(folder):
@@ -196,7 +198,7 @@ def test_a_file_for_the_frames_of_a_rig_that_is_no_regular_file_is_refused(refus
 
 def test_an_emulator_replaces_its_own_file_unless_it_was_edited(folder):
     path = folder / "run.toml"
-    path.write_text(stamped("a = 1\n", "teleop rig emulate"))
+    path.write_text(with_checksum("a = 1\n", "teleop rig emulate"))
     assert is_unchanged(path, "teleop rig emulate")
     assert not is_unchanged(path, "another")
     path.write_text(path.read_text() + "b = 2\n")
@@ -222,7 +224,7 @@ def test_a_file_that_appears_during_the_work_is_kept(folder):
     assert not [*folder.glob(".*")]
 
 
-def test_work_that_fails_leaves_nothing_and_keeps_what_was_there(folder):
+def test_after_an_error_no_partial_file_remains_and_an_existing_one_is_kept(folder):
     for overwrite in (False, True):
         path = folder / f"{overwrite}.txt"
         if overwrite:

@@ -1,4 +1,4 @@
-"""Signals that ask a program to end are counted, answered or raised, and ignored where ignored."""
+"""Signals that end a program are counted, acknowledged or raised, and stay ignored."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ import threading
 import pytest
 
 from teleop import interruption
-from teleop.interruption import CLEAN_UP, Interruption, handled, stop_signals
+from teleop.interruption import CLEAN_UP, Interruption, handle_signals, stop_signals
 
 
 @pytest.fixture
 def passes(monkeypatch):
-    """Lets time pass [s]."""
+    """Advances the time [s]."""
     now = [0.0]
     monkeypatch.setattr(interruption.time, "monotonic", lambda: now[0])
 
@@ -28,8 +28,8 @@ def send(name="SIGINT"):
     os.kill(os.getpid(), getattr(signal, name))
 
 
-@pytest.mark.parametrize("name", [n for n in interruption.ENDING if hasattr(signal, n)])
-def test_each_signal_interrupts_a_program_and_its_handler_is_put_back(name):
+@pytest.mark.parametrize("name", [n for n in interruption.SIGNALS if hasattr(signal, n)])
+def test_each_signal_interrupts_a_program_and_its_handler_is_restored(name):
     number = getattr(signal, name)
     before = signal.getsignal(number)
     with Interruption(), pytest.raises(KeyboardInterrupt):
@@ -37,7 +37,7 @@ def test_each_signal_interrupts_a_program_and_its_handler_is_put_back(name):
     assert signal.getsignal(number) is before
 
 
-@pytest.mark.parametrize("name", [n for n in interruption.ENDING if hasattr(signal, n)])
+@pytest.mark.parametrize("name", [n for n in interruption.SIGNALS if hasattr(signal, n)])
 def test_a_signal_that_is_ignored_on_entry_stays_ignored(name):
     """`nohup` ignores SIGHUP, and `&` in a shell script ignores SIGINT."""
     number = getattr(signal, name)
@@ -52,7 +52,7 @@ def test_a_signal_that_is_ignored_on_entry_stays_ignored(name):
         signal.signal(number, before)
 
 
-def test_a_second_signal_does_not_break_off_the_clean_up_until_it_hangs(passes):
+def test_a_second_signal_does_not_interrupt_the_clean_up_unless_it_hangs(passes):
     with Interruption():
         with pytest.raises(KeyboardInterrupt):
             send()
@@ -64,7 +64,7 @@ def test_a_second_signal_does_not_break_off_the_clean_up_until_it_hangs(passes):
             send()
 
 
-def test_a_loop_that_answers_is_never_interrupted(passes):
+def test_a_loop_that_acknowledges_signals_is_never_interrupted(passes):
     with Interruption() as interrupted:
         interrupted.timeout = 0.1
         for _ in range(5):
@@ -83,12 +83,12 @@ def test_a_loop_that_hangs_is_interrupted_by_the_second_signal(passes):
             send()
 
 
-def test_off_the_main_thread_no_signal_is_taken():
+def test_in_another_thread_no_signal_is_handled():
     before = signal.getsignal(signal.SIGINT)
     seen = []
 
     def run():
-        with handled(print):
+        with handle_signals(print):
             seen.append(signal.getsignal(signal.SIGINT))
 
     thread = threading.Thread(target=run)

@@ -1,4 +1,4 @@
-"""Texts from files never control the terminal."""
+"""Control characters in texts from files never reach the terminal."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ EVIL = "\x1b]0;gone\x07\x1b[2J\x9b31m\u202e"
 
 
 @given(st.text())
-def test_no_control_character_is_left_and_other_text_stays(text):
+def test_control_characters_are_escaped_and_other_text_is_unchanged(text):
     shown = printable(text)
     assert not re.search("[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\ud800-\udfff]", shown)
     if text.isprintable():
@@ -31,7 +31,7 @@ def test_no_control_character_is_left_and_other_text_stays(text):
 
 
 @given(st.text())
-def test_a_complaint_is_one_line_of_bounded_length(text):
+def test_an_error_message_is_one_line_of_bounded_length(text):
     assert len(one_line(text).splitlines()) <= 1
     assert len(one_line(1000 * text)) <= 2000
 
@@ -80,8 +80,8 @@ def test_a_rig_files_names_are_shown(tmp_path, capsys, content):
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="names of files are bytes")
-def test_a_file_whose_name_is_no_text_is_evaluated(tmp_path, capsys):
-    """As a Latin-1 name on a UTF-8 system is."""
+def test_a_file_whose_name_is_not_valid_text_is_evaluated(tmp_path, capsys):
+    """The name is in Latin-1 on a system with UTF-8."""
     path, figure = (
         os.fsdecode(os.fsencode(tmp_path) + b"/\xe9\xff." + e) for e in (b"csv", b"svg")
     )
@@ -93,7 +93,7 @@ def test_a_file_whose_name_is_no_text_is_evaluated(tmp_path, capsys):
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="names of files are bytes")
-def test_a_locale_without_utf_8_stops_nothing(tmp_path):
+def test_output_works_in_a_locale_without_utf_8(tmp_path):
     path = os.fsencode(tmp_path) + b"/\xe9.csv"
     write_sine(tmp_path / "a.csv").rename(os.fsdecode(path))
     env = {**os.environ, "LC_ALL": "POSIX", "PYTHONCOERCECLOCALE": "0", "PYTHONUTF8": "0"}

@@ -26,9 +26,9 @@ from teleop.studies.workers import workers
 from teleop.trial.run import run_trial
 
 K_TOLERANCE = 0.02
-"""Relative error of k by which its residual is divided."""
+"""Tolerance of the relative error of k, which scales its residual in the fit."""
 B_TOLERANCE = 0.2
-"""Relative error of b by which its residual is divided."""
+"""Tolerance of the relative error of b, which scales its residual in the fit."""
 
 
 def rls_averages(condition: str, cube: str, setup: Setup) -> tuple[float, float]:

@@ -40,7 +40,7 @@ def check_claims(outcomes: Sequence[Outcome]) -> list[Claim]:
 
 
 def table_claims(rows: list[dict[str, Any]]) -> list[Claim]:
-    """Check the differences of the stiffness cells from the paper's."""
+    """Check how much the stiffness cells differ from the paper's."""
     off = {
         f"{row['condition']} {row['cube']} {row['estimator']}": row["k"] / row["paper"]["k"] - 1.0
         for row in rows
@@ -100,7 +100,7 @@ def rise_claim(rows: list[dict[str, Any]]) -> Claim:
 
 
 def stiffness_claims(cell: dict[tuple[str, str, str], dict[str, Any]]) -> list[Claim]:
-    """Check that stiffness increases with the cube, and is smaller under autonomous than free."""
+    """Check that stiffness increases from soft to hard, and decreases from free to autonomous."""
     rises = all(
         cell[c, "soft", e]["k"] < cell[c, "medium", e]["k"] < cell[c, "hard", e]["k"]
         for c in CONDITIONS

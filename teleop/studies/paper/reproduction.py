@@ -137,7 +137,8 @@ def check_folder(folder: Path, overwrite: bool) -> None:
     Raises
     ------
     InputError
-        The folder cannot be created, or a file in it cannot be written or exists.
+        The folder cannot be created, a file in it cannot be written, or a file exists and
+        `overwrite` is False.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -165,7 +166,7 @@ def write(reproduction: Reproduction, folder: Path, overwrite: bool = False) -> 
     Raises
     ------
     InputError
-        A file cannot be written, or exists.
+        A file cannot be written, or exists and `overwrite` is False.
     """
     write_text(folder / TABLE, csv_table(as_rows(reproduction.first)), overwrite)
     with workers() as pool:

@@ -129,14 +129,14 @@ def split_plot(y: NDArray[np.float64]) -> list[Effect]:
 
 
 def marginal_squares(y: NDArray[np.float64], axes: tuple[int, ...]) -> float:
-    """Return the sum of squares of the marginal means of some axes, over all responses.
+    """Return the sum over all responses of squared deviations of marginal means from the mean.
 
     Parameters
     ----------
     y
         Responses, shape (cubes, conditions, estimators, seeds).
     axes
-        Axes that are kept; the mean is taken over the others.
+        Axes of the marginal means; the mean is taken over the other axes.
     """
     others = tuple(axis for axis in range(y.ndim) if axis not in axes)
     means = y.mean(axis=others, keepdims=True)

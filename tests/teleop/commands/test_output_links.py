@@ -1,4 +1,4 @@
-"""Outputs that are symbolic links: whatever the check answers, it leaves them as they are."""
+"""The check of outputs does not change symbolic links."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from teleop.errors import InputError
 from teleop.files import check_outputs
 
 
-def test_a_link_whose_target_does_not_exist_survives_the_check(tmp_path):
+def test_a_link_whose_target_does_not_exist_remains_after_the_check(tmp_path):
     link, target = tmp_path / "a.png", tmp_path / "b.png"
     link.symlink_to(target)
     for arguments in ({}, {"picture": link}):
@@ -20,7 +20,7 @@ def test_a_link_whose_target_does_not_exist_survives_the_check(tmp_path):
         assert not target.exists()
 
 
-def test_a_link_whose_target_cannot_be_written_is_refused_and_survives(tmp_path):
+def test_a_link_whose_target_cannot_be_written_is_refused_and_remains(tmp_path):
     link = tmp_path / "a.png"
     link.symlink_to(tmp_path / "none" / "b.png")
     with pytest.raises(InputError):

@@ -1,4 +1,4 @@
-"""Commands that are ended from outside while they hang, or before anything has moved."""
+"""Commands that are ended by a signal while they hang, or before any motion."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ ROOT = Path(__file__).parents[3]
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path, monkeypatch):
-    """Where recordings go."""
+    """The folder of the recordings."""
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
@@ -55,7 +55,7 @@ def test_ctrl_c_while_a_silent_rig_opens_ends_with_130(tmp_path, arguments):
     rig = tmp_path / "silent.toml"
     rig.write_text(text.replace("/dev/ttyACM0", os.ttyname(follower)))
     with start(*arguments, rig) as process:
-        assert os.read(leader, 1)  # the device is asked, and says nothing
+        assert os.read(leader, 1)  # a request to the device, which does not respond
         process.send_signal(signal.SIGINT)
         out, err = process.communicate()
     assert (process.returncode, out, err) == (130, "", "")
@@ -65,7 +65,7 @@ def test_ctrl_c_while_a_silent_rig_opens_ends_with_130(tmp_path, arguments):
 
 @pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="needs /proc")
 def test_ctrl_c_twice_ends_a_run_in_virtual_time_whose_recorder_is_stopped(tmp_path):
-    """The loop waits for the pipe, and answers no request."""
+    """The loop waits for the pipe, and does not respond to requests."""
     with start("run", "--clock", "virtual", "--duration", "3600", "--record", "a.mcap") as process:
         children = Path(f"/proc/{process.pid}/task/{process.pid}/children")
         path = tmp_path / "a.mcap"
@@ -87,7 +87,7 @@ def test_ctrl_c_twice_ends_a_run_in_virtual_time_whose_recorder_is_stopped(tmp_p
     assert not Path(f"/proc/{recorder}").exists()
 
 
-def test_a_run_that_is_stopped_before_arming_is_not_drawn_and_says_so(monkeypatch, capsys):
+def test_a_run_that_is_stopped_before_arming_reports_that_it_is_not_drawn(monkeypatch, capsys):
     def request(self, arm, skipped, end=""):
         self.count = 1
         return Request(arm=False, stop="Ctrl-C")
@@ -113,7 +113,7 @@ def test_recordings_that_are_started_in_the_same_second_get_different_names(monk
     assert all(path.exists() for path in paths)
 
 
-def test_runs_that_are_started_at_once_are_all_recorded(tmp_path):
+def test_runs_that_are_started_at_the_same_time_are_all_recorded(tmp_path):
     arguments = ("run", "--clock", "virtual", "--duration", "0.1", "--json")
     for process in [start(*arguments) for _ in range(3)]:
         with process:

@@ -29,21 +29,21 @@ def test_is_the_matrix_exponential_of_the_virtual_dynamics(m, d, c, dt, force):
         )
 
 
-def test_critical_damping_is_no_exception():
+def test_critical_damping_gives_the_exact_solution():
     critical = Admittance(AdmittanceParameters(1.0, 20.0, 100.0))
     near = Admittance(AdmittanceParameters(1.0, 20.0, 100.0 + 1e-7))
     for _ in range(100):
         assert critical.step(1.0, 1e-3) == pytest.approx(near.step(1.0, 1e-3), rel=1e-6)
 
 
-def test_a_long_pause_overflows_nothing():
+def test_a_long_pause_does_not_overflow():
     admittance = Admittance(AdmittanceParameters(0.5, 1000.0, 10.0))
     admittance.step(5.0, 1e5)
     assert admittance.position == pytest.approx(0.5)
 
 
 @given(m=masses, d=dampings, c=stiffnesses, dt=periods)
-def test_one_period_is_the_same_as_its_halves(m, d, c, dt):
+def test_two_half_periods_give_the_result_of_one_period(m, d, c, dt):
     once, twice = (Admittance(AdmittanceParameters(m, d, c)) for _ in range(2))
     once.step(3.0, dt)
     twice.step(3.0, dt / 2)
@@ -72,7 +72,7 @@ def test_a_parameter_out_of_range_is_refused(make):
         make()
 
 
-def test_an_admittance_that_is_told_what_was_applied_goes_on_from_there():
+def test_after_follow_the_admittance_continues_from_the_applied_velocity():
     admittance = Admittance(AdmittanceParameters())
     admittance.step(10.0, 1e-3)
     before = admittance.position

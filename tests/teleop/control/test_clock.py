@@ -8,7 +8,7 @@ from teleop.control.clock import RealClock, VirtualClock
 
 
 class FakeTime:
-    """A monotonic clock that only sleep and work move on."""
+    """A monotonic clock that advances only by sleep and by work."""
 
     def __init__(self, monkeypatch) -> None:
         self.ns = 10**15
@@ -28,7 +28,7 @@ def fake(monkeypatch):
     return FakeTime(monkeypatch)
 
 
-def test_deadlines_are_whole_periods_from_the_first_tick_whatever_the_work(fake):
+def test_deadlines_are_whole_periods_from_the_first_tick_for_any_work(fake):
     clock = RealClock(1000.0)
     clock.wait()
     first = fake.ns
@@ -40,7 +40,7 @@ def test_deadlines_are_whole_periods_from_the_first_tick_whatever_the_work(fake)
         assert not tick.overrun
 
 
-def test_a_rate_that_divides_no_nanosecond_does_not_drift(fake):
+def test_a_period_that_is_not_a_whole_number_of_nanoseconds_does_not_drift(fake):
     clock = RealClock(3000.0)
     clock.wait()
     first = fake.ns
@@ -83,7 +83,7 @@ def test_real_time_passes_in_real_time():
     assert clock.now() >= 0.05
 
 
-def test_virtual_time_passes_by_the_tick_alone():
+def test_virtual_time_advances_only_by_ticks():
     clock = VirtualClock(1000.0)
     assert clock.now() == 0.0
     for n in range(1000):

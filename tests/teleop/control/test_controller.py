@@ -1,4 +1,4 @@
-"""What the controller does with each channel and each dt, told by a rig of distinct values."""
+"""Data flow of the controller: each channel and each dt, on a rig with distinct values."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ WIDE = Limits(
         for name, channel in default_channel_limits().items()
     },
 )
-"""Limits that never bite: the supervisor's own are tested in tests/teleop/safety."""
+"""Limits that are never reached; limits are tested in tests/teleop/safety."""
 SKIPPED = [3 if n % 20 == 10 else 0 for n in range(300)]
 TIMES = np.cumsum(
     PERIOD * (1.0 + np.array(SKIPPED) + 0.5 * np.random.default_rng(0).uniform(-1.0, 1.0, 300))
@@ -50,7 +50,7 @@ TIMES = np.cumsum(
 
 
 class SpyRig(Rig):
-    """Channels that differ in every sample; drives that apply a third of the command."""
+    """A rig with different values in every sample, whose drives apply a third of the command."""
 
     def __init__(self, failing: str = "", always: bool = False, **overrides: float) -> None:
         self.tick = -1
@@ -116,7 +116,7 @@ def make(rig, condition=None, limits=WIDE, tare=NO_TARE):
 
 
 def at(position):
-    """A measurement with the slave at this position [m]."""
+    """Return a measurement with the slave at a position [m]."""
     return Measurement(0.0, 0.0, 0.0, position, 0.0, 0.0, Ages(*[0.0] * 5))
 
 
@@ -212,7 +212,7 @@ def test_every_stage_gets_its_channel_and_the_measured_dt():
 
 @pytest.mark.parametrize("channel", ["master_force", "slave_position", "contact_force"])
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
-def test_a_channel_that_is_no_number_trips_and_reaches_no_drive(channel, value):
+def test_a_channel_that_is_not_a_number_trips_and_reaches_no_drive(channel, value):
     rig = SpyRig(**{channel: value})
     recording, events = record(rig, make(rig))
     fault = next(event for event in events if event.fault)
@@ -224,7 +224,7 @@ def test_a_channel_that_is_no_number_trips_and_reaches_no_drive(channel, value):
     assert rig.calls[-1].startswith("idle")
 
 
-def test_a_channel_that_the_rig_has_not_may_be_missing_but_none_may_go_missing():
+def test_an_absent_channel_may_be_missing_but_a_present_one_may_not_become_missing():
     missing = {"slave_velocity": math.nan, "master_position": math.nan}
     rig = SpyRig(always=True, **missing)
     _, events = record(rig, make(rig))
@@ -266,7 +266,7 @@ def test_a_condition_that_fails_trips_in_the_same_tick(answer, text):
 
 
 @pytest.mark.parametrize("call", ["read", "write"])
-def test_a_rig_that_fails_is_idled_at_once(call):
+def test_a_rig_that_fails_is_disabled_immediately(call):
     rig = SpyRig(failing=call)
     controller = make(rig)
     recording, events = record(rig, controller)
@@ -292,7 +292,7 @@ def test_after_a_fault_nothing_moves_until_a_person_rearms():
         controller.rearm()
 
 
-def test_the_admittance_follows_what_the_limits_left():
+def test_the_admittance_follows_the_limited_command():
     slow = replace(WIDE, max_master_velocity=0.02)
     rig = SpyRig()
     recording, _ = record(rig, make(rig, limits=slow))
@@ -305,14 +305,14 @@ def test_the_admittance_follows_what_the_limits_left():
 
 
 def drive_and_tick(controller, clock, ticks, request):
-    """Run some ticks; the last record."""
+    """Run some ticks and return the last record."""
     for _ in range(ticks):
         record = controller.tick(clock.wait(), request)
     return record
 
 
 @pytest.mark.parametrize("scale", [1.0, 0.25])
-def test_the_slave_stays_where_it_is_when_it_is_armed_and_armed_again(scale):
+def test_the_slave_does_not_move_when_it_is_armed_or_armed_again(scale):
     clock = VirtualClock(1000.0)
     rig = SimulatedRig(replace(CUBES["soft"], glued=False), clock.now)
     settings = TrialSettings(clock="virtual", coupling=Coupling(scale, position_gain=10.0))
@@ -329,7 +329,7 @@ def test_the_slave_stays_where_it_is_when_it_is_armed_and_armed_again(scale):
 
 
 class SlowRig(SpyRig):
-    """Drives that take a while to get ready."""
+    """Drives that need some ticks to get ready."""
 
     def __init__(self, ready_at: int) -> None:
         super().__init__()
@@ -357,7 +357,7 @@ def test_nothing_moves_and_no_time_passes_for_the_condition_until_the_drives_are
     assert rig.calls[-1] == "enable at 120"
 
 
-def test_drives_that_were_asked_to_get_ready_are_idled_when_the_start_is_called_off():
+def test_drives_that_get_ready_are_disabled_when_the_start_is_cancelled():
     rig = SlowRig(ready_at=10**9)
     controller = make(rig)
     for _ in range(100):
@@ -418,7 +418,7 @@ def test_a_fault_at_the_tick_of_arming_enables_no_drive():
 
 
 class StuckRig(SpyRig):
-    """Writing and idling fail in some ticks."""
+    """A rig whose `write` and `idle` fail in some ticks."""
 
     def __init__(self, no_write=(), no_idle=(), **overrides):
         super().__init__(**overrides)
@@ -438,7 +438,7 @@ class StuckRig(SpyRig):
 
 
 @pytest.mark.parametrize("no_write", [(), range(200, 205)])
-def test_drives_that_cannot_be_idled_are_idled_again_until_they_are_and_no_longer_fed(no_write):
+def test_idle_is_repeated_until_it_succeeds_and_no_commands_are_sent_meanwhile(no_write):
     rig = StuckRig(no_write, range(200, 230), contact_force=100.0)
     controller = make(rig)
     recording, events = record(rig, controller)
@@ -451,8 +451,8 @@ def test_drives_that_cannot_be_idled_are_idled_again_until_they_are_and_no_longe
     assert not recording["applied_slave_velocity"][200:].any()
 
 
-def test_a_condition_that_failed_hides_no_emergency_stop_and_no_failure_of_the_rig():
-    """The ramp takes 30 ticks; what is worse ends it at once."""
+def test_a_failed_condition_does_not_hide_an_emergency_stop_or_a_rig_failure():
+    """The ramp takes 30 ticks; a more severe fault ends it immediately."""
     gentle = replace(WIDE, max_acceleration=2.0, max_master_acceleration=4.0)
 
     class Failing(SpyRig):
@@ -480,7 +480,7 @@ def test_a_condition_that_failed_hides_no_emergency_stop_and_no_failure_of_the_r
 
 
 @pytest.mark.parametrize("mode", ["active", "fault"])
-def test_a_rig_that_returns_the_same_measurement_for_ever_is_stopped(mode):
+def test_a_rig_that_always_returns_the_same_measurement_is_stopped(mode):
     class Standing(SpyRig):
         def read(self):
             if self.tick < 150:

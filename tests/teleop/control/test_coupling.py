@@ -14,7 +14,7 @@ stiffnesses = st.one_of(st.just(0.0), st.floats(0.1, 5000.0))
 
 
 def at(position: float) -> Measurement:
-    """A measurement with the slave at this position [m]."""
+    """Return a measurement with the slave at a position [m]."""
     return Measurement(0.0, 0.0, 0.0, position, 0.0, 0.0, Ages(*[0.0] * 5))
 
 
@@ -47,7 +47,7 @@ def test_alignment_moves_the_centre_along_and_changes_no_velocity(c, slave, forc
         assert aligned.step(force, 0.01) == pytest.approx(velocity, rel=1e-6, abs=1e-9)
 
 
-def test_velocity_coupling_scales_velocity_alone():
+def test_velocity_coupling_scales_only_velocity():
     master = Admittance(AdmittanceParameters())
     master.position, master.velocity = 0.01, 0.1
     assert Coupling(0.5).command(master, at(0.0)) == Command(0.1, 0.05)

@@ -25,14 +25,14 @@ def injector(signal, **parameters):
     return Injector(signal, **(values | parameters))
 
 
-def test_a_signal_stays_within_one_and_knows_its_derivatives(signal):
+def test_a_signal_is_within_one_and_its_derivatives_are_right(signal):
     value, rate, acceleration = np.array([signal.at(s) for s in t]).T
     assert np.abs(value).max() <= 1.0 + 1e-12
     np.testing.assert_allclose(np.gradient(value, t)[1:-1], rate[1:-1], atol=1e-3)
     np.testing.assert_allclose(np.gradient(rate, t)[1:-1], acceleration[1:-1], atol=0.05)
 
 
-def test_motion_is_smooth_and_knows_its_derivatives(signal):
+def test_motion_is_smooth_and_its_derivatives_are_right(signal):
     position, velocity, acceleration = np.array([injector(signal).motion(s) for s in t]).T
     np.testing.assert_allclose(np.gradient(position, t)[1:-1], velocity[1:-1], atol=1e-5)
     np.testing.assert_allclose(np.gradient(velocity, t)[1:-1], acceleration[1:-1], atol=1e-3)
@@ -48,7 +48,7 @@ def test_motion_ramps_in_from_rest_and_out_to_rest_and_keeps_contact(signal):
     assert middle.max() <= 6e-3 + 1e-12
 
 
-def test_the_force_takes_the_admittance_through_the_motion(signal):
+def test_the_force_moves_the_admittance_along_the_motion(signal):
     parameters = AdmittanceParameters(0.5, 15.0, 40.0)
     pe = injector(signal, admittance=parameters)
     admittance = Admittance(parameters)
@@ -57,7 +57,7 @@ def test_the_force_takes_the_admittance_through_the_motion(signal):
         admittance.step(pe.force((n + 0.5) * 1e-3), 1e-3)
 
 
-def test_the_slave_reaches_the_depth_whatever_the_scale():
+def test_the_slave_reaches_the_depth_for_every_scale():
     motion = [injector(SIGNALS["sine"], scale=0.25).motion(s).value for s in t]
     assert max(motion) * 0.25 == pytest.approx(6e-3, rel=0.01)
 

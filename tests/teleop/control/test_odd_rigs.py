@@ -1,4 +1,4 @@
-"""Rigs and conditions of other authors that return or raise what they should not."""
+"""Rigs and conditions of other packages that return invalid values or raise exceptions."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from teleop.trial.run import run_trial
 from teleop.trial.settings import TrialSettings
 
 AT = 300
-"""Call from which on the rig or the condition is odd; the drives move then."""
+"""Number of the first faulty call of the rig or the condition; the drives move then."""
 
 
 class OddRig(SimulatedRig):
@@ -40,7 +40,7 @@ class OddRig(SimulatedRig):
         return self.attempt("read", super().read)
 
     def idle(self):
-        # the first call, in reads; that on leaving the rig comes a second later
+        # number of the read at the first call; the call at the end comes a second later
         self.idled = min(getattr(self, "idled", math.inf), self.calls["read"])
         super().idle()
 
@@ -49,7 +49,7 @@ class OddRig(SimulatedRig):
 
 
 class Odd(Condition):
-    """A push whose force or end is odd from call `AT` on."""
+    """A constant force whose value or `finished` is replaced from call `AT` on."""
 
     def __init__(self, **odd: Any) -> None:
         self._odd, self._calls = odd, itertools.count()
@@ -65,7 +65,7 @@ SETTINGS = TrialSettings(condition="autonomous", clock="virtual", duration=1.0, 
 
 
 class OddTrial:
-    """A trial on an odd rig, or under an odd condition."""
+    """A trial with a faulty rig or a faulty condition."""
 
     def __init__(self, odd: tuple[str, Any] = ("", None), other: Condition | None = None) -> None:
         self.odd, self.other = odd, other
@@ -114,7 +114,7 @@ ANSWERS = {
 
 
 @pytest.mark.parametrize("odd", ANSWERS.values(), ids=ANSWERS)
-def test_an_odd_answer_of_a_rig_stops_the_drives_and_is_reported(odd, tmp_path):
+def test_an_invalid_return_value_of_a_rig_stops_the_drives_and_is_reported(odd, tmp_path):
     made = OddTrial(odd=odd)
     path = tmp_path / "odd.mcap"
     with pytest.raises(Exception) as raised:  # noqa: PT011
@@ -133,14 +133,14 @@ def test_an_odd_answer_of_a_rig_stops_the_drives_and_is_reported(odd, tmp_path):
         ("write", lambda c: Command(0.0, -math.inf)),
     ],
 )
-def test_an_answer_that_is_not_finite_is_a_rig_failure(odd):
+def test_a_return_value_that_is_not_finite_is_a_rig_failure(odd):
     trial = OddTrial(odd=odd).run()
     assert trial.fault["fault"] == Fault.RIG_FAILURE
     assert "expected" in trial.fault["text"]
     assert np.isfinite(trial.recording["time"]).all()
 
 
-def test_numpy_numbers_and_whole_ones_are_taken():
+def test_numpy_numbers_and_integers_are_accepted():
     def numpy(m: Any) -> Any:
         single = m._replace(
             contact_force=np.float64(m.contact_force),
@@ -154,7 +154,7 @@ def test_numpy_numbers_and_whole_ones_are_taken():
     assert trial.fault is None
 
 
-def test_a_drive_error_that_is_no_text_is_reported_as_text():
+def test_a_drive_error_that_is_not_text_is_reported_as_text():
     trial = OddTrial(odd=("read", lambda m: m._replace(drive_error=0x8611))).run()
     assert trial.fault["text"] == f"drive error: {0x8611}"
 
@@ -168,7 +168,7 @@ def test_a_drive_error_has_one_line_of_bounded_length():
 
 
 @pytest.mark.parametrize("force", [None, np.ones(2), 1j])
-def test_a_force_that_is_no_number_is_a_control_failure(force, tmp_path):
+def test_a_force_that_is_not_a_number_is_a_control_failure(force, tmp_path):
     made = OddTrial(other=Odd(force=force))
     with pytest.raises(TypeError):
         made.run(tmp_path / "odd.mcap")
@@ -176,13 +176,13 @@ def test_a_force_that_is_no_number_is_a_control_failure(force, tmp_path):
     assert "control failure" in (tmp_path / "odd.fault" / "cause.txt").read_text()
 
 
-def test_a_condition_whose_end_is_no_truth_value_is_a_control_failure(tmp_path):
+def test_a_condition_whose_finished_has_no_truth_value_is_a_control_failure(tmp_path):
     with pytest.raises(ValueError, match="ambiguous"):
         OddTrial(other=Odd(finished=np.zeros(2))).run(tmp_path / "odd.mcap")
     assert "control failure" in (tmp_path / "odd.fault" / "cause.txt").read_text()
 
 
-def test_a_program_end_in_a_condition_is_reported_as_an_error():
+def test_system_exit_in_a_condition_is_reported_as_an_error():
     class Exiting(Condition):
         def drive_force(self, t, measurement):
             raise SystemExit(0)
@@ -203,7 +203,7 @@ def clock_of(name: str) -> Any:
 
 
 @pytest.mark.parametrize("name", ["stands still", "jumps ahead", "restarts"])
-def test_a_run_ends_a_second_after_a_fault_whatever_the_rigs_time_does(name, monkeypatch):
+def test_a_run_ends_a_second_after_a_fault_for_any_time_of_the_rig(name, monkeypatch):
     made = OddTrial(odd=("read", clock_of(name)))
     steps = itertools.count()
     step = "teleop.trial.loop.Loop.step"

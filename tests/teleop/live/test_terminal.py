@@ -1,4 +1,4 @@
-"""Output to a terminal that does not take any: it must not cost the recorder a tick."""
+"""Output to a terminal that accepts none must not make the recorder lose a tick."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ RUN = [sys.executable, "-m", "teleop", "run", "--clock", "virtual", "--duration"
 
 @pytest.fixture
 def terminal():
-    """A terminal whose other end is not read: (the other end, this end)."""
+    """Yield both ends of a terminal whose first end is not read."""
     ends = os.openpty()
     yield ends
     for end in ends:
@@ -32,7 +32,7 @@ def stop(end):
 
 
 def fill(end):
-    """Write to a terminal that nobody reads until it takes no more."""
+    """Write to a terminal until it accepts no more."""
     os.set_blocking(end, False)
     with suppress(BlockingIOError):
         while True:
@@ -44,7 +44,7 @@ def fill(end):
 
 
 @pytest.mark.parametrize("block", [stop, fill])
-def test_a_terminal_that_takes_no_output_costs_no_tick(tmp_path, terminal, block):
+def test_a_terminal_that_accepts_no_output_loses_no_tick(tmp_path, terminal, block):
     path = tmp_path / "a.mcap"
     block(terminal[1])
     run = subprocess.run(
@@ -62,7 +62,7 @@ def test_a_terminal_that_takes_no_output_costs_no_tick(tmp_path, terminal, block
     assert len(recording) == 1 + round((recording["time"][-1] - recording["time"][0]) * 1e3)
 
 
-def test_a_terminal_that_goes_on_shows_what_was_written_and_the_last_drawing(terminal):
+def test_a_resumed_terminal_shows_the_messages_and_the_last_line(terminal):
     far, near = terminal
     stop(near)
     output = Terminal(near)

@@ -1,4 +1,4 @@
-"""What a fault leaves behind."""
+"""The black box and the report of a fault."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from teleop.trial.settings import TrialSettings
 
 @pytest.fixture
 def with_fault(monkeypatch):
-    """Lets a fault set in at a time of the rig's clock."""
+    """Injects a fault at a time of the rig's clock."""
 
     def inject(fault, at):
         def make(cube, now, **options):
@@ -66,7 +66,7 @@ def test_the_box_holds_five_seconds_before_and_one_after_at_full_rate(stopped):
     assert (trial.black_box / "ticks.mcap").stat().st_size < 2_000_000
 
 
-def test_the_account_names_cause_limit_value_time_and_timing(stopped):
+def test_the_fault_report_names_cause_limit_value_time_and_timing(stopped):
     trial, _ = stopped(Replaced("contact_force", 5000.0))
     text = (trial.black_box / "cause.txt").read_text()
     for line in (
@@ -90,14 +90,14 @@ def test_the_account_names_cause_limit_value_time_and_timing(stopped):
     assert drawing.getroot().tag.endswith("svg")
 
 
-def test_a_fault_before_anything_moves_leaves_its_account_too(stopped):
+def test_a_fault_before_any_motion_leaves_a_report_too(stopped):
     trial, _ = stopped(Replaced("master_force", 40.0), at=0.0)
     assert trial.fault["fault"] == "not at rest at the start"
     assert trial.summary()["ticks"] == 0
     assert "master force 40 N, at most 5 N" in (trial.black_box / "cause.txt").read_text()
 
 
-def test_the_report_of_a_run_that_never_moved_shows_the_stop_alone(stopped, capsys):
+def test_the_report_of_a_run_without_motion_shows_only_the_stop(stopped, capsys):
     _, path = stopped(Replaced("master_force", 40.0), at=0.0)
     assert main(["report", str(path)]) == 0
     page = path.with_suffix(".html").read_text()
@@ -116,7 +116,7 @@ def test_the_report_shows_what_stopped_the_run(stopped, capsys):
     assert page.count("<svg") == 3
 
 
-def test_the_report_of_a_run_in_real_time_shows_how_the_loop_kept_time(tmp_path, capsys):
+def test_the_report_of_a_run_in_real_time_shows_the_timing_of_the_loop(tmp_path, capsys):
     path = tmp_path / "run.mcap"
     assert main(["run", "--duration", "0.5", "--record", str(path)]) == 0
     assert main(["report", str(path)]) == 0
@@ -125,7 +125,9 @@ def test_the_report_of_a_run_in_real_time_shows_how_the_loop_kept_time(tmp_path,
     assert page.count("<svg") == 3
 
 
-def test_a_run_that_is_stopped_says_so_and_ends_with_3(tmp_path, capsys, monkeypatch, with_fault):
+def test_a_run_stopped_by_a_fault_reports_it_and_exits_with_3(
+    tmp_path, capsys, monkeypatch, with_fault
+):
     monkeypatch.chdir(tmp_path)
     with_fault(Replaced("slave_position", float("inf")), at=0.5)
     assert main(["run", "--clock", "virtual", "--duration", "1"]) == 3

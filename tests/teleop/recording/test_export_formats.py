@@ -46,7 +46,7 @@ def need(ending):
 
 
 def same(a, b):
-    """Equal to the bit but for the payload of NaN."""
+    """Return whether arrays are exactly equal; all NaN are equal."""
     return a.dtype == b.dtype and np.array_equal(a, b, equal_nan=True)
 
 
@@ -74,7 +74,7 @@ def test_csv_has_every_column_with_its_unit_and_all_digits(exported, recording):
         assert same(np.array([float(cell) for cell in cells]), column)
 
 
-def test_csv_says_nan_where_the_estimators_were_given_nothing(exported, recording):
+def test_csv_has_nan_where_the_estimators_were_not_updated(exported, recording):
     with exported("csv").open(newline="") as file:
         first = next(csv.DictReader(file))
     assert float(first["time [s]"]) < 0.0
@@ -135,7 +135,7 @@ def test_parquet_has_columns_units_session_settings_and_events(exported, recordi
     assert strict(about[b"events"]) == recording.events
 
 
-def test_without_out_a_csv_is_put_beside_the_recording(trial, recording, tmp_path, capsys):
+def test_without_out_a_csv_is_written_beside_the_recording(trial, recording, tmp_path, capsys):
     copy = tmp_path / "copy.mcap"
     copy.write_bytes(trial.read_bytes())
     assert main(["export", str(copy)]) == 0
@@ -162,7 +162,7 @@ def test_json_is_one_document(trial, exported, recording, capsys, ending, name):
 
 
 @pytest.mark.parametrize("name", ["trial.xlsx", "trial", "trial.mcap"])
-def test_an_unknown_ending_is_refused_with_those_that_there_are(refused, trial, tmp_path, name):
+def test_an_unknown_ending_is_refused_with_a_list_of_the_known_ones(refused, trial, tmp_path, name):
     err = refused("export", trial, "--out", tmp_path / name)
     for ending in (".csv", ".h5", ".mat", ".parquet"):
         assert ending in err
@@ -170,7 +170,7 @@ def test_an_unknown_ending_is_refused_with_those_that_there_are(refused, trial, 
 
 
 @pytest.mark.parametrize(("library", "ending"), [("h5py", "h5"), ("pyarrow", "parquet")])
-def test_a_library_that_is_not_installed_is_told_with_what_to_install(
+def test_a_library_that_is_not_installed_is_reported_with_the_command_to_install_it(
     refused, trial, tmp_path, monkeypatch, library, ending
 ):
     need(ending)
@@ -183,7 +183,7 @@ def test_a_library_that_is_not_installed_is_told_with_what_to_install(
 
 
 @pytest.mark.parametrize("ending", ENDINGS)
-def test_a_folder_that_is_not_there_is_told(refused, trial, tmp_path, ending):
+def test_a_missing_folder_is_reported(refused, trial, tmp_path, ending):
     out = tmp_path / "none" / f"trial.{ending}"
     assert "cannot be written" in refused("export", trial, "--out", out)
 
@@ -205,8 +205,8 @@ for ending in endings:
 """
 
 
-def test_a_full_disk_is_told_in_one_line_and_leaves_what_was_there(trial, tmp_path):
-    """In a process of its own, in which no file can grow beyond 3000 bytes."""
+def test_a_full_disk_is_reported_in_one_line_and_existing_files_are_kept(trial, tmp_path):
+    """Run in another process, in which no file can exceed 3000 bytes."""
     pytest.importorskip("resource")
     for ending in ENDINGS:
         need(ending)
@@ -222,7 +222,7 @@ def test_a_full_disk_is_told_in_one_line_and_leaves_what_was_there(trial, tmp_pa
     assert sorted(tmp_path.iterdir()) == sorted(tmp_path / f"old.{e}" for e in ENDINGS)
 
 
-def test_a_file_that_is_no_recording_is_refused(refused, tmp_path):
+def test_a_file_that_is_not_a_recording_is_refused(refused, tmp_path):
     table = tmp_path / "table.csv"
     table.write_text("Time [s]\n1\n")
     assert "not an MCAP file" in refused("export", table, "--out", tmp_path / "a.mat")
@@ -230,7 +230,7 @@ def test_a_file_that_is_no_recording_is_refused(refused, tmp_path):
     assert table.read_text() == "Time [s]\n1\n"
 
 
-def test_a_recording_that_is_not_complete_is_refused_and_nothing_written(refused, trial, tmp_path):
+def test_an_incomplete_recording_is_refused_and_nothing_is_written(refused, trial, tmp_path):
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(trial.read_bytes()[:-100])
     assert "teleop recover" in refused("export", cut)

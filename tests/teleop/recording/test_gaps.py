@@ -1,4 +1,4 @@
-"""A gap in a recording is a gap in time: reported, and not evaluated across."""
+"""Gaps in a recording are reported, and estimates do not use differences across them."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from teleop.trial.settings import TrialSettings
 
 
 def ticks_without(lost, count=200, skipped=()):
-    """Time, dt and dropped of a recording that lacks some ticks of a loop that skipped periods."""
+    """Return time, dt and dropped of a recording with missing ticks and skipped periods."""
     dt = 1e-3 * (1.0 + np.isin(np.arange(count), list(skipped)) * 7)
     t = np.cumsum(dt) - 0.05
     kept = ~np.isin(np.arange(count), list(lost))
@@ -58,7 +58,7 @@ def test_many_gaps_are_listed_in_one_line():
 
 
 def linear(hole=(3.1, 5.47), name="slave_position", cycle=1.0):
-    """A 1 Hz motion on k = 2000 N/m, b = 20 N s/m at 1 kHz, without the samples in a hole."""
+    """Return a 1 Hz motion on k = 2000 N/m, b = 20 N s/m at 1 kHz, with a gap in the samples."""
     t = np.arange(0.0, 8.0, 1e-3)
     w = 2.0 * np.pi * cycle
     x, v = 4e-3 - 3e-3 * np.cos(w * t), 3e-3 * w * np.sin(w * t)
@@ -73,7 +73,7 @@ CONDITIONING = ("matched", "svf", "foaw", "difference")
 
 
 @pytest.mark.parametrize("conditioning", CONDITIONING)
-def test_what_is_given_after_a_gap_does_not_depend_on_what_was_before_it(conditioning):
+def test_conditioned_signals_after_a_gap_do_not_depend_on_those_before_it(conditioning):
     signals = linear()
     start = signals.gaps[0]
     moved = signals._replace(x=signals.x.copy(), f=signals.f.copy())
@@ -101,7 +101,7 @@ def test_velocity_has_settled_where_the_estimators_are_given_it_after_a_gap(cond
     np.testing.assert_allclose(holed.regression.v[after], whole.regression.v[same], atol=4e-4)
 
 
-def test_estimators_get_the_time_that_passed_over_a_gap():
+def test_estimators_receive_the_duration_of_a_gap():
     signals = linear()
     evaluation = evaluate(signals, EstimateSettings(preset="paper", whole=True))
     t, dt = evaluation.t, evaluation.regression.dt
@@ -172,7 +172,7 @@ def measure_lag_of(path):
 
 @pytest.fixture
 def slow(monkeypatch):
-    """Lets the recorder's pipe be full for some ticks."""
+    """Makes the recorder's pipe full for some ticks."""
 
     def during(*numbers):
         push, count = RecorderProcess.push, iter(range(10**9))

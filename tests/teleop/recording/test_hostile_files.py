@@ -1,4 +1,4 @@
-"""MCAP files of others, damaged ones, and such as are made to do harm."""
+"""MCAP files of other programs, damaged files, and malicious files."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from mcap.records import Chunk, DataEnd, Footer, Header, Metadata
 from mcap.writer import CompressionType, Writer
 
 from teleop.recording import chunks, mcap_reader
-from teleop.recording.mcap_checks import checked_event, message_size
+from teleop.recording.mcap_checks import message_size, read_event
 from teleop.recording.mcap_reader import read_intact
 from teleop.recording.recording import load
 
@@ -24,7 +24,7 @@ DEFINITION = "float64 time  # [s] since\nfloat64 x  # [m] displacement\n"
 
 
 def written(path, *records):
-    """A file of these records."""
+    """Write a file with these records."""
     data = b"\x89MCAP0\r\n"
     for record in (Header(profile="ros2", library=""), *records, DataEnd(0), Footer(0, 0, 0)):
         builder = RecordBuilder()
@@ -35,7 +35,7 @@ def written(path, *records):
 
 
 def chunk(data, compression="zstd", declared=None, compressed=None):
-    """A chunk of these records."""
+    """Return a chunk with these records."""
     compress = {"zstd": zstandard.compress, "lz4": lz4.frame.compress}.get(compression, bytes)
     return Chunk(
         compression=compression,
@@ -48,7 +48,7 @@ def chunk(data, compression="zstd", declared=None, compressed=None):
 
 
 def ros(path, compression=CompressionType.ZSTD, name="teleop/msg/Tick", text=DEFINITION, ticks=()):
-    """A file as another program writes it: a channel /tick, and an event channel."""
+    """Write a file as another program does, with a channel /tick and a channel of events."""
     with path.open("wb") as file:
         writer = Writer(file, compression=compression)
         writer.start("ros2")
@@ -64,7 +64,7 @@ def tick(t, *values):
     return b"\0\1\0\0" + struct.pack(f"<{1 + len(values)}d", t, *values)
 
 
-def test_what_follows_is_made_as_our_own_files_are(tmp_path):
+def test_the_files_of_these_tests_are_built_like_recordings(tmp_path):
     for compression in CompressionType:
         path = ros(tmp_path / "a.mcap", compression, ticks=[tick(0.0, 1.0), tick(0.1, 2.0)])
         assert load(path)["x"].tolist() == [1.0, 2.0]
@@ -75,7 +75,7 @@ def test_what_follows_is_made_as_our_own_files_are(tmp_path):
 def test_a_chunk_expands_no_further_than_it_declares_and_no_further_than_the_limit(
     tmp_path, refused, monkeypatch, compression, declared
 ):
-    """The bomb of 200 MB is one of 6 kB in zstd."""
+    """200 MB of data compress to 6 kB with zstd."""
     taken = []
     decompressors = {
         name: lambda data, most, f=f: taken.append(len(found := f(data, most))) or found
@@ -96,11 +96,11 @@ def test_the_ticks_of_all_chunks_are_bounded(tmp_path, refused, monkeypatch):
 
 
 def test_a_record_longer_than_the_file_is_not_read(tmp_path, monkeypatch):
-    """The length of a string in the record is false as well."""
+    """The length of a string in the record is also wrong."""
     asked = []
-    read = mcap_reader.Bounded.read
+    read = mcap_reader.BoundedFile.read
     monkeypatch.setattr(
-        mcap_reader.Bounded, "read", lambda s, n: asked.append(min(n, s.left)) or read(s, n)
+        mcap_reader.BoundedFile, "read", lambda s, n: asked.append(min(n, s.left)) or read(s, n)
     )
     path = ros(tmp_path / "a.mcap", ticks=[tick(0.0, 1.0)])
     data = path.read_bytes()
@@ -148,7 +148,7 @@ def test_a_recording_without_a_column_that_is_needed_is_refused(tmp_path, refuse
 
 
 @pytest.mark.parametrize("compression", ["zstd", "lz4", "brotli"])
-def test_a_chunk_that_cannot_be_decompressed_is_told(tmp_path, refused, compression):
+def test_a_chunk_that_cannot_be_decompressed_is_reported(tmp_path, refused, compression):
     data = bytes(1000)
     for compressed in (b"", b"\xff" * 50, chunk(data, compression).data[:-12]):
         damaged = chunk(data, compression, compressed=compressed)
@@ -170,7 +170,7 @@ def test_a_chunk_that_cannot_be_decompressed_is_told(tmp_path, refused, compress
     ],
     ids=lambda document: document[:12],
 )
-def test_settings_that_are_no_sound_json_are_told(tmp_path, refused, document):
+def test_settings_that_are_not_valid_json_are_reported(tmp_path, refused, document):
     path = ros(tmp_path / "a.mcap", ticks=[tick(0.0, 1.0)])
     record = RecordBuilder()
     Metadata(name="settings", metadata={"json": document}).write(record)
@@ -178,7 +178,7 @@ def test_settings_that_are_no_sound_json_are_told(tmp_path, refused, document):
     path.write_bytes(data[:8] + record.end() + data[8:])
     assert "its settings cannot be read" in refused("export", path)
     with pytest.raises(ValueError, match=r"."):
-        checked_event(document.encode())
+        read_event(document.encode())
 
 
 @pytest.mark.parametrize(
@@ -196,18 +196,18 @@ def test_settings_that_are_no_sound_json_are_told(tmp_path, refused, document):
     ],
     ids=str,
 )
-def test_an_event_that_is_not_as_expected_is_refused(changes):
+def test_an_invalid_event_is_refused(changes):
     good = {"time": 0.0, "text": "armed", "mode": "active", "fault": None}
-    assert checked_event(json.dumps(good).encode()) == good
+    assert read_event(json.dumps(good).encode()) == good
     with pytest.raises(ValueError, match="an event|expected value"):
-        checked_event(json.dumps(good | changes).encode())
+        read_event(json.dumps(good | changes).encode())
 
 
 def test_the_size_of_a_message_follows_from_its_definition():
     assert message_size(DEFINITION) == 4 + 2 * 8
 
 
-def test_a_decompressor_takes_a_chunk_in_pieces():
+def test_a_chunk_is_decompressed_in_pieces():
     data = bytes(range(256)) * (3 * chunks.PIECE // 256) + b"end"
     for compression in ("zstd", "lz4", ""):
         assert chunks.chunk_data(chunk(data, compression)) == data

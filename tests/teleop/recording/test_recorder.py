@@ -1,4 +1,4 @@
-"""The recorder process: what is pushed is kept, and nothing it meets reaches the loop."""
+"""The recorder process: pushed ticks are recorded, and its problems do not affect the loop."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def recorder(path, wait=True, **options):
     return sink
 
 
-def test_every_tick_and_event_comes_back_as_it_was(tmp_path):
+def test_every_tick_and_event_is_read_back_unchanged(tmp_path):
     path = tmp_path / "a.mcap"
     sink = recorder(path)
     for i in range(5000):
@@ -59,7 +59,7 @@ def test_every_tick_and_event_comes_back_as_it_was(tmp_path):
     assert (fault["source"], fault["value"], fault["limit"]) == ("contact_force", 9.0, None)
 
 
-def test_a_reader_that_is_not_ours_finds_every_tick_by_name(tmp_path):
+def test_another_library_reads_every_tick_by_name(tmp_path):
     reader = pytest.importorskip("mcap.reader")
     decoder = pytest.importorskip("mcap_ros2.decoder")
     path = tmp_path / "a.mcap"
@@ -97,7 +97,7 @@ def test_the_file_grows_while_the_loop_runs(tmp_path):
     sink.close()
 
 
-def test_a_killed_recorder_is_told_and_what_it_flushed_is_kept(tmp_path):
+def test_a_killed_recorder_is_reported_and_its_flushed_data_are_kept(tmp_path):
     path = tmp_path / "a.mcap"
     sink = recorder(path)
     for i in range(2000):
@@ -114,7 +114,7 @@ def test_a_killed_recorder_is_told_and_what_it_flushed_is_kept(tmp_path):
         load(path)
 
 
-def test_a_recorder_that_has_stopped_costs_ticks_and_never_time(tmp_path):
+def test_a_suspended_recorder_loses_ticks_but_does_not_delay_the_loop(tmp_path):
     if not hasattr(signal, "SIGSTOP"):
         pytest.skip("needs SIGSTOP")
     sink = recorder(tmp_path / "a.mcap", wait=False)
@@ -134,7 +134,7 @@ def test_a_recorder_that_has_stopped_costs_ticks_and_never_time(tmp_path):
 
 
 class Wide:
-    """A layout whose messages the system may split: they are larger than PIPE_BUF."""
+    """A layout with messages larger than PIPE_BUF, which the system may split."""
 
     columns = tuple((f"column_{i}" if i else "time", "-", "a test") for i in range(1500))
     estimators = ()
@@ -142,7 +142,7 @@ class Wide:
     definition = "".join(f"float64 {name}  # [-] a test\n" for name, *_ in columns)
 
 
-def test_a_tick_that_the_pipe_takes_in_parts_comes_back_whole(tmp_path):
+def test_a_tick_that_is_written_to_the_pipe_in_parts_is_recorded_whole(tmp_path):
     if not hasattr(signal, "SIGSTOP"):
         pytest.skip("needs SIGSTOP")
     path = tmp_path / "a.mcap"
@@ -169,7 +169,7 @@ def test_a_tick_that_the_pipe_takes_in_parts_comes_back_whole(tmp_path):
     assert recording.events[-1]["text"] == "in between"
 
 
-def test_a_recorder_that_hangs_does_not_hang_the_end(tmp_path, monkeypatch):
+def test_a_recorder_that_hangs_does_not_block_the_end(tmp_path, monkeypatch):
     if not hasattr(signal, "SIGSTOP"):
         pytest.skip("needs SIGSTOP")
     monkeypatch.setattr("teleop.recording.recorder.TIMEOUT", 0.5)
@@ -177,7 +177,7 @@ def test_a_recorder_that_hangs_does_not_hang_the_end(tmp_path, monkeypatch):
     sink.process.send_signal(signal.SIGSTOP)
     for i in range(10_000):
         sink.push(message(i * 1e-3))
-    sink.event(Event(9.0, Mode.FAULT, "told to nobody", Fault.JUMP))
+    sink.event(Event(9.0, Mode.FAULT, "not recorded", Fault.JUMP))
     assert sink.close().problem == "the recorder was killed"
 
 
@@ -191,7 +191,7 @@ def test_the_signals_of_the_terminal_do_not_reach_the_recorder(tmp_path):
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
-def test_a_full_disk_is_told_and_stops_nothing(tmp_path, capfd):
+def test_a_full_disk_is_reported_and_does_not_stop_the_run(tmp_path, capfd):
     sink = recorder(Path("/dev/full"), overwrite=True)
     for i in range(3000):
         sink.push(message(i * 1e-3))
@@ -200,16 +200,16 @@ def test_a_full_disk_is_told_and_stops_nothing(tmp_path, capfd):
     outcome = sink.close()
     assert outcome.problem == "no space left on device"
     assert outcome.pushed == 3000
-    told = "teleop: /dev/full: no space left on device: the run continues\n"
-    assert capfd.readouterr().err == told
+    expected = "teleop: /dev/full: no space left on device: the run continues\n"
+    assert capfd.readouterr().err == expected
 
 
 def test_a_file_that_cannot_be_written_is_refused_before_anything_moves(tmp_path):
-    with pytest.raises(InputError, match="cannot be recorded to: no such file"):
+    with pytest.raises(InputError, match="recording failed: no such file"):
         recorder(tmp_path / "nowhere" / "a.mcap")
 
 
-def test_an_event_of_any_length_goes_through_the_pipe_in_one_piece(tmp_path):
+def test_an_event_of_any_length_passes_through_the_pipe_whole(tmp_path):
     sink = recorder(tmp_path / "a.mcap")
     text = "\N{GREEK SMALL LETTER TAU}" * 10_000
     sink.event(Event(0.0, Mode.FAULT, text, Fault.RIG_FAILURE, text, math.inf))
@@ -267,13 +267,13 @@ def test_a_removed_recording_is_reported_while_the_run_continues(tmp_path, capfd
     sink = recorder(path)
     sink.push(message(0.0))
     path.unlink()
-    told = f"teleop: {path}: the file was removed during the run: the run continues\n"
+    expected = f"teleop: {path}: the file was removed during the run: the run continues\n"
     shown = ""
     for _ in range(100):
         if shown := capfd.readouterr().err:
             break
         time.sleep(0.1)
-    assert shown == told
+    assert shown == expected
     sink.close()
 
 

@@ -24,7 +24,7 @@ MAGIC = 8
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
-    """A recording of a real trial in many chunks, as a run in real time leaves it."""
+    """Return a recording of a trial in many chunks, as a run in real time writes it."""
     folder = tmp_path_factory.mktemp("trial")
     assert (
         main(["run", "--clock", "virtual", "--duration", "1", "--record", f"{folder}/a.mcap"]) == 0
@@ -57,7 +57,7 @@ def recording(whole):
 
 @pytest.fixture(scope="module")
 def records(whole):
-    """Place, opcode and end of each record."""
+    """Yield position, opcode and end of each record."""
     data = whole.read_bytes()
     found, place = [], MAGIC
     while place < len(data) - MAGIC:
@@ -69,7 +69,7 @@ def records(whole):
 
 @pytest.fixture(scope="module")
 def first_tick_chunk(records):
-    """Where the first chunk with ticks ends."""
+    """Return the end of the first chunk with ticks."""
     return [end for _, opcode, end in records if opcode == 6][1]
 
 
@@ -84,7 +84,7 @@ def cut(whole, tmp_path):
 
 
 def ticks_before(path):
-    """Ticks in the chunks that lie wholly in a file, by the MCAP library alone."""
+    """Return the ticks in the complete chunks of a file, read by the MCAP library only."""
     count, ticks = 0, None
     size = path.stat().st_size
     with path.open("rb") as file:
@@ -133,7 +133,7 @@ def log_times(path):
 
 
 @pytest.mark.parametrize("seed", range(40))
-def test_what_is_left_of_a_cut_file_is_a_prefix_and_recovers_to_the_bit(
+def test_the_rest_of_a_truncated_file_is_a_prefix_and_is_recovered_exactly(
     whole, recording, records, first_tick_chunk, cut, capsys, seed
 ):
     path = cut(random.Random(seed).randrange(first_tick_chunk, whole.stat().st_size))
@@ -156,7 +156,7 @@ def test_what_is_left_of_a_cut_file_is_a_prefix_and_recovers_to_the_bit(
     assert_equal(load(out), part)
 
 
-def test_a_cut_at_the_end_of_any_record_keeps_all_that_stands_before_it(
+def test_a_file_truncated_after_any_record_keeps_everything_before_it(
     recording, records, first_tick_chunk, cut
 ):
     for _, _, end in records:
@@ -180,7 +180,7 @@ def test_a_recovered_recording_keeps_the_times_at_which_messages_were_logged(
     assert read_intact(tmp_path / "out.mcap").start == read_intact(whole).start
 
 
-def test_where_no_tick_is_left_it_is_told_and_nothing_written(
+def test_without_an_intact_tick_an_error_is_reported_and_nothing_is_written(
     refused, whole, records, first_tick_chunk, cut
 ):
     for length in [0, 3, MAGIC, *(end for _, _, end in records), first_tick_chunk - 1]:
@@ -193,7 +193,7 @@ def test_where_no_tick_is_left_it_is_told_and_nothing_written(
                 load(path)
 
 
-def test_a_complete_recording_is_left_alone(whole, recording, tmp_path, capsys):
+def test_a_complete_recording_is_not_changed(whole, recording, tmp_path, capsys):
     out = tmp_path / "out.mcap"
     assert main(["recover", str(whole), "--out", str(out)]) == 0
     text = capsys.readouterr().out
@@ -230,7 +230,7 @@ def test_a_file_that_exists_is_not_overwritten(refused, first_tick_chunk, cut, t
     assert path.read_bytes() == before
 
 
-def test_a_folder_that_is_not_there_and_a_full_disk_are_told(
+def test_a_missing_folder_and_a_full_disk_are_reported(
     refused, first_tick_chunk, cut, tmp_path, monkeypatch
 ):
     path, out = cut(first_tick_chunk), tmp_path / "out.mcap"
@@ -256,16 +256,16 @@ def flipped(whole, tmp_path, place, bit):
 
 
 def assert_refused_or_same(path, recording):
-    """A damaged file either loads as what it was or is refused; what is intact is a prefix."""
-    told = ""
+    """Check that a damaged file loads unchanged or is refused, and its intact part is a prefix."""
+    message = ""
     try:
         loaded = load(path)
     except InputError as error:
-        told = str(error)
-    if not told:
+        message = str(error)
+    if not message:
         assert_equal(loaded, recording)
         return
-    assert re.search(r"teleop recover|contains no ticks|not an MCAP file", told)
+    assert re.search(r"teleop recover|contains no ticks|not an MCAP file", message)
     try:
         contents = read_intact(path)
     except InputError:
@@ -295,8 +295,8 @@ def test_a_flipped_bit_in_any_records_head_is_refused_or_harmless(
             assert_refused_or_same(flipped(whole, tmp_path, place, bit), recording)
 
 
-def test_a_lost_chunk_leaves_what_stands_before_it(whole, recording, records, cut, tmp_path):
-    """An opcode that no reader knows hides a chunk; what follows must not close the gap."""
+def test_a_lost_chunk_keeps_everything_before_it(whole, recording, records, cut, tmp_path):
+    """An unknown opcode hides a chunk; the ticks after it must not follow those before it."""
     chunks = [place for place, opcode, _ in records if opcode == 6]
     data_end = next(place for place, opcode, _ in records if opcode == 15)
     for place in chunks[2:-1]:
@@ -328,7 +328,7 @@ def test_a_recording_whose_settings_are_damaged_keeps_its_ticks(whole, recording
     assert recovered.settings == {}
 
 
-def test_a_recording_whose_first_event_is_lost_is_read_as_far_as_it_goes(
+def test_a_recording_without_its_first_event_is_read_as_far_as_it_is_intact(
     whole, recording, records, tmp_path
 ):
     first = next(place for place, opcode, _ in records if opcode == 6)

@@ -1,4 +1,4 @@
-"""The band within which a drive's sensors may differ from its command."""
+"""Tolerance of the travel that a drive's sensors measure."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from teleop.rig.drive_travel import BAND, SLACK, DriveTravel
 
 CHANNELS = read_rig_file(Path(__file__).parents[3] / "rigs" / "serial-board.toml").sections.channels
 COUNT = 1e-6
-"""Of the encoder in that file [m]."""
+"""Resolution of the encoder in that file [m]."""
 FRESH = Ages(0.0, 0.0, 0.0, 0.0, 0.0)
 directions = st.sampled_from([-1.0, 1.0])
 
@@ -25,7 +25,7 @@ def measurement(position, velocity=math.nan, force=0.0):
 
 
 def travelled(commanded, moved, velocity=math.nan, force=0.0, compliance=0.0):
-    """A slave that was commanded to go so far in a second, and what its encoder shows."""
+    """Return the travel of a slave after a commanded motion of a second, and a measured one [m]."""
     travel = DriveTravel("slave", CHANNELS, compliance)
     travel.advance(0.0, measurement(3e-3), 0.1)
     travel.begin()
@@ -38,7 +38,7 @@ def travelled(commanded, moved, velocity=math.nan, force=0.0, compliance=0.0):
     ratio=st.floats(-20.0, 20.0),
     direction=directions,
 )
-def test_a_settled_drive_is_accepted_within_the_band_alone(commanded, ratio, direction):
+def test_a_settled_drive_is_accepted_only_within_the_tolerance(commanded, ratio, direction):
     difference = abs(ratio - 1.0) * commanded - BAND * commanded - SLACK - COUNT
     if abs(difference) < 1e-9:
         return
@@ -49,20 +49,22 @@ def test_a_settled_drive_is_accepted_within_the_band_alone(commanded, ratio, dir
 
 
 @given(commanded=st.floats(0.0, 1e-3), share=st.floats(0.0, 1.0), direction=directions)
-def test_a_drive_that_is_still_on_its_way_may_be_behind(commanded, share, direction):
+def test_the_travel_of_a_moving_drive_may_be_smaller_than_commanded(commanded, share, direction):
     travel = travelled(direction * commanded, direction * share * commanded)
     assert not travel.problem(settled=False)
 
 
 @given(commanded=st.floats(1e-6, 1e-3), beyond=st.floats(1e-6, 1e-3), direction=directions)
-def test_it_may_be_neither_ahead_nor_on_the_wrong_side(commanded, beyond, direction):
+def test_the_travel_of_a_moving_drive_may_be_neither_larger_nor_reversed(
+    commanded, beyond, direction
+):
     most = SLACK + COUNT + beyond
     ahead = direction * (commanded * (1.0 + BAND) + most)
     assert "scale" in travelled(direction * commanded, ahead).problem(settled=False)
     assert "sign" in travelled(direction * commanded, -direction * most).problem(settled=False)
 
 
-def test_the_drives_compliance_explains_what_the_force_took():
+def test_the_drives_compliance_explains_a_difference_by_the_force():
     assert "scale" in travelled(0.4e-3, 0.2e-3, force=20.0).problem(settled=True)
     assert not travelled(0.4e-3, 0.2e-3, force=20.0, compliance=4e-6).problem(settled=True)
 

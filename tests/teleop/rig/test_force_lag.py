@@ -21,7 +21,7 @@ def test_the_lag_of_the_simulated_channel_is_found_within_two_percent(cube):
 
 
 def spring(lag, seed=0, noise=0.02):
-    """A chirp on a spring of 8 kN/m behind a lag, solved by the trapezoidal rule."""
+    """Return a chirp on a spring of 8 kN/m with a lagging force, from the trapezoidal rule."""
     rng = np.random.default_rng(seed)
     dt = 1e-4
     t = np.arange(0.0, 5.0, dt)
@@ -33,7 +33,7 @@ def spring(lag, seed=0, noise=0.02):
     return x[::10], f[::10] + rng.normal(0.0, noise, len(t[::10])), np.full(len(t[::10]), 1e-3)
 
 
-def test_the_interval_holds_the_true_lag_about_as_often_as_it_says():
+def test_the_coverage_of_the_interval_is_about_95_percent():
     held = 0
     for seed in range(20):
         lag = measure_lag(*spring(6e-3, seed, noise=0.2)).lag
@@ -41,7 +41,7 @@ def test_the_interval_holds_the_true_lag_about_as_often_as_it_says():
     assert 15 <= held <= 20
 
 
-def test_a_recording_that_is_no_lagging_spring_is_told():
+def test_a_recording_that_does_not_fit_a_lagging_spring_is_reported():
     x, f, dt = spring(6e-3)
     with pytest.raises(InputError, match="positive in compression"):
         measure_lag(x, -f, dt)

@@ -1,4 +1,4 @@
-"""The tare: found at rest and unloaded, refused otherwise, stored, applied."""
+"""The tare: measured at rest and without load, refused otherwise, stored, applied."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from teleop.trial.run import run_trial
 from teleop.trial.settings import TrialSettings
 
 FILE = {"master_force": 0.5, "contact_force": -0.25, "slave_position": 1e-3, "date": "2026"}
-"""A file of teleop 0.1, which names no rig."""
+"""A file of teleop 0.1, without the name of a rig."""
 OFFSETS = Sensors(master_zero=1.5, contact_zero=-2.25, contact_position=3.7e-3)
 
 
@@ -66,7 +66,7 @@ def test_a_loaded_rig_is_refused(sensors, word):
 
 
 @pytest.mark.parametrize("cube", ["soft", "medium", "hard"])
-def test_touch_finds_where_contact_begins_and_goes_back(cube, tmp_path):
+def test_touch_finds_the_beginning_of_contact_and_retreats(cube, tmp_path):
     clock = VirtualClock(1000.0)
     zero = force_zero(rig_of(OFFSETS, clock), clock)
     path = tmp_path / "touch.mcap"
@@ -78,15 +78,15 @@ def test_touch_finds_where_contact_begins_and_goes_back(cube, tmp_path):
     assert recording["commanded_slave_velocity"][-1] == STANDSTILL.slave_velocity
 
 
-def test_touching_nothing_is_reported(monkeypatch):
+def test_a_missing_contact_is_reported(monkeypatch):
     clock = VirtualClock(1000.0)
     zero = force_zero(rig_of(Sensors(), clock), clock)
     monkeypatch.setattr("teleop.rig.touching.REACH", 0.5e-3)
-    with pytest.raises(InputError, match="no contact within 4 mm"):
+    with pytest.raises(InputError, match="no contact within the range"):
         touch(zero, None, "soft", Sensors(), 0)
 
 
-def test_an_applied_tare_makes_an_offset_rig_read_like_one_without():
+def test_an_applied_tare_removes_the_offsets_of_a_rig():
     settings = {"clock": "virtual", "duration": 1.0, "condition": "autonomous"}
     plain = run_trial(TrialSettings(**settings)).recording
     tare = Tare(OFFSETS.master_zero, OFFSETS.contact_zero, OFFSETS.contact_position, "today")
@@ -96,7 +96,7 @@ def test_an_applied_tare_makes_an_offset_rig_read_like_one_without():
     assert trial.recording.settings["tare"]["date"] == "today"
 
 
-def test_the_command_stores_a_dated_tare_that_run_takes(tmp_path, capsys, monkeypatch):
+def test_the_command_stores_a_dated_tare_that_run_accepts(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert main(["rig", "tare", "--contact", "touch"]) == 0
     assert "teleop run --tare tare.json" in capsys.readouterr().out
@@ -134,7 +134,9 @@ def test_the_command_stores_a_dated_tare_that_run_takes(tmp_path, capsys, monkey
         (json.dumps(FILE | {"rig": "another\x1b[2J"}), [r"'another\x1b[2J'", "'simulated'"]),
     ],
 )
-def test_a_bad_tare_file_is_told_with_all_its_errors_on_one_line(tmp_path, capsys, content, words):
+def test_an_invalid_tare_file_is_reported_with_all_its_errors_on_one_line(
+    tmp_path, capsys, content, words
+):
     path = tmp_path / "tare.json"
     path.write_text(content)
     assert main(["run", "--tare", str(path), "--no-record"]) == 2
@@ -144,12 +146,12 @@ def test_a_bad_tare_file_is_told_with_all_its_errors_on_one_line(tmp_path, capsy
         assert word in error
 
 
-def test_a_bad_contact_is_told(capsys):
+def test_an_invalid_contact_is_reported(capsys):
     assert main(["rig", "tare", "--contact", "5kg"]) == 2
     assert "keep, touch, or a position such as 1.5mm" in capsys.readouterr().err
 
 
-def test_a_tare_comes_back_from_its_file_to_the_bit(tmp_path):
+def test_the_round_trip_of_a_tare_through_its_file_is_exact(tmp_path):
     tare = Tare(0.1 + 0.2, -1e-17, 1 / 3, "2026-11-21T04:00:00+00:00", "a rig")
     write_tare(tare, tmp_path / "t.json")
     assert read_tare(tmp_path / "t.json") == tare
@@ -170,10 +172,13 @@ def test_a_file_that_names_no_rig_is_accepted(tmp_path):
         (Tare(master_force=math.nan), "master_force nan N: expected a zero"),
         (Tare(slave_position=-math.inf), "slave_position -inf m: expected a zero"),
         (Tare(slave_position=0.7), "slave_position 0.7: expected a value in the range"),
-        (Tare(rig="another"), "found on the rig 'another': expected one of 'simulated'"),
+        (
+            Tare(rig="another"),
+            "measured on the rig 'another': expected a tare of the rig 'simulated'",
+        ),
     ],
 )
-def test_a_tare_that_cannot_be_one_of_this_rig_is_refused(tare, words):
+def test_a_tare_that_does_not_fit_the_rig_is_refused(tare, words):
     with pytest.raises(InputError, match=words):
         TrialSettings(tare=tare)
 
@@ -187,7 +192,7 @@ def test_a_tare_shifts_the_ranges_of_the_sensors_and_no_other_limit():
     assert replace(tared, channels=plain.channels) == plain
 
 
-def test_a_sensor_beyond_its_range_trips_whatever_the_tare():
+def test_a_sensor_beyond_its_range_trips_for_any_tare():
     clock = VirtualClock(1000.0)
     rig = SimulatedRig(CUBES["soft"], clock.now)
     high = TrialSettings().limits.channels["contact_force"].high

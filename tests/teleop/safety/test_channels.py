@@ -1,4 +1,4 @@
-"""Every fault of every channel is named right, at the tick at which it happens."""
+"""Every fault of every channel is detected and named at the tick at which it occurs."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from teleop.safety import (
 )
 
 DT = 1.0 / 512.0
-"""Times are binary fractions, so that a limit may be met to the bit."""
+"""Period as a binary fraction, so that times and limits are exact."""
 HEALTHY = ChannelLimits(-1.0, 1.0, max_rate=64.0, max_age=10 * DT)
 POSITIONS = {"master_position": 0, "slave_position": 1}
-"""Which of the two drives moves a position."""
+"""Index of the drive that moves each position."""
 
 
 def limits_with(name: str = "contact_force", limits: ChannelLimits = HEALTHY) -> Limits:
-    """Wide limits of the slave, so that channels alone trip."""
+    """Return wide limits of the slave, so that only channel faults occur."""
     return Limits(
         max_velocity=10.0,
         max_acceleration=1e6,
@@ -46,7 +46,7 @@ def limits_with(name: str = "contact_force", limits: ChannelLimits = HEALTHY) ->
 
 
 class Bench:
-    """Ticks a supervisor whose channels are all alive; the channel under test reads `value`."""
+    """Runs the supervisor with working channels; the channel under test has the value `value`."""
 
     def __init__(self, name: str, limits: ChannelLimits = HEALTHY) -> None:
         self.name, self.limits = name, limits_with(name, limits)
@@ -66,7 +66,7 @@ class Bench:
         assert self.tick(*args, **kwargs).state.mode is not Mode.FAULT
 
     def trips(self, fault: Fault, *args, **kwargs):
-        """Tick, and see that the fault is named in event and state; returns the event."""
+        """Run a tick, check that event and state name the fault, and return the event."""
         verdict = self.tick(*args, **kwargs)
         assert verdict.state.mode is Mode.FAULT
         (event,) = verdict.events
@@ -104,7 +104,7 @@ def test_infinity_trips(name, value):
     assert event.since == event.time
 
 
-def test_a_range_without_end_is_refused():
+def test_an_infinite_range_is_refused():
     with pytest.raises(ValueError, match="finite"):
         ChannelLimits(-math.inf, math.inf)
 
@@ -124,7 +124,7 @@ def test_the_first_sample_is_checked_like_all_others(name, first):
 
 
 @pytest.mark.parametrize("end", [1.0, -1.0])
-def test_the_ends_of_the_range_pass_and_what_is_just_beyond_trips(name, end):
+def test_the_ends_of_the_range_are_accepted_and_a_value_just_beyond_trips(name, end):
     bench = Bench(name, ChannelLimits(-1.0, 1.0))
     bench.runs(end)
     event = bench.trips(Fault.OUT_OF_RANGE, just_beyond(end))
@@ -132,7 +132,7 @@ def test_the_ends_of_the_range_pass_and_what_is_just_beyond_trips(name, end):
     assert event.since == event.time
 
 
-def test_the_greatest_age_passes_and_what_is_just_older_trips(name):
+def test_the_greatest_age_is_accepted_and_a_sample_just_older_trips(name):
     bench = Bench(name)
     bench.runs(0.1, age=HEALTHY.max_age)
     age = just_beyond(HEALTHY.max_age)
@@ -142,14 +142,14 @@ def test_the_greatest_age_passes_and_what_is_just_older_trips(name):
 
 
 @pytest.mark.parametrize("age", [math.nan, math.inf])
-def test_an_age_that_is_no_number_is_stale(name, age):
+def test_an_age_that_is_not_a_number_is_stale(name, age):
     bench = Bench(name)
     bench.runs(0.1)
     bench.trips(Fault.STALE, 0.1, age)
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_the_fastest_change_passes_and_what_is_just_faster_trips(name, sign):
+def test_the_fastest_change_is_accepted_and_one_just_faster_trips(name, sign):
     possible = 64.0 * DT
     bench = Bench(name)
     bench.runs(0.0)
@@ -160,7 +160,7 @@ def test_the_fastest_change_passes_and_what_is_just_faster_trips(name, sign):
     assert event.since == event.time
 
 
-def test_a_change_is_held_against_the_time_between_the_samples_not_the_ticks(name):
+def test_a_change_is_compared_with_the_time_between_samples_not_ticks(name):
     bench = Bench(name)
     bench.runs(0.0, periods=3)
     bench.runs(3 * 64.0 * DT)
@@ -172,14 +172,14 @@ def test_a_change_is_held_against_the_time_between_the_samples_not_the_ticks(nam
     bench.trips(Fault.JUMP, 3 * 64.0 * DT, age=DT)
 
 
-def test_a_change_after_a_plateau_is_held_against_the_last_sample(name):
+def test_a_change_after_a_plateau_is_compared_with_the_last_sample(name):
     bench = Bench(name)
     for _ in range(5):
         bench.runs(0.0)
     bench.trips(Fault.JUMP, 2 * 64.0 * DT)
 
 
-def test_a_change_is_judged_over_a_millisecond_at_least(name):
+def test_a_change_is_checked_over_at_least_a_millisecond(name):
     bench = Bench(name)
     bench.runs(0.0)
     bench.runs(64.0 * 1e-3, age=DT)
@@ -197,13 +197,13 @@ def test_a_value_may_repeat_for_the_frozen_time_and_not_a_tick_longer(name):
     assert (event.value, event.limit, event.since) == (0.2, 20 * DT, DT)
 
 
-def test_a_value_that_moves_by_one_bit_is_alive(name):
+def test_a_value_that_changes_by_one_bit_is_not_frozen(name):
     bench = Bench(name, ChannelLimits(-1.0, 1.0, frozen_time=5 * DT))
     for tick in range(40):
         bench.runs(0.2 if tick % 4 < 2 else just_beyond(0.2))
 
 
-def test_one_sample_that_is_read_again_is_not_frozen_but_grows_stale(name):
+def test_a_sample_that_is_read_again_becomes_stale_but_not_frozen(name):
     bench = Bench(name, ChannelLimits(-1.0, 1.0, max_age=10 * DT, frozen_time=5 * DT))
     for tick in range(11):
         bench.runs(0.2, age=tick * DT)
@@ -229,7 +229,7 @@ def test_a_position_may_stay_for_the_frozen_travel_of_its_own_drive_and_not_fart
 
 
 @pytest.mark.parametrize("name", POSITIONS)
-def test_travel_to_and_fro_adds_up(name):
+def test_travel_in_both_directions_adds_up(name):
     speed = 0.5
     bench = Bench(name, ChannelLimits(-1.0, 1.0, frozen_travel=12 * speed * DT))
     for tick in range(4):
@@ -239,7 +239,7 @@ def test_travel_to_and_fro_adds_up(name):
     bench.trips(Fault.FROZEN, 0.03)
 
 
-def test_a_position_that_is_read_again_is_not_frozen_whatever_the_travel():
+def test_a_position_that_is_read_again_is_not_frozen_for_any_travel():
     bench = Bench("slave_position", ChannelLimits(-1.0, 1.0, max_age=20 * DT, frozen_travel=DT))
     for tick in range(4):
         bench.runs(0.01 * tick, desired=Command(0.5, 0.5), arm=True)
@@ -262,7 +262,7 @@ def test_a_velocity_may_stay_for_the_commanded_change_of_it_and_not_farther(sign
 
 
 @pytest.mark.parametrize("name", POSITIONS)
-def test_travel_is_forgotten_when_the_value_changes(name):
+def test_travel_is_reset_when_the_value_changes(name):
     speed = 0.5
     desired = Command(speed, speed)
     bench = Bench(name, ChannelLimits(-1.0, 1.0, frozen_travel=4 * speed * DT))
@@ -278,14 +278,14 @@ def test_a_channel_at_rest_is_not_frozen_by_travel(name):
 
 
 @pytest.mark.parametrize("name", ["master_force", "master_position", "slave_velocity"])
-def test_a_channel_that_the_rig_need_not_have_may_read_nan_whatever_its_age(name):
+def test_a_channel_that_is_not_required_may_be_nan_at_any_age(name):
     bench = Bench(name, ChannelLimits(-1.0, 1.0, frozen_time=DT, required=False))
     for age in (0.0, math.nan, math.inf, 5.0) * 5:
         bench.runs(math.nan, age, arm=True)
     assert bench.state.mode is Mode.ACTIVE
 
 
-def test_a_channel_that_need_not_be_there_is_checked_where_it_is(name):
+def test_a_channel_that_is_not_required_is_checked_if_it_exists(name):
     for fault, value, age in (
         (Fault.INFINITE, math.inf, 0.0),
         (Fault.OUT_OF_RANGE, 1.5, 0.0),
@@ -299,7 +299,7 @@ def test_a_channel_that_need_not_be_there_is_checked_where_it_is(name):
         bench.trips(fault, value, age)
 
 
-def test_out_of_range_goes_before_stale_and_stale_before_a_jump(name):
+def test_out_of_range_is_reported_before_stale_and_stale_before_a_jump(name):
     bench = Bench(name)
     bench.runs(0.0)
     bench.trips(Fault.OUT_OF_RANGE, 1.5, 1.0)
@@ -308,7 +308,7 @@ def test_out_of_range_goes_before_stale_and_stale_before_a_jump(name):
     bench.trips(Fault.STALE, 0.9, 1.0)
 
 
-def test_the_first_channel_that_is_not_well_is_named():
+def test_the_first_channel_with_a_fault_is_reported():
     values = dict.fromkeys(CHANNELS, 0.0)
     for name in CHANNELS[::-1]:
         values[name] = math.nan
@@ -317,8 +317,8 @@ def test_the_first_channel_that_is_not_well_is_named():
         assert verdict.events[0].source == name
 
 
-def test_channels_that_are_well_are_told_apart():
-    """Each is held against its own limits: only the one with a narrow range trips."""
+def test_each_channel_has_its_own_limits():
+    """Only the channel with a narrow range has a fault."""
     for name in CHANNELS:
         bench = Bench(name, ChannelLimits(-0.1, 0.1))
         bench.runs(0.1)

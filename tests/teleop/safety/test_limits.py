@@ -1,4 +1,4 @@
-"""Limits refuse what cannot be meant, and say which limit it was."""
+"""Limits reject invalid values with a message that names the limit."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def test_a_compliance_that_is_negative_or_not_finite_is_refused_by_name(value):
 
 
 @pytest.mark.parametrize("name", NUMBERS)
-def test_a_small_positive_limit_is_taken(name):
+def test_a_small_positive_limit_is_accepted(name):
     soft = {"soft_force": 1e-7} if name == "hard_force" else {}
     assert getattr(Limits(**soft | {name: 1e-6}), name) == 1e-6
 
@@ -111,7 +111,7 @@ def test_limits_of_an_unknown_channel_are_refused():
         Limits(channels=channels)
 
 
-def test_each_limits_have_channels_of_their_own():
+def test_limits_do_not_share_their_channels():
     first, second = Limits(), Limits()
     first.channels["contact_force"] = ChannelLimits(-1.0, 1.0)
     assert second.channels == default_channel_limits()
@@ -144,7 +144,7 @@ def test_an_empty_range_is_refused(low, high):
         ChannelLimits(low, high)
 
 
-def test_the_usual_limits_hold_one_another():
+def test_the_default_limits_are_consistent():
     limits = Limits()
     for name, channel in limits.channels.items():
         assert channel.max_age < limits.max_gap, name
@@ -162,7 +162,7 @@ def test_the_usual_limits_hold_one_another():
 
 
 @given(zero=st.floats(-500.0, 500.0), value=st.floats(-2000.0, 2000.0))
-def test_shifted_limits_hold_a_value_less_its_zero_to_the_range_of_the_sensor(zero, value):
+def test_shifted_limits_compare_a_tared_value_with_the_range_of_the_sensor(zero, value):
     raw = ChannelLimits(-1000.0, 500.0)
     assume(min(abs(value - raw.low), abs(value - raw.high)) > 1e-9)
     shifted = raw.shifted(zero)

@@ -1,4 +1,4 @@
-"""Limits of every palpation of the paper hang together."""
+"""The limits of every palpation of the paper are consistent."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def test_hard_limits_lie_inside_the_ranges_of_the_sensors(limits):
     assert 2.0 * limits.max_velocity < limits.channels["slave_velocity"].high
 
 
-def test_a_sine_of_the_fastest_frequency_over_the_depth_is_not_held_back(limits, case, fastest):
+def test_a_sine_of_the_highest_frequency_over_the_depth_is_not_limited(limits, case, fastest):
     _, depth = case
     rate = 2.0 * math.pi * fastest
     assert rate * depth / 2.0 < limits.max_velocity
@@ -81,7 +81,7 @@ def test_the_master_moves_by_the_scale_and_stops_together_with_the_slave(limits,
     )
 
 
-def test_a_frozen_encoder_is_named_before_a_drive_that_does_not_follow(limits, scale):
+def test_a_frozen_encoder_is_detected_before_the_following_error(limits, scale):
     slave = limits.channels["slave_position"].frozen_travel
     assert slave < limits.following_error
     assert 0.0 < limits.channels["slave_velocity"].frozen_travel < limits.max_velocity
@@ -89,14 +89,14 @@ def test_a_frozen_encoder_is_named_before_a_drive_that_does_not_follow(limits, s
     assert limits.channels["contact_force"].frozen_travel == math.inf
 
 
-def test_rest_is_slow_and_departures_are_small(limits, case):
+def test_rest_velocity_and_following_error_are_small(limits, case):
     _, depth = case
     assert limits.rest_velocity == pytest.approx(0.02 * limits.max_velocity)
     assert limits.drive_compliance == COMPLIANCE
     assert 0.05 * depth < limits.following_error < limits.hard_position[1] - limits.soft_position[1]
 
 
-def test_all_lengths_grow_with_the_depth():
+def test_all_lengths_are_proportional_to_the_depth():
     cube = CUBES["soft"]
     one, two = (palpation_limits(cube, depth, 1.0, 2.0, COMPLIANCE) for depth in (5e-3, 10e-3))
     for name in ("max_velocity", "max_acceleration", "following_error", "rest_velocity"):
@@ -104,7 +104,7 @@ def test_all_lengths_grow_with_the_depth():
     assert two.hard_position == pytest.approx([2.0 * x for x in one.hard_position])
 
 
-def test_the_speed_grows_with_the_excitation_only_when_it_is_fast():
+def test_the_speed_increases_with_the_excitation_only_at_high_frequencies():
     cube = CUBES["medium"]
     speeds = [
         palpation_limits(cube, 7e-3, 1.0, f, COMPLIANCE).max_velocity for f in (0.1, 2.0, 10.0)
@@ -113,6 +113,6 @@ def test_the_speed_grows_with_the_excitation_only_when_it_is_fast():
 
 
 @pytest.mark.parametrize("depth", [0.0, -1e-3, math.nan, math.inf])
-def test_a_depth_that_is_none_is_refused(depth):
+def test_an_invalid_depth_is_refused(depth):
     with pytest.raises(ValueError, match="must be positive|must lie within"):
         palpation_limits(CUBES["soft"], depth, 1.0, 2.0, COMPLIANCE)

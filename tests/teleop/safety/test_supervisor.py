@@ -1,4 +1,4 @@
-"""Laws of the supervisor over arbitrary ticks, and each of its behaviours at the tick of it."""
+"""Safety rules of the supervisor for arbitrary ticks, and each of its behaviours."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from teleop.safety.soft_limits import ACCELERATION, FORCE, POSITION, VELOCITY
 
 LIMITS = Limits()
 GENTLE = Limits(max_acceleration=1.0, max_master_acceleration=2.5, start_ramp=2e-3, preflight=5e-3)
-"""Ramps of 200 ms, which arbitrary ticks have the time to disturb."""
+"""Limits with ramps of 200 ms, so that arbitrary ticks occur during a ramp."""
 FRESH = Ages(0.0, 0.0, 0.0, 0.0, 0.0)
 DT = 1e-3
 EASY = Command(0.05, 0.05)
@@ -37,13 +37,13 @@ NEARLY = 1.0 + 1e-9
 
 
 def decide(*inputs):
-    """The verdict, on a rig whose drives are ready as soon as they are asked."""
+    """Return the verdict for a rig whose drives get ready immediately."""
     verdict = supervise(*inputs)
     return activate(verdict) if verdict.arm else verdict
 
 
 class Bench:
-    """Ticks the supervisor on a healthy rig whose slave follows its command exactly."""
+    """Runs the supervisor on a rig without faults whose slave follows its command exactly."""
 
     def __init__(self, limits: Limits = LIMITS, x: float = 0.0) -> None:
         self.limits, self.x = limits, x
@@ -65,7 +65,7 @@ class Bench:
         return Measurement(**healthy | sensed)
 
     def tick(self, desired=STANDSTILL, dt=DT, *, slave=None, elapsed=None, request=None, **sensed):
-        """One tick; the slave moves by `slave` and the loop's clock by `elapsed` where given."""
+        """Run one tick; `slave` [m] and `elapsed` [s] replace the default motion and loop time."""
         if self.ticks:
             self.time += dt
             self.handle += self.state.applied.master_velocity * dt
@@ -119,7 +119,7 @@ def larger(velocity: float) -> float:
     return math.nextafter(velocity, math.copysign(math.inf, velocity))
 
 
-# Laws over arbitrary ticks
+# Safety rules for arbitrary ticks
 
 ANY = st.floats()
 WILD = st.sampled_from(
@@ -163,7 +163,7 @@ DTS = st.one_of(
 )
 TICKS = st.lists(st.tuples(CHANGES, DESIRED, REQUESTS, DTS), min_size=1, max_size=12)
 TRIPPED = [fault.name for fault in Fault]
-"""Stages in fault, by the kind of the first fault, which tripped at speed."""
+"""Stages in fault mode, by the first fault, which occurred during motion."""
 ALL_STAGES = ["start", "ready", "active", "moving", "fast", "stopping", *TRIPPED]
 STAGES = st.sampled_from(ALL_STAGES)
 
@@ -194,7 +194,7 @@ STARTS = {
 
 
 def unwell(m: Measurement, limits: Limits) -> bool:
-    """What no mode but fault may outlive, as seen in one measurement alone."""
+    """Return whether a single measurement requires the mode fault."""
     for name, value, age in zip(CHANNELS, m.channels, m.age, strict=True):
         channel = limits.channels[name]
         if math.isnan(value) and not channel.required:
@@ -214,7 +214,7 @@ def unwell(m: Measurement, limits: Limits) -> bool:
 
 
 def stops_now(before: Supervision, m: Measurement, request: Request, limits: Limits) -> bool:
-    """What must stop the drives in the same tick, in whatever mode and after whatever fault."""
+    """Return whether the drives must stop in the same tick, in every mode and after every fault."""
     low, high = limits.hard_position
     dt = m.time - before.time if before.time == before.time else 0.0
     return (
@@ -231,7 +231,7 @@ def stops_now(before: Supervision, m: Measurement, request: Request, limits: Lim
 
 
 def at_rest(m: Measurement, limits: Limits) -> bool:
-    """What a rig must be for the whole preflight."""
+    """Return whether a measurement is healthy, as required during the preflight."""
     return (
         abs(m.slave_velocity) <= limits.rest_velocity
         and abs(m.master_force) <= limits.rest_master_force
@@ -282,8 +282,8 @@ def check_tick(before: Supervision, m, desired, request, limits, verdict):
     new = state.causes[len(before.causes) :]
     assert state.causes[: len(before.causes)] == before.causes
     if mode is Mode.FAULT:
-        told = [(e.fault, e.source, e.value, e.limit, e.since) for e in verdict.events]
-        assert repr(told) == repr([tuple(cause) for cause in new])
+        reported = [(e.fault, e.source, e.value, e.limit, e.since) for e in verdict.events]
+        assert repr(reported) == repr([tuple(cause) for cause in new])
 
     if before.mode is Mode.FAULT:
         assert mode is Mode.FAULT
@@ -318,7 +318,7 @@ def check_tick(before: Supervision, m, desired, request, limits, verdict):
 
 @settings(max_examples=250)
 @given(STAGES, st.sampled_from([LIMITS, GENTLE]), TICKS)
-def test_laws_hold_over_arbitrary_ticks(stage, limits, ticks):
+def test_safety_rules_hold_for_arbitrary_ticks(stage, limits, ticks):
     bench = copy.copy(STARTS[stage, limits.max_acceleration])
     for changes, desired, request, dt in ticks:
         before = bench.state
@@ -327,17 +327,17 @@ def test_laws_hold_over_arbitrary_ticks(stage, limits, ticks):
         bench.ticks += 1
         measurement = bench.measure(**changes)
         inputs = (before, measurement, desired, request, limits)
-        told = repr(inputs)
+        before = repr(inputs)
         verdict = decide(*inputs)
         assert repr(decide(*inputs)) == repr(verdict)
-        assert repr(inputs) == told
+        assert repr(inputs) == before
         check_tick(*inputs, verdict)
         bench.state = verdict.state
 
 
 @settings(max_examples=150)
 @given(st.lists(st.tuples(*[ANY | WILD] * 5, DESIRED, REQUESTS, DTS), min_size=1, max_size=5))
-def test_laws_hold_when_every_channel_is_arbitrary(ticks):
+def test_safety_rules_hold_when_every_channel_is_arbitrary(ticks):
     wide = {
         name: replace(channel, low=-1e9, high=1e9, max_rate=math.inf, required=False)
         for name, channel in default_channel_limits().items()
@@ -360,7 +360,7 @@ def test_laws_hold_when_every_channel_is_arbitrary(ticks):
         st.tuples(CHANGES, DESIRED, REQUESTS, st.floats(1e-4, 0.05)), min_size=20, max_size=30
     ),
 )
-def test_a_ramping_fault_only_slows_down_whatever_happens(fault, ticks):
+def test_after_a_ramping_fault_the_speed_only_decreases(fault, ticks):
     bench = copy.copy(STARTS["fast", GENTLE.max_acceleration])
     bench.verdicts = []
     bench.tick(request=Request(faults=(DetectedFault(fault, "loop", 0.0, 0.0, 0.0),)))
@@ -376,7 +376,7 @@ def test_a_ramping_fault_only_slows_down_whatever_happens(fault, ticks):
 
 @settings(max_examples=60)
 @given(st.data())
-def test_it_is_ready_only_after_the_whole_preflight_in_good_health(data):
+def test_it_is_ready_only_after_a_whole_preflight_without_problems(data):
     bench = Bench(replace(LIMITS, preflight=0.02))
     unwell_at = data.draw(st.integers(0, 25))
     name = data.draw(st.sampled_from(["slave_position", "contact_force", "master_force"]))
@@ -412,12 +412,12 @@ def test_the_whole_way_from_start_to_standstill():
     assert verdict.state.mode is Mode.STOPPING
     assert verdict.events[0].text == "Ctrl-C"
     bench.until(Mode.IDLE, EASY)
-    told = [event.mode for verdict in bench.verdicts for event in verdict.events]
-    assert told == [Mode.IDLE, Mode.READY, Mode.ACTIVE, Mode.STOPPING, Mode.IDLE]
+    reported = [event.mode for verdict in bench.verdicts for event in verdict.events]
+    assert reported == [Mode.IDLE, Mode.READY, Mode.ACTIVE, Mode.STOPPING, Mode.IDLE]
 
 
 @pytest.mark.parametrize("mode", [Mode.DISCONNECTED, Mode.IDLE])
-def test_arming_counts_in_ready_alone(mode):
+def test_arming_has_an_effect_in_ready_mode_only(mode):
     bench = Bench()
     if mode is Mode.IDLE:
         bench.tick()
@@ -427,7 +427,7 @@ def test_arming_counts_in_ready_alone(mode):
     bench.runs(EASY)
 
 
-def test_a_stop_request_takes_ready_back_to_idle_and_holds_it_there():
+def test_a_stop_request_changes_ready_to_idle_and_keeps_it_idle():
     bench = Bench().ready()
     verdict = bench.tick(request=Request(arm=True, stop="Ctrl-C"))
     assert (verdict.state.mode, verdict.events[0].text) == (Mode.IDLE, "Ctrl-C")
@@ -469,7 +469,7 @@ def test_a_stop_request_at_standstill_idles_after_one_tick():
     assert bench.tick(request=Request(stop="end")).state.mode is Mode.IDLE
 
 
-def test_stopping_is_not_taken_back():
+def test_a_stop_cannot_be_cancelled():
     bench = Bench().moving()
     bench.tick(EASY, request=Request(stop="Ctrl-C"))
     bench.tick(EASY, request=Request(arm=True))
@@ -478,7 +478,7 @@ def test_stopping_is_not_taken_back():
 
 @pytest.mark.parametrize("stop", ["", "Ctrl-C"])
 @pytest.mark.parametrize("ramping", [False, True])
-def test_halt_is_zero_at_once(stop, ramping):
+def test_halt_commands_zero_immediately(stop, ramping):
     bench = Bench(GENTLE).moving()
     if ramping:
         bench.tick(EASY, request=Request(stop="Ctrl-C"))
@@ -498,7 +498,7 @@ def test_halt_and_arm_together_do_not_arm():
     assert bench.state.mode is not Mode.ACTIVE
 
 
-def test_halt_is_zero_at_once_even_when_a_channel_fails_at_the_same_tick():
+def test_halt_commands_zero_immediately_even_when_a_channel_fails_at_the_same_tick():
     bench = Bench(GENTLE).moving()
     verdict = bench.tick(EASY, request=Request(stop="x", halt=True), contact_force=math.nan)
     assert verdict.command == STANDSTILL
@@ -518,7 +518,7 @@ def test_halt_is_zero_at_once_even_when_a_channel_fails_at_the_same_tick():
     ],
     ids=["halt", "input", "drive", "position", "force", "speed", "gap", "departure"],
 )
-def test_a_ramping_fault_stops_at_once_when_something_worse_happens(worse):
+def test_a_ramping_fault_stops_immediately_when_a_more_severe_fault_occurs(worse):
     bench = Bench(GENTLE).moving()
     bench.trips(Fault.NOT_A_NUMBER, EASY, master_force=math.nan)
     verdict = bench.tick(EASY, **worse)
@@ -527,7 +527,7 @@ def test_a_ramping_fault_stops_at_once_when_something_worse_happens(worse):
 
 
 @pytest.mark.parametrize("hand", [0.0, 8.0])
-def test_a_slave_that_lags_and_a_hand_on_the_handle_end_in_idle_not_in_a_fault(hand):
+def test_a_stop_with_a_lagging_slave_and_a_force_on_the_handle_ends_in_idle(hand):
     bench = Bench().moving()
     v = 0.05
     for _ in range(60):
@@ -538,7 +538,7 @@ def test_a_slave_that_lags_and_a_hand_on_the_handle_end_in_idle_not_in_a_fault(h
     assert bench.state.mode is Mode.IDLE
 
 
-def test_rearm_goes_back_to_the_start_and_needs_the_preflight_again():
+def test_rearm_returns_to_the_start_and_requires_the_preflight_again():
     bench = Bench().moving()
     bench.trips(Fault.DRIVE_ERROR, EASY, drive_error="over-current")
     for _ in range(100):
@@ -552,7 +552,7 @@ def test_rearm_goes_back_to_the_start_and_needs_the_preflight_again():
     assert bench.tick(EASY, request=Request(arm=True)).state.mode is Mode.READY
 
 
-def test_rearm_with_the_fault_still_there_trips_again():
+def test_rearm_while_the_fault_is_present_trips_again():
     bench = Bench().active()
     bench.trips(Fault.EMERGENCY_STOP, emergency_stop=True)
     bench.state = rearm(bench.state)
@@ -583,7 +583,7 @@ def test_the_faults_that_ramp_are_those_of_sensors_and_software():
 
 @pytest.mark.parametrize("fault", Fault)
 @pytest.mark.parametrize("stage", ["start", "ready", "moving", "stopping"])
-def test_a_fault_that_the_loop_found_stops_as_its_kind_demands(fault, stage):
+def test_a_fault_detected_by_the_loop_stops_as_its_kind_requires(fault, stage):
     bench = copy.copy(STARTS[stage, GENTLE.max_acceleration])
     last = bench.state.applied
     found = DetectedFault(fault, "loop", 1.0, 2.0, 3.0)
@@ -617,18 +617,18 @@ def test_of_several_faults_at_one_tick_the_most_severe_is_reported():
 
 
 @pytest.mark.parametrize("order", [1, -1])
-def test_the_most_severe_of_the_loops_faults_is_reported_whatever_their_order(order):
+def test_the_most_severe_of_the_loops_faults_is_reported_in_any_order(order):
     faults = list(Fault)[::order]
     Bench().active().trips(Fault.EMERGENCY_STOP, request=loop_found(*faults))
 
 
 @pytest.mark.parametrize(("velocity", "also"), [(0.5, "a jump"), (9.0, "out of range")])
-def test_twice_the_greatest_speed_stops_at_once_also_when_it_is(velocity, also):
+def test_twice_the_greatest_speed_stops_immediately_also_when_it_is(velocity, also):
     Bench().moving().trips(Fault.VELOCITY_LIMIT, EASY, slave_velocity=velocity)
 
 
 def moving_again(fault: Fault, worse: Fault | None = None, **sensed):
-    """A fault that ramps, and at the next tick a worse one."""
+    """A fault with a ramp, and a more severe one at the next tick."""
     bench = Bench(GENTLE).moving()
     bench.tick(EASY, request=loop_found(fault))
     assert bench.state.applied != STANDSTILL
@@ -640,7 +640,7 @@ RAMPING = [fault for fault in Fault if not stops_immediately(fault)]
 
 @pytest.mark.parametrize("first", RAMPING)
 @pytest.mark.parametrize("worse", [fault for fault in Fault if stops_immediately(fault)])
-def test_a_worse_fault_of_the_loop_ends_the_ramp_whatever_came_first(first, worse):
+def test_a_more_severe_fault_of_the_loop_ends_the_ramp_of_any_earlier_fault(first, worse):
     verdict = moving_again(first, worse)
     assert verdict.command == STANDSTILL
     assert not verdict.enabled
@@ -648,7 +648,7 @@ def test_a_worse_fault_of_the_loop_ends_the_ramp_whatever_came_first(first, wors
     assert [event.fault for event in verdict.events] == [worse]
 
 
-def test_the_same_fault_at_every_tick_is_reported_once_and_hides_no_worse_one():
+def test_a_fault_at_every_tick_is_reported_once_and_does_not_hide_a_more_severe_one():
     bench = Bench(GENTLE).moving()
     again = loop_found(Fault.CONTROL_FAILURE)
     bench.trips(Fault.CONTROL_FAILURE, EASY, request=again)
@@ -659,7 +659,7 @@ def test_the_same_fault_at_every_tick_is_reported_once_and_hides_no_worse_one():
 
 
 @pytest.mark.parametrize("stage", ["start", "ready", "moving"])
-def test_what_the_rig_says_of_itself_trips(stage):
+def test_errors_that_the_rig_reports_trip(stage):
     bench = copy.copy(STARTS[stage, LIMITS.max_acceleration])
     event = bench.trips(Fault.DRIVE_ERROR, drive_error="over-current")
     assert (event.source, event.text) == ("over-current", "drive error: over-current")
@@ -687,7 +687,7 @@ def test_position_force_and_velocity_beyond_their_hard_limits_trip(sign, stage):
         assert name.replace("_", " ") in event.text
 
 
-def test_the_hard_position_limit_that_is_told_is_the_one_that_was_passed():
+def test_the_reported_hard_position_limit_is_the_one_that_was_passed():
     limits = replace(LIMITS, hard_position=(-22e-3, 25e-3))
     assert Bench(limits, x=-23e-3).trips(Fault.POSITION_LIMIT).limit == -22e-3
     assert Bench(limits, x=26e-3).trips(Fault.POSITION_LIMIT).limit == 25e-3
@@ -695,7 +695,7 @@ def test_the_hard_position_limit_that_is_told_is_the_one_that_was_passed():
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 @pytest.mark.parametrize("stage", [Mode.IDLE, Mode.READY])
-def test_motion_or_a_hand_on_the_handle_before_arming_is_refused(sign, stage):
+def test_motion_or_a_force_on_the_handle_before_arming_is_refused(sign, stage):
     for name, limit in (("slave_velocity", 2e-3), ("master_force", 5.0)):
         bench = Bench().until(stage)
         bench.runs(**{name: sign * limit})
@@ -705,7 +705,7 @@ def test_motion_or_a_hand_on_the_handle_before_arming_is_refused(sign, stage):
         assert event.since == event.time
 
 
-def test_a_hand_on_the_handle_is_refused_at_the_very_tick_of_arming_and_welcome_after_it():
+def test_a_force_on_the_handle_is_refused_at_the_tick_of_arming_and_allowed_afterwards():
     Bench().ready().trips(Fault.NOT_AT_REST, request=Request(arm=True), master_force=6.0)
     Bench().trips(Fault.NOT_AT_REST, request=Request(arm=True), master_force=6.0)
     bench = Bench()
@@ -720,7 +720,7 @@ def test_a_hand_on_the_handle_is_refused_at_the_very_tick_of_arming_and_welcome_
 
 @pytest.mark.parametrize("which", [0, 1])
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
-def test_a_desired_velocity_that_is_no_number_ramps_to_zero(which, value):
+def test_a_desired_velocity_that_is_not_a_number_ramps_to_zero(which, value):
     bench = Bench(GENTLE).moving()
     desired = Command(*(value if i == which else 0.05 for i in range(2)))
     event = bench.trips(Fault.CONTROL_FAILURE, desired)
@@ -729,7 +729,7 @@ def test_a_desired_velocity_that_is_no_number_ramps_to_zero(which, value):
 
 
 @pytest.mark.parametrize("stage", [Mode.IDLE, Mode.READY, Mode.STOPPING])
-def test_the_desired_velocity_counts_in_active_mode_alone(stage):
+def test_the_desired_velocity_is_used_in_active_mode_only(stage):
     bench = Bench(GENTLE)
     if stage is Mode.STOPPING:
         bench.moving().tick(request=Request(stop="Ctrl-C"))
@@ -747,7 +747,7 @@ def test_the_desired_velocity_counts_in_active_mode_alone(stage):
     dt=st.sampled_from([5e-4, 1e-3, 2e-3, 5e-3]),
     desired=st.sampled_from([STANDSTILL, EASY, Command(-0.05, -0.05)]),
 )
-def test_a_runaway_trips_before_it_departs_by_more_than_allowed(v, dt, desired):
+def test_a_runaway_trips_before_it_exceeds_the_following_error(v, dt, desired):
     bench = Bench().moving(desired)
     error = desired.slave_velocity - v
     assume(abs(error) > 0.02)
@@ -763,7 +763,7 @@ def test_a_runaway_trips_before_it_departs_by_more_than_allowed(v, dt, desired):
         assert (event.source, event.limit) == ("slave_position", 2e-3)
         assert math.copysign(1.0, event.value) == math.copysign(1.0, departed)
         assert 2e-3 < abs(event.value) <= abs(departed) * NEARLY
-        # What leaks meanwhile is the departure of 2 mm, over a part of FOLLOWING_TIME.
+        # The tolerated error of 2 mm decreases meanwhile over a part of FOLLOWING_TIME.
         assert abs(departed) <= (2e-3 + abs(error) * dt) * 1.15
 
 
@@ -786,7 +786,7 @@ def test_a_slow_runaway_trips_within_the_following_error():
     assert bench.x < -15e-3 + LIMITS.following_error + 3e-6 * 1.01
 
 
-def test_a_short_departure_is_forgiven():
+def test_a_short_following_error_is_tolerated():
     bench = Bench().moving()
     for _ in range(3):
         bench.runs(EASY, slave=0.05 * DT - 5e-4)
@@ -796,14 +796,14 @@ def test_a_short_departure_is_forgiven():
             bench.runs(EASY)
 
 
-def test_a_departure_before_arming_does_not_count_after_it():
+def test_a_following_error_before_arming_is_reset_by_arming():
     bench = Bench().ready()
     bench.tick(slave=1.5e-3)
     bench.tick(request=Request(arm=True))
     bench.runs(slave=1.5e-3)
 
 
-def test_a_drive_that_gives_way_to_the_contact_force_follows():
+def test_a_drive_that_deflects_under_the_contact_force_does_not_trip():
     limits = replace(LIMITS, drive_compliance=1e-4)
     stiff, soft = Bench().active(), Bench(limits).active()
     for tick in range(50):
@@ -840,7 +840,7 @@ def test_a_time_that_goes_back_does_not_drive_the_slave():
         assert verdict.command == STANDSTILL
 
 
-def test_a_time_that_is_no_number_does_not_let_the_command_jump():
+def test_a_time_that_is_not_a_number_does_not_make_the_command_jump():
     bench = Bench().active()
     verdict = bench.tick(Command(5.0, 5.0), time=math.nan)
     assert abs(verdict.command.slave_velocity) <= LIMITS.max_velocity
@@ -865,12 +865,12 @@ def test_a_gap_between_two_ticks_trips(stage):
     assert "ms between two ticks, at most 62.5 ms" in event.text
 
 
-def test_skipped_periods_trip_by_their_share_over_about_a_second():
+def test_skipped_periods_trip_by_their_fraction_over_about_a_second():
     bench = Bench().active()
     armed, verdict = bench.time, bench.verdicts[-1]
     while verdict.state.mode is Mode.ACTIVE and bench.time < 5.0:
         verdict = bench.tick(dt=2 * DT, request=Request(skipped=1))
-    # 1 - exp(-t) of a share of one half reaches a quarter at t = log 2.
+    # A fraction of one half, averaged as 1 - exp(-t), reaches a quarter at t = log 2.
     assert bench.time - armed == pytest.approx(math.log(2.0), abs=0.01)
     (event,) = verdict.events
     assert (event.fault, event.limit) == (Fault.OVERRUN, 0.25)
@@ -878,7 +878,7 @@ def test_skipped_periods_trip_by_their_share_over_about_a_second():
     assert "25% of the periods skipped" in event.text
 
 
-def test_every_sixth_period_may_be_skipped_for_ever():
+def test_every_sixth_period_may_always_be_skipped():
     bench = Bench().active()
     for _ in range(1000):
         for _ in range(4):
@@ -886,7 +886,7 @@ def test_every_sixth_period_may_be_skipped_for_ever():
         bench.runs(dt=2 * DT, request=Request(skipped=1))
 
 
-def test_a_single_long_skip_is_forgiven():
+def test_a_single_long_skip_is_tolerated():
     bench = Bench().active()
     bench.runs(dt=0.05, request=Request(skipped=49))
     for _ in range(100):
@@ -896,7 +896,7 @@ def test_a_single_long_skip_is_forgiven():
 @pytest.mark.parametrize("share", [0.0, 0.5, 0.9])
 @pytest.mark.parametrize("stage", ALL_STAGES)
 def test_a_rig_whose_time_stands_still_or_is_slow_trips(stage, share):
-    """The measurement that a driver returns again and again is fresh by its own time."""
+    """A driver returns the same measurement repeatedly, whose ages stay small."""
     bench = copy.copy(STARTS[stage, GENTLE.max_acceleration])
     fault, ticks = bench.state.mode is Mode.FAULT, 0
     while ticks < 3000:
@@ -909,13 +909,13 @@ def test_a_rig_whose_time_stands_still_or_is_slow_trips(stage, share):
     if not fault:
         found = {cause.fault for cause in bench.state.causes}
         assert found <= {Fault.RIG_FAILURE, Fault.FROZEN, Fault.NOT_FOLLOWING}
-    # A drift that is forgotten over a second reaches 80 ms after -log(1 - 0.08) of standstill.
+    # With averaging over a second, the drift reaches 80 ms after a standstill of -log(1 - 0.08) s.
     assert share or (ticks - 1) * DT <= -math.log1p(-LIMITS.max_gap) + DT
 
 
 @settings(max_examples=30)
 @given(st.lists(st.floats(0.0, 0.03), min_size=200, max_size=200), st.floats(0.9, 1.5))
-def test_a_rig_whose_measurements_are_stamped_late_goes_on(late, pace):
+def test_a_rig_with_late_time_stamps_does_not_trip(late, pace):
     bench = Bench().active()
     before = bench.time
     for tick, delay in enumerate(late, start=1):
@@ -927,7 +927,7 @@ def test_a_rig_whose_measurements_are_stamped_late_goes_on(late, pace):
 # Soft limits
 
 
-def test_a_desired_command_within_all_limits_passes_untouched():
+def test_a_desired_command_within_all_limits_is_not_changed():
     bench = Bench().moving()
     desired = Command(0.051, 0.049)
     verdict = bench.tick(desired)
@@ -948,7 +948,7 @@ def test_velocity_is_limited_in_the_same_proportion_for_both():
         assert verdict.limited == VELOCITY
 
 
-def test_velocity_opens_linearly_after_arming():
+def test_the_velocity_limit_increases_linearly_after_arming():
     bench = Bench().active()
     for tick in range(1, 150):
         verdict = bench.tick(Command(5.0, 0.2 if bench.x < 5e-3 else -0.2))
@@ -958,7 +958,7 @@ def test_velocity_opens_linearly_after_arming():
     assert verdict.command.master_velocity == pytest.approx(0.5)
 
 
-def test_acceleration_is_limited_and_told():
+def test_acceleration_is_limited_and_flagged():
     bench = Bench().moving()
     verdict = bench.tick(Command(0.19, 0.1))
     assert verdict.command == (pytest.approx(0.075), pytest.approx(0.06))
@@ -993,7 +993,7 @@ def test_the_slave_never_passes_its_soft_limit_by_more_than_a_tick(side, start, 
 
 @settings(max_examples=40)
 @given(side=SIDES, dt=st.floats(3e-4, 0.02), lag=st.floats(1e-3, 5e-3))
-def test_a_slave_that_lags_brakes_before_the_hard_limit_and_comes_back(side, dt, lag):
+def test_a_slave_that_lags_brakes_before_the_hard_limit_and_returns(side, dt, lag):
     bench = Bench(replace(LIMITS, following_error=0.05), x=side * 12e-3).active()
     v = 0.0
     for way in (side, -side):
@@ -1008,7 +1008,7 @@ def test_a_slave_that_lags_brakes_before_the_hard_limit_and_comes_back(side, dt,
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
-def test_beyond_the_soft_limit_only_the_way_back_is_open(side):
+def test_beyond_the_soft_limit_only_motion_back_is_possible(side):
     bench = Bench(x=side * 22e-3).active()
     for _ in range(20):
         verdict = bench.tick(Command(side * 0.1, side * 0.1))
@@ -1022,7 +1022,7 @@ def test_beyond_the_soft_limit_only_the_way_back_is_open(side):
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
 @pytest.mark.parametrize("room", [4e-4, 1e-3, 2e-3])
-def test_towards_the_soft_limit_half_of_the_deceleration_is_kept_in_hand(side, room):
+def test_towards_the_soft_limit_half_of_the_deceleration_is_kept_in_reserve(side, room):
     bench = Bench(replace(LIMITS, following_error=1.0), x=side * (20e-3 - room)).active()
     fastest = math.sqrt(10.0 * room)
     for tick in range(150):
@@ -1063,7 +1063,7 @@ def test_beyond_the_soft_force_there_is_no_motion_against_it_and_free_motion_awa
     assert verdict.limited == 0
 
 
-def test_at_the_soft_force_motion_against_it_goes_on():
+def test_at_the_soft_force_motion_against_it_is_possible():
     channels = {name: replace(c, max_rate=math.inf) for name, c in default_channel_limits().items()}
     bench = Bench(replace(LIMITS, channels=channels)).moving()
     for force in (60.0, 59.9):
@@ -1078,5 +1078,5 @@ def test_a_rig_whose_time_stands_still_over_a_long_gap_of_the_loop_is_a_failure(
 
 
 @pytest.mark.parametrize("dt", [0.2, 1.0, 1e6])
-def test_a_gap_while_the_slave_moves_is_reported_as_one_and_not_as_a_drive_that_lags(dt):
+def test_a_gap_while_the_slave_moves_is_reported_as_overrun_and_not_as_following_error(dt):
     Bench().moving().trips(Fault.OVERRUN, EASY, dt=dt, slave=0.0, elapsed=dt)

@@ -1,4 +1,4 @@
-"""Worker processes end with the block, with an error in it, and with their parent."""
+"""Worker processes end with the block, after an exception in it, and with their parent."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def is_alive(pid):
 
 @pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP", "SIGKILL"])
 @pytest.mark.parametrize("whole_group", [False, True], ids=["alone", "whole group"])
-def test_no_worker_outlives_a_command_that_is_ended(name, whole_group):
+def test_workers_end_when_their_command_is_ended(name, whole_group):
     with subprocess.Popen(
         [sys.executable, "-c", PARENT],
         stdout=subprocess.PIPE,
@@ -56,7 +56,7 @@ def test_no_worker_outlives_a_command_that_is_ended(name, whole_group):
         time.sleep(0.05)
 
 
-def test_work_that_is_under_way_is_not_waited_for_when_the_block_raises():
+def test_running_tasks_are_killed_when_the_block_raises():
     def interrupted():
         with workers() as pool:
             pool.submit(time.sleep, 600)

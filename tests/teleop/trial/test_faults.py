@@ -1,4 +1,4 @@
-"""A sample of the fault campaign, benchmarks/faults.py, and the ways a person stops a run."""
+"""A short run of the fault campaign, benchmarks/faults.py, and the ways to stop a run."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ print(json.dumps(rows))
     ("condition", "cube"), [("free", "soft"), ("mimic", "hard"), ("autonomous", "medium")]
 )
 def test_every_kind_of_fault_at_two_instants_ends_as_docs_safety_states(condition, cube):
-    """In a process of its own: the campaign forks, which does not go with pytest's threads."""
+    """Run in another process, because the campaign forks, which fails with pytest's threads."""
     code = CODE.format(folder=str(ROOT / "benchmarks"), condition=condition, cube=cube)
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
@@ -58,7 +58,7 @@ def test_every_kind_of_fault_at_two_instants_ends_as_docs_safety_states(conditio
     ["contact_force NaN", "slave_position stale", "runaway plant", "rig unplugged", "Ctrl-C twice"],
 )
 def test_a_fault_in_real_time_stops_the_slave_and_is_named(kind):
-    for _ in range(3):  # a machine that takes the processor away for 80 ms stops the loop first
+    for _ in range(3):  # the loop stops first if the machine is busy for 80 ms
         row = campaign.real("autonomous", "soft", kind, seed=1)
         if row["fault"] not in ("loop overrun", "drive error"):
             break
@@ -67,7 +67,7 @@ def test_a_fault_in_real_time_stops_the_slave_and_is_named(kind):
 
 
 class Run:
-    """A run in a terminal of its own, which can be typed into."""
+    """A run in a new terminal with keyboard input."""
 
     def __init__(self, folder: Path, *arguments: str) -> None:
         pty = pytest.importorskip("pty", reason="needs a pseudo-terminal")
@@ -126,7 +126,7 @@ def test_ctrl_c_ramps_down_and_keeps_the_recording(tmp_path):
     assert recording["commanded_slave_velocity"][-1] == 0.0
 
 
-def test_a_closed_terminal_ends_the_run_in_good_order(tmp_path):
+def test_a_closed_terminal_ends_the_run_with_a_ramp(tmp_path):
     run = Run(tmp_path, "--duration", "60", "--record", "a.mcap")
     run.wait_until(MOVING)
     os.kill(run.pid, signal.SIGHUP)

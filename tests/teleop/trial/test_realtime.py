@@ -1,4 +1,4 @@
-"""Steps that the system refuses are reported, every step is taken back, processes do not share."""
+"""Failed steps are reported, every step is reverted, and processes claim different processors."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def policy():
 
 @pytest.fixture(autouse=True)
 def names(monkeypatch):
-    """Claims of this test alone: other processes of this machine have theirs."""
+    """Use names of claims that other processes of this machine do not use."""
     monkeypatch.setattr(
         "teleop.trial.processor_claims.address",
         lambda name: f"\0test {os.getpid()} {name}".encode(),
@@ -43,7 +43,7 @@ def names(monkeypatch):
 
 @pytest.fixture
 def processors(monkeypatch):
-    """Four processors; the affinity is kept but not applied."""
+    """Simulate four processors; the affinity is stored but not applied."""
     state = {"affinity": {0, 1, 2, 3}}
     monkeypatch.setattr(os, "sched_getaffinity", lambda pid: set(state["affinity"]))
     monkeypatch.setattr(os, "sched_setaffinity", lambda pid, new: state.update(affinity=set(new)))
@@ -52,18 +52,18 @@ def processors(monkeypatch):
 
 @pytest.fixture
 def priorities(monkeypatch):
-    """The priorities that were taken."""
+    """Record the priorities that are set."""
     taken = []
 
     def take(priority=PRIORITY):
         taken.append(priority)
         return taken.pop
 
-    monkeypatch.setattr(steps, "first_in_first_out", take)
+    monkeypatch.setattr(steps, "set_fifo_priority", take)
     return taken
 
 
-def test_each_step_is_reported_and_taken_back():
+def test_each_step_is_reported_and_reverted():
     before = os.sched_getscheduler(0), os.sched_getaffinity(0), gc.isenabled()
     with realtime("try") as real_time:
         real_time.start()
@@ -78,7 +78,7 @@ def test_each_step_is_reported_and_taken_back():
     assert (os.sched_getscheduler(0), os.sched_getaffinity(0), gc.isenabled()) == before
 
 
-def test_nothing_of_the_set_up_runs_at_the_real_time_priority(monkeypatch):
+def test_no_step_except_the_last_runs_at_the_real_time_priority(monkeypatch):
     policies = []
     for name in steps.SET_UP:
         monkeypatch.setitem(steps.SET_UP, name, lambda: policies.append(policy()) or (lambda: None))
@@ -87,7 +87,7 @@ def test_nothing_of_the_set_up_runs_at_the_real_time_priority(monkeypatch):
     assert policies == [os.SCHED_OTHER] * 4
 
 
-def test_the_reader_of_the_loops_pipe_has_a_real_time_priority_below_every_loop():
+def test_the_recorder_has_a_real_time_priority_below_every_loop():
     with subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) as reader:
         with realtime("try", (FIFO,)) as real_time:
             real_time.start(reader.pid)
@@ -97,7 +97,7 @@ def test_the_reader_of_the_loops_pipe_has_a_real_time_priority_below_every_loop(
         reader.communicate(b"\n")
 
 
-def test_off_leaves_everything_as_it_is():
+def test_off_changes_nothing():
     with realtime("off") as real_time:
         real_time.start()
         assert real_time.report == {}
@@ -149,14 +149,14 @@ def test_processes_get_different_processors_and_one_remains_for_all(processors, 
         assert again.report == {PROCESSOR: DONE}
 
 
-def test_with_require_a_process_without_a_processor_of_its_own_is_refused(processors, priorities):
+def test_with_require_a_process_without_a_claimed_processor_is_refused(processors, priorities):
     os.sched_setaffinity(0, {0})
     refused = pytest.raises(InputError, match=r"one processor \(no free processor")
     with refused, realtime("require", (PROCESSOR, FIFO)) as real_time:
         real_time.start()
 
 
-def test_other_commands_keep_off_a_claimed_processor(processors):
+def test_other_commands_do_not_run_on_a_claimed_processor(processors):
     with realtime("try", (PROCESSOR,)):
         os.sched_setaffinity(0, {0, 1, 2, 3})
         with avoid_claimed_processors():

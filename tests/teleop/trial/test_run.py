@@ -39,7 +39,7 @@ def test_each_condition_palpates_each_cube_and_finds_its_stiffness(condition, cu
         assert softest < np.median(columns[name][1500:]) < stiffest
 
 
-def test_autonomous_moves_without_a_hand_and_teleoperation_by_the_hand_alone():
+def test_autonomous_moves_without_an_operator_and_teleoperation_only_with_one():
     autonomous = run_trial(replace(QUICK, condition="autonomous")).columns
     assert np.abs(autonomous["master_force"]).max() < 0.2
     assert np.abs(autonomous["drive_force"]).max() > 0.2
@@ -50,7 +50,7 @@ def test_autonomous_moves_without_a_hand_and_teleoperation_by_the_hand_alone():
 
 
 @pytest.mark.parametrize("condition", ["free", "mimic", "autonomous"])
-def test_same_seed_same_run_to_the_bit(condition):
+def test_the_same_seed_gives_exactly_the_same_run(condition):
     settings = replace(QUICK, condition=condition, duration=1.0, seed=7)
     first, second = run_trial(settings), run_trial(settings)
     other = run_trial(replace(settings, seed=8))
@@ -59,7 +59,7 @@ def test_same_seed_same_run_to_the_bit(condition):
     assert not np.array_equal(first.columns["contact_force"], other.columns["contact_force"])
 
 
-def test_the_signal_and_the_ramps_are_those_that_were_asked_for():
+def test_the_signal_and_the_ramps_are_those_of_the_settings():
     from teleop.control.excitation_signals import Chirp, Sine
 
     settings = replace(QUICK, condition="autonomous", signal=Sine(3.0))
@@ -127,7 +127,7 @@ def test_summary_agrees_with_the_columns():
 
 
 class Spy(SimulatedRig):
-    """Counts what the drives are told."""
+    """Counts the commands to the drives."""
 
     def __init__(self, *arguments, **options):
         super().__init__(*arguments, **options)
@@ -148,7 +148,7 @@ class Spy(SimulatedRig):
 @pytest.mark.parametrize(
     "part", ["estimation.Bank.update", "teleop.control.conditions.Teleoperation.drive_force"]
 )
-def test_an_exception_in_a_tick_stops_the_rig_and_is_not_swallowed(monkeypatch, tmp_path, part):
+def test_an_exception_in_a_tick_stops_the_rig_and_is_raised(monkeypatch, tmp_path, part):
     monkeypatch.setattr("teleop.trial.assembly.SimulatedRig", Spy)
     calls = []
 
@@ -177,7 +177,7 @@ def test_an_exception_in_a_tick_stops_the_rig_and_is_not_swallowed(monkeypatch, 
     assert not recording["commanded_slave_velocity"][after].any()
 
 
-def test_a_stop_ramps_to_standstill_and_keeps_what_was_logged(monkeypatch):
+def test_a_stop_ramps_to_standstill_and_keeps_the_recording(monkeypatch):
     monkeypatch.setattr("teleop.trial.assembly.SimulatedRig", Spy)
     settings = replace(QUICK, condition="autonomous")
     asked = []
@@ -201,7 +201,7 @@ def test_a_stop_ramps_to_standstill_and_keeps_what_was_logged(monkeypatch):
     assert [event["text"] for event in trial.recording.events][-2:] == ["Ctrl-C", "at standstill"]
 
 
-def test_no_soft_limit_touches_the_papers_nine_trials():
+def test_no_soft_limit_changes_the_papers_nine_trials():
     for condition in ("free", "mimic", "autonomous"):
         for cube in ("soft", "medium", "hard"):
             columns = run_trial(replace(QUICK, condition=condition, cube=cube)).columns
@@ -213,14 +213,14 @@ def test_no_soft_limit_touches_the_papers_nine_trials():
             )
 
 
-def test_a_rate_that_this_machine_cannot_hold_is_refused_before_anything_moves(monkeypatch):
+def test_a_rate_that_is_too_high_for_the_machine_is_refused_before_any_motion(monkeypatch):
     monkeypatch.setattr("teleop.trial.rehearsal.tick_cost", lambda settings: 400e-6)
     with pytest.raises(InputError, match=r"rate 5000 Hz: a tick takes 400 us .* at most 2250 Hz"):
         run_trial(TrialSettings(rate=5000.0))
 
 
 @pytest.mark.parametrize("tare", [NO_TARE, Tare(slave_position=12e-3, contact_force=5.0)])
-def test_the_rehearsal_is_active_whatever_the_tare_and_the_limits(monkeypatch, tare):
+def test_the_rehearsal_is_active_for_any_tare_and_limits(monkeypatch, tare):
     loops = []
 
     class Spy(Loop):
@@ -234,7 +234,7 @@ def test_the_rehearsal_is_active_whatever_the_tare_and_the_limits(monkeypatch, t
     assert loops[0].controller.mode is Mode.ACTIVE
 
 
-def test_a_rehearsal_that_is_stopped_for_safety_is_no_measure(monkeypatch):
+def test_a_rehearsal_with_a_safety_stop_is_refused(monkeypatch):
     limits = replace(QUICK.raw_limits, soft_force=0.1, hard_force=0.2)
     monkeypatch.setattr("teleop.trial.settings.palpation_limits", lambda *_: limits)
     with pytest.raises(InputError, match="rehearsal on the simulated rig: stopped .* force limit"):
@@ -254,7 +254,7 @@ class SlowToRead(SimulatedRig):
     write = enable
 
 
-def test_a_rig_that_is_too_slow_to_read_is_refused_before_its_drives_are_told_anything():
+def test_a_rig_that_is_too_slow_to_read_is_refused_before_any_command():
     clock = VirtualClock(1000.0)
     rig = SlowToRead(CUBES["soft"], clock.now)
     with pytest.raises(InputError, match=r"of which \d+ us to read the devices, expected a rate"):

@@ -1,4 +1,4 @@
-"""What a run leaves behind: its recording, its plot and its exit code."""
+"""Results of a run: its recording, its plot and its exit code."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def at_tick(monkeypatch):
 
 @pytest.fixture
 def fault(monkeypatch):
-    """Lets the slave's position be infinite after half a second."""
+    """Makes the slave's position infinite after half a second."""
 
     def make(cube, now, **options):
         rig = FaultyRig(SimulatedRig(cube, now, **options))
@@ -86,7 +86,7 @@ def test_a_recording_that_was_removed_is_not_reported_complete(tmp_path, capsys,
     assert "teleop recover" not in out
 
 
-def test_a_file_that_took_the_place_of_the_recording_is_not_summarised(tmp_path, capsys, at_tick):
+def test_a_file_that_replaced_the_recording_is_not_summarised(tmp_path, capsys, at_tick):
     path, other = tmp_path / "a.mcap", tmp_path / "b.mcap"
     assert main([*RUN[:-1], "2", "--cube", "hard", "--record", str(other)]) == 0
     capsys.readouterr()
@@ -99,7 +99,7 @@ def test_a_file_that_took_the_place_of_the_recording_is_not_summarised(tmp_path,
     assert len(load(path)) > 2000
 
 
-def test_a_safety_stop_counts_for_more_than_a_full_disk_and_both_are_reported(
+def test_a_safety_stop_sets_the_exit_code_before_a_full_disk_and_both_are_reported(
     tmp_path, capsys, monkeypatch, fault
 ):
     path = tmp_path / "a.mcap"
@@ -134,7 +134,7 @@ def test_a_black_box_that_cannot_be_written_does_not_make_the_recording_incomple
     assert len(load(path)) > 1000
 
 
-def test_the_plot_is_saved_before_anything_is_printed(tmp_path, monkeypatch):
+def test_the_plot_is_saved_before_the_output_is_printed(tmp_path, monkeypatch):
     picture = tmp_path / "a.svg"
 
     def closed(summary):
@@ -146,7 +146,7 @@ def test_the_plot_is_saved_before_anything_is_printed(tmp_path, monkeypatch):
     assert "<svg" in picture.read_text()
 
 
-def test_a_link_as_an_output_survives_whether_it_is_written_through_or_refused(tmp_path):
+def test_a_link_as_an_output_remains_whether_it_is_written_or_refused(tmp_path):
     for option, name in (("--plot", "a.svg"), ("--record", "a.mcap")):
         link, target = tmp_path / name, tmp_path / f"target-{name}"
         link.symlink_to(target)

@@ -1,4 +1,4 @@
-"""A sample of the search of benchmarks/safety_search.py for a way past the supervisor."""
+"""A short run of benchmarks/safety_search.py, the random search for violated safety rules."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 SCRIPT = Path(__file__).parents[3] / "benchmarks" / "safety_search.py"
 
 
-def test_no_sequence_of_faults_failing_calls_and_requests_breaks_a_law_of_safety():
+def test_no_sequence_of_faults_failing_calls_and_requests_violates_a_safety_rule():
     sys.path.insert(0, str(SCRIPT.parent))
     spec = importlib.util.spec_from_file_location("safety_search", SCRIPT)
     module = importlib.util.module_from_spec(spec)

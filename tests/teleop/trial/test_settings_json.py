@@ -65,7 +65,7 @@ ALL_SETTINGS = st.builds(
 
 
 @given(ALL_SETTINGS)
-def test_a_document_gives_the_same_settings_again(settings):
+def test_the_round_trip_through_a_document_is_exact(settings):
     assert through_json(settings) == settings
 
 

@@ -1,4 +1,4 @@
-"""The emergency-stop key in a real terminal: which keys stop, and what becomes of the terminal."""
+"""The emergency-stop key in a real terminal: the keys, and the modes of the terminal."""
 
 from __future__ import annotations
 
@@ -47,26 +47,26 @@ MOVING = rb"\[Enter stops\] +\d+\.\d of"
 
 
 class Run:
-    """A run in virtual time, the foreground job of a terminal of its own."""
+    """A run in virtual time, the foreground job of a new terminal."""
 
     def __init__(self, folder, *arguments, ignored="", duration="3600"):
-        events, told = os.pipe()
+        events, sender = os.pipe()
         commands, self.commands = os.pipe()
         pid, self.terminal = pty.fork()
         if pid == 0:
             os.chdir(folder)
-            os.dup2(told, 13)
+            os.dup2(sender, 13)
             os.dup2(commands, 4)
             os.dup2(13, 3)
             os.environ["IGNORED"] = ignored
             end = ["--clock", "virtual", "--duration", duration]
             os.execv(sys.executable, [sys.executable, "-c", SHELL, *end, *arguments])
-        os.close(told)
+        os.close(sender)
         os.close(commands)
         self.pid, self.events, self.text = pid, events, b""
 
     def is_cooked(self):
-        """Whether the terminal gives whole lines and echoes."""
+        """Return whether the terminal passes whole lines and echoes."""
         wanted = termios.ICANON | termios.ECHO
         return termios.tcgetattr(self.terminal)[3] & wanted == wanted
 
@@ -87,7 +87,7 @@ class Run:
         os.write(self.terminal, keys)
 
     def event(self):
-        """What the shell saw of the run next; meanwhile the terminal is read."""
+        """Return the next event of the shell, and read the terminal meanwhile."""
         while True:
             ready, _, _ = select.select([self.events, self.terminal], [], [])
             if self.events in ready:
@@ -140,7 +140,7 @@ def test_ctrl_d_and_other_keys_neither_stop_the_run_nor_end_the_stop_key(run):
 
 
 @pytest.mark.parametrize("keys", [b"\x03", b"\x1c"], ids=["Ctrl-C", "Ctrl-backslash"])
-def test_ctrl_c_still_ramps_down_and_the_terminal_is_as_before(run, keys):
+def test_ctrl_c_still_ramps_down_and_the_terminal_is_restored(run, keys):
     going = run("--record", "a.mcap")
     going.type(keys)
     assert going.end() == 130
@@ -149,20 +149,20 @@ def test_ctrl_c_still_ramps_down_and_the_terminal_is_as_before(run, keys):
 
 
 @pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP"])
-def test_the_terminal_is_as_before_after_a_request_to_end(run, name):
+def test_the_terminal_is_restored_after_a_signal(run, name):
     going = run()
     os.kill(os.tcgetpgrp(going.terminal), getattr(signal, name))
     assert going.end() == 130
     assert going.is_cooked()
 
 
-def test_the_terminal_is_as_before_after_the_end_of_the_trial(run):
+def test_the_terminal_is_restored_after_the_end_of_the_trial(run):
     going = run(duration="20")
     assert going.end() == 0
     assert going.is_cooked()
 
 
-def test_the_terminal_is_the_shells_while_the_run_is_suspended(run):
+def test_the_terminal_is_restored_while_the_run_is_suspended(run):
     going = run()
     going.type(b"\x1a")
     assert going.event() == b"suspended"
@@ -180,13 +180,13 @@ def test_the_terminal_is_the_shells_while_the_run_is_suspended(run):
     assert going.is_cooked()
 
 
-def test_a_run_that_goes_on_in_the_background_says_that_the_key_does_not_act(run):
+def test_a_run_that_continues_in_the_background_reports_that_the_key_does_not_work(run):
     going = run()
     job = os.tcgetpgrp(going.terminal)
     going.type(b"\x1a")
     assert going.event() == b"suspended"
     os.write(going.commands, b"b")
-    going.wait_until(rb"in the background: the stop key does not act")
+    going.wait_until(rb"in the background: the stop key does not work")
     assert going.is_cooked()
     os.kill(job, signal.SIGTERM)
     assert going.end() == 130
@@ -194,26 +194,26 @@ def test_a_run_that_goes_on_in_the_background_says_that_the_key_does_not_act(run
 
 
 def test_a_run_whose_terminal_is_lost_ramps_down(run, tmp_path):
-    """With SIGHUP ignored, as by nohup: else that would end it."""
+    """SIGHUP is ignored, as with nohup; otherwise it would end the run."""
     going = run("--record", "a.mcap", ignored="SIGHUP")
     os.close(going.terminal)
     assert os.read(going.events, 100) == b"ended"
     status = os.waitpid(going.pid, 0)[1]
-    assert os.waitstatus_to_exitcode(status) == 2  # what it prints is lost
+    assert os.waitstatus_to_exitcode(status) == 2  # its output cannot be printed
     stop = load(tmp_path / "a.mcap").events[-2]
     assert stop["text"] == "the terminal of the stop key was lost"
     assert stop["mode"] == "stopping"
 
 
-def test_on_a_system_without_terminals_there_is_no_key_and_the_instructions_say_so(monkeypatch):
+def test_on_a_system_without_terminals_the_instructions_say_that_there_is_no_key(monkeypatch):
     monkeypatch.setattr("teleop.trial.stop_key.find_spec", lambda name: None)
     switch = StopSwitch(key=True)
     assert "no stop key: not available on this system" in switch.instructions
-    with switch, switch.attended():
+    with switch, switch.reading_keys():
         assert switch.request(True).arm
 
 
-def test_without_a_terminal_there_is_no_key_and_the_run_goes_on(tmp_path):
+def test_without_a_terminal_there_is_no_key_and_the_run_continues(tmp_path):
     command = [sys.executable, "-m", "teleop", "run", "--clock", "virtual", "--no-record"]
     done = subprocess.run([*command, "--duration", "1"], input=b"\n\n", capture_output=True)
     assert done.returncode == 0

@@ -1,4 +1,4 @@
-"""Requests that follow from a person's signals and key; in a terminal, test_stop_key.py."""
+"""Requests from signals and the stop key; tests in a terminal are in test_stop_key.py."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from teleop.trial.stop_switch import StopSwitch
 
 @pytest.fixture
 def running():
-    """A switch whose loop has made its first tick."""
+    """Return a switch whose loop has run its first tick."""
     with StopSwitch() as switch:
         assert switch.request(True).arm
         yield switch
 
 
-def test_one_signal_asks_for_a_stop_and_a_second_for_one_at_once(running):
+def test_one_signal_requests_a_ramp_and_a_second_an_immediate_stop(running):
     assert not running.interrupted
     os.kill(os.getpid(), signal.SIGINT)
     first = running.request(False)
@@ -38,7 +38,7 @@ def test_one_signal_asks_for_a_stop_and_a_second_for_one_at_once(running):
         ("SIGQUIT", "Ctrl-\\"),
     ],
 )
-def test_other_requests_to_end_give_their_reason(running, number, reason):
+def test_other_signals_give_their_reason(running, number, reason):
     os.kill(os.getpid(), getattr(signal, number))
     assert running.request(False).stop == reason
 
@@ -48,7 +48,7 @@ def test_before_the_first_tick_a_signal_interrupts():
         os.kill(os.getpid(), signal.SIGINT)
 
 
-def test_the_end_of_the_trial_is_a_stop_that_nobody_asked_for():
+def test_the_end_of_the_trial_is_a_stop_without_a_request_of_a_person():
     switch = StopSwitch()
     assert switch.request(False, "end of the trial").stop == "end of the trial"
     assert not switch.interrupted

@@ -35,7 +35,7 @@ RIGS = Path(__file__).parents[3] / "rigs"
 
 
 class SteppedRig(WiredRig):
-    """A rig of devices, emulated in step with its clock."""
+    """A rig of devices, emulated synchronously with its clock."""
 
     def __init__(
         self,
@@ -65,16 +65,16 @@ class SteppedRig(WiredRig):
             bus.nap = self.nap
 
     def present(self) -> float:
-        """The clock's time, and what the opening took."""
+        """Return the time of the clock plus the duration of opening [s]."""
         return self._clock() + self._ahead
 
     def nap(self, seconds: float) -> None:
-        """Let time pass, here and outside."""
+        """Advance the time of the rig and of the emulator."""
         self._ahead += seconds
         time.sleep(seconds)
 
     def open(self) -> None:
-        """Open, while the emulator goes on in a thread: an adapter's opening waits in real time."""
+        """Open while the emulator runs in a thread: opening an adapter waits in real time."""
         self.emulator.__enter__()
         opened = threading.Event()
 
@@ -215,13 +215,13 @@ def stepped_trial(
 
 @pytest.fixture(autouse=True)
 def soon(monkeypatch):
-    """After a fault a trial holds still for a moment only."""
+    """Shorten the time that a trial records after a fault."""
     monkeypatch.setattr("teleop.trial.loop.AFTER", 0.2)
 
 
 @pytest.fixture
 def stepped() -> Callable[..., SteppedTrial]:
-    """Makes a trial on one of the example rigs, emulated."""
+    """Returns a function that creates a trial on an emulated example rig."""
     pytest.importorskip("pty", reason="there are no pseudo-terminals on this system")
     return stepped_trial
 

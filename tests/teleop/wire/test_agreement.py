@@ -1,4 +1,4 @@
-"""The wire changes nothing that matters: estimates over it are those without it."""
+"""Estimates on emulated rigs agree with those on the simulated rig."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ SECONDS = 2.5
 
 
 def final(trial):
-    """RLS's last estimate."""
+    """Return the last estimate of RLS."""
     b, k, *_ = trial.estimates["rls"]
     return b[-1], k[-1]
 
@@ -33,7 +33,7 @@ def test_estimates_are_those_of_the_simulated_rig(stepped, name):
     b, k = final(wired.run())
     true_b, true_k = final(run_trial(plain))
     assert k == pytest.approx(true_k, rel=0.05)
-    if name == "serial-board":  # the others' samples are dated to half a tick, emulated in steps
+    if name == "serial-board":  # sampling times of the others are known to half a tick only
         assert b == pytest.approx(true_b, rel=0.05)
 
 

@@ -41,7 +41,7 @@ def teleop(*arguments, **options):
 
 @contextlib.contextmanager
 def emulated(name, folder, *arguments):
-    """`teleop rig emulate` of an example rig; what it printed."""
+    """Run `teleop rig emulate` on an example rig; yield its output."""
     out = folder / "run.toml"
     process = subprocess.Popen(
         [sys.executable, "-m", "teleop", "rig", "emulate", RIGS / f"{name}.toml", "--json",
@@ -74,7 +74,7 @@ def test_a_rig_is_run_and_recorded_against_its_emulated_devices(tmp_path):
                 "run", "--rig", rig, "--condition", "autonomous", "--duration", 1.5, "--json",
                 "--record", path,
             )  # fmt: skip
-            if ran.returncode != 3:  # stopped for safety: the machine was taken away: once more
+            if ran.returncode != 3:  # safety stop because the machine was busy: try again
                 break
         assert ran.returncode == 0, ran.stderr
         summary = json.loads(ran.stdout)
@@ -86,7 +86,7 @@ def test_a_rig_is_run_and_recorded_against_its_emulated_devices(tmp_path):
 
 @contextlib.contextmanager
 def served(name, folder):
-    """An emulator of an example rig in a thread of this process, and the rig file for it."""
+    """Run an emulator of an example rig in a thread of this process; yield its rig file."""
     rig = read_rig_file(RIGS / f"{name}.toml")
     settings = TrialSettings(condition="autonomous")
     emulator: Emulator = make_emulator(rig, settings, folder)
@@ -103,11 +103,11 @@ def served(name, folder):
             thread.join()
 
 
-def test_the_check_tells_of_channels_round_trips_and_watchdogs(tmp_path):
+def test_the_check_reports_channels_round_trips_and_watchdogs(tmp_path):
     with served("odrive-bota", tmp_path) as (rig, emulator):
         for _ in range(3):
             checked = teleop("rig", "check", rig, "--seconds", 0.5, "--json")
-            if not checked.returncode:  # else the machine was taken away: once more
+            if not checked.returncode:  # otherwise the machine was busy: try again
                 break
         assert not emulator.mechanism.driven
     assert checked.returncode == 0, checked.stderr
@@ -122,7 +122,7 @@ def test_the_check_tells_of_channels_round_trips_and_watchdogs(tmp_path):
 
 
 def controller(rig):
-    """A palpation in a process of its own."""
+    """A palpation in another process."""
     return subprocess.Popen(
         [sys.executable, "-m", "teleop", "run", "--rig", rig, "--condition", "autonomous",
          "--no-record", "--realtime", "off"],
@@ -137,7 +137,7 @@ def test_when_the_controller_is_killed_the_drives_stop_by_their_own_watchdogs(na
         run = controller(rig)
         deadline = time.monotonic() + 40.0
         while abs(emulator.mechanism.measurement.slave_velocity) < 0.01:
-            if run.poll() == 3:  # stopped for safety: the machine was taken away: once more
+            if run.poll() == 3:  # safety stop because the machine was busy: try again
                 run = controller(rig)
             assert run.poll() is None
             assert time.monotonic() < deadline
@@ -151,7 +151,7 @@ def test_when_the_controller_is_killed_the_drives_stop_by_their_own_watchdogs(na
             time.sleep(0.01)
 
 
-def test_what_is_wrong_in_a_rig_file_is_told_a_line_each(tmp_path, capsys):
+def test_each_problem_of_a_rig_file_is_reported_on_its_own_line(tmp_path, capsys):
     text = (RIGS / "serial-board.toml").read_text()
     text = text.replace('signal = "force_1"', 'signal = "force_9"')
     text = text.replace("max_velocity_mm_per_s = 200\nmax_acc", "max_speed = 3\nmax_acc")
@@ -160,8 +160,8 @@ def test_what_is_wrong_in_a_rig_file_is_told_a_line_each(tmp_path, capsys):
     assert main(["run", "--rig", str(path)]) == 2
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) == 3
-    for told in ("limits.max_speed", "limits.max_velocity_mm_per_s", "force_9"):
-        assert sum(told in line for line in lines) == 1
+    for expected in ("limits.max_speed", "limits.max_velocity_mm_per_s", "force_9"):
+        assert sum(expected in line for line in lines) == 1
 
 
 @pytest.mark.parametrize(
@@ -169,12 +169,12 @@ def test_what_is_wrong_in_a_rig_file_is_told_a_line_each(tmp_path, capsys):
     [("rig", "check"), ("rig", "tare", "--rig"), ("run", "--no-record", "--rig")],
     ids=" ".join,
 )
-def test_a_port_that_is_not_there_is_one_line(refused, arguments):
+def test_a_missing_port_is_reported_in_one_line(refused, arguments):
     assert "port /dev/ttyACM0 cannot be opened" in refused(*arguments, BOARD)
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "expected"),
     [
         (("run", "--rig", BOARD, "--clock", "virtual"), "runs in real time"),
         (("run", "--rig", "nowhere.toml"), "nowhere.toml"),
@@ -189,8 +189,8 @@ def test_a_port_that_is_not_there_is_one_line(refused, arguments):
         (("rig", "emulate", BOARD, "--fault", "reset:usb@1"), "expected one of board"),
     ],
 )
-def test_what_cannot_be_is_one_line(refused, arguments, told):
-    assert told in refused(*arguments)
+def test_an_impossible_request_is_reported_in_one_line(refused, arguments, expected):
+    assert expected in refused(*arguments)
 
 
 def test_the_ports_of_this_machine_are_listed(capsys):

@@ -1,6 +1,6 @@
-"""The check of the drives refuses a wrong sign or scale before the true slave gets far.
+"""The check of the drives detects a wrong sign or scale before the true slave moves far.
 
-Travel and force are those of the simulated plant, not what the rig under test reads.
+Travel and force are those of the simulated plant, not the measurements of the rig.
 """
 
 from __future__ import annotations
@@ -43,13 +43,13 @@ def rewritten(*path: str, **values: Any) -> Callable[[str], str]:
 
 
 def encoder_reads(factor: float, axis: str = "slave") -> dict[str, Any]:
-    """A rig file by which an encoder reads so many times the travel."""
+    """Return a rig file whose encoder shows a multiple of the travel."""
     sign = -1 if factor < 0.0 else 1
     return {"rewrite": rewritten("channels", f"{axis}_position", scale=abs(factor), sign=sign)}
 
 
 def drive_goes(factor: float, axis: str = "slave") -> dict[str, Any]:
-    """A drive that goes at so many times the commanded velocity."""
+    """Make a drive move at a multiple of the commanded velocity."""
 
     def prepare(emulator: Emulator) -> None:
         drive = emulator.mechanism.drive
@@ -63,7 +63,7 @@ def drive_goes(factor: float, axis: str = "slave") -> dict[str, Any]:
 
 
 class Checked:
-    """The check of an emulated rig, and how far its true slave went [m] and pressed [N]."""
+    """The check of an emulated rig, and the largest true displacement [m] and force [N]."""
 
     def __init__(self, trial: Any, move: bool = True) -> None:
         self.travel = self.force = 0.0
@@ -174,7 +174,7 @@ def test_without_a_motion_the_watchdogs_are_checked_at_standstill(in_memory, nam
         assert 0.01 < drive.watchdog_s < 0.15
 
 
-def test_a_slave_that_the_limits_hold_is_not_proven(in_memory):
+def test_a_slave_held_by_its_limits_fails_the_check(in_memory):
     checked = Checked(in_memory("serial-board", rewrite=LOW))
     assert checked.stayed_small()
     assert "expected a slave that is free to move" in checked.problems["slave"]
@@ -186,7 +186,7 @@ def test_a_slave_beyond_its_hard_limits_is_refused(in_memory):
         Checked(in_memory("serial-board", rewrite=beyond))
 
 
-def test_near_the_end_of_its_travel_the_slave_first_goes_the_other_way(in_memory):
+def test_near_the_end_of_its_range_the_slave_first_moves_away_from_it(in_memory):
     near = rewritten("limits", soft_position_mm=[0.2, 25], hard_position_mm=[-0.1, 30])
     checked = Checked(in_memory("serial-board", rewrite=near))
     assert set(checked.problems.values()) == {""}

@@ -1,4 +1,4 @@
-"""What becomes of a trial when its wire fails: ridden through, or stopped under its name."""
+"""Faults of a wire during a trial: tolerated, or stopped with the name of the fault."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from sim_backend.wire.wire_faults import FAULTS, BaudMismatch, Burst
 from teleop.safety import Fault, Mode
 
 AT = 0.2
-"""When a fault sets in, after the drives were enabled [s]."""
+"""Time of a fault after the drives were enabled [s]."""
 
 
 class Wired(NamedTuple):
-    """An example rig, and its bus and device whose wire fails."""
+    """An example rig, and the bus and device with a faulty wire."""
 
     rig: str
     bus: str
     device: str
     reset: Fault
-    """What a reset of the device is told as: a CANopen drive boots in silence."""
+    """Faults that may be reported for a reset of the device; a CANopen drive boots silently."""
 
 
 BOARD = Wired("serial-board", "usb", "board", Fault.DRIVE_ERROR)
@@ -34,7 +34,7 @@ NAMES = [wired.bus for wired in WIRES]
 
 
 def run(stepped, wired, kind, where="", duration=0.45):
-    """A trial whose wire fails at `AT`; the trial and the emulator."""
+    """Run a trial with a fault of the wire at `AT`; return the trial and the emulator."""
     emulators = []
     fault = PlannedFault(kind, where or wired.bus, AT)
     trial = stepped(wired.rig, duration=duration, faults=[fault], prepare=emulators.append)
@@ -42,7 +42,7 @@ def run(stepped, wired, kind, where="", duration=0.45):
 
 
 def check_stopped(trial, emulator):
-    """The slave is told to stand still from the fault on, and does."""
+    """Check that the slave is commanded to stop after the fault, and stops."""
     recording = trial.recording
     fault = recording["time"] >= trial.fault["time"] + 0.1
     assert fault.any()
@@ -54,9 +54,7 @@ def check_stopped(trial, emulator):
 
 @pytest.mark.parametrize("kind", ["drop", "double", "reorder", "truncate", "length"])
 @pytest.mark.parametrize("wired", [BOARD, ODRIVE], ids=["usb", "can"])
-def test_frames_that_are_lost_doubled_or_broken_now_and_then_are_ridden_through(
-    stepped, wired, kind
-):
+def test_occasional_lost_duplicated_or_corrupt_frames_do_not_stop_the_run(stepped, wired, kind):
     trial, _ = run(stepped, wired, kind)
     assert trial.fault is None
     assert trial.recording["time"][-1] == pytest.approx(0.45, abs=0.1)
@@ -64,7 +62,7 @@ def test_frames_that_are_lost_doubled_or_broken_now_and_then_are_ridden_through(
 
 
 @pytest.mark.parametrize("kind", ["corrupt", "noise"])
-def test_noise_on_a_line_with_check_sums_costs_the_frames_that_it_hits(stepped, kind):
+def test_noise_on_a_line_with_checksums_loses_only_the_affected_frames(stepped, kind):
     trial, _ = run(stepped, BOARD, kind)
     assert trial.fault is None
     late = trial.recording["time"] > AT + 0.1
@@ -74,7 +72,7 @@ def test_noise_on_a_line_with_check_sums_costs_the_frames_that_it_hits(stepped, 
 
 @pytest.mark.parametrize("kind", ["corrupt", "noise"])
 @pytest.mark.parametrize("wired", [ODRIVE, CIA402], ids=["can", "drives"])
-def test_noise_on_an_slcan_line_which_has_none_is_ridden_through_or_stops_the_rig(
+def test_noise_on_an_slcan_line_without_checksums_is_tolerated_or_stops_the_rig(
     stepped, wired, kind
 ):
     trial, emulator = run(stepped, wired, kind)
@@ -85,7 +83,7 @@ def test_noise_on_an_slcan_line_which_has_none_is_ridden_through_or_stops_the_ri
 
 @pytest.mark.parametrize("kind", ["delay", "silence", "baud"])
 @pytest.mark.parametrize("wired", WIRES, ids=NAMES)
-def test_a_wire_that_brings_nothing_fresh_is_told_as_stale(stepped, wired, kind):
+def test_a_wire_without_new_samples_is_reported_as_stale(stepped, wired, kind):
     trial, emulator = run(stepped, wired, kind)
     assert trial.fault["fault"] == Fault.STALE
     assert AT < trial.fault["time"] < AT + 0.1
@@ -93,7 +91,7 @@ def test_a_wire_that_brings_nothing_fresh_is_told_as_stale(stepped, wired, kind)
 
 
 @pytest.mark.parametrize("wired", [BOARD, ODRIVE], ids=["usb", "can"])
-def test_bursts_within_the_age_limit_are_ridden_through(stepped, wired):
+def test_bursts_within_the_age_limit_do_not_stop_the_run(stepped, wired):
     trial, _ = run(stepped, wired, "burst")
     assert trial.fault is None
 
@@ -107,7 +105,7 @@ def test_bursts_beyond_the_age_limit_are_stale(stepped, wired, monkeypatch):
 
 
 @pytest.mark.parametrize("wired", WIRES, ids=NAMES)
-def test_a_port_that_is_unplugged_stops_the_rig_and_plugged_in_again_starts_nothing(stepped, wired):
+def test_an_unplugged_port_stops_the_rig_and_plugging_it_in_does_not_restart_it(stepped, wired):
     emulators = []
     faults = [PlannedFault("unplug", wired.bus, AT), PlannedFault("replug", wired.bus, AT + 0.1)]
     trial = stepped(wired.rig, duration=0.45, faults=faults, prepare=emulators.append).run()
@@ -126,7 +124,7 @@ def test_a_device_that_was_reset_stops_the_rig(stepped, wired):
 
 
 @pytest.mark.parametrize("wired", WIRES, ids=NAMES)
-def test_a_line_at_another_baud_rate_is_told_at_the_start(stepped, wired, monkeypatch):
+def test_a_line_at_another_baud_rate_is_reported_at_the_start(stepped, wired, monkeypatch):
     monkeypatch.setattr("drivers.devices.board.PATIENCE", 0.5)
 
     def mismatch(emulator):
@@ -137,14 +135,14 @@ def test_a_line_at_another_baud_rate_is_told_at_the_start(stepped, wired, monkey
 
 
 @pytest.mark.parametrize("wired", [ODRIVE, CIA402], ids=["can", "drives"])
-def test_a_bus_that_is_off_is_told_as_that(stepped, wired):
+def test_bus_off_is_reported(stepped, wired):
     trial, emulator = run(stepped, wired, "bus-off")
     assert trial.fault["fault"] == Fault.RIG_FAILURE
     assert "is off" in trial.fault["text"]
     check_stopped(trial, emulator)
 
 
-def test_error_frames_are_counted_while_the_others_come(stepped):
+def test_error_frames_are_counted_while_other_frames_arrive(stepped):
     trial, _ = run(stepped, ODRIVE, "error-frames")
     assert trial.fault is None
 

@@ -26,15 +26,18 @@ from teleop.trial.assembly import make_clock, make_controller
 TRIALS = int(os.environ.get("WIRE_SEARCH_TRIALS", "3"))
 TICKS = 450
 BOUND = 0.3
-"""Time from a fault until no drive is in operation [s]: 84 ms until a fault shows, the ramp, and
-the slowest watchdog of the three rigs, 100 ms."""
+"""Longest time from a fault until all drives are disabled [s].
+
+It includes 84 ms until a fault is detected, the ramp, and the slowest watchdog of the three rigs,
+100 ms.
+"""
 KEY = DetectedFault(Fault.EMERGENCY_STOP, "key", math.nan, math.nan, math.nan)
 STOPS = {"Ctrl-C": {"stop": "Ctrl-C"}, "twice": {"halt": True}, "key": {"faults": (KEY,)}}
 
 
 @st.composite
 def wire_faults(draw, file):
-    """One to five faults of the rig's buses and devices, within the trial."""
+    """Return one to five faults of the rig's buses and devices during the trial."""
     buses = dict(file.sections.buses)
     devices = [name for name, device in file.devices.items() if hasattr(device, "bus")]
     faults = []
@@ -49,7 +52,7 @@ def wire_faults(draw, file):
 
 
 def check(record, limits, before):
-    """What must hold of one tick, whatever came over the wire."""
+    """Check the safety rules for one tick."""
     m, command = record.measurement, record.commanded
     low, high = limits.hard_position
     for new, old, most, pull in (
@@ -91,7 +94,7 @@ def test_no_sequence_of_wire_faults_and_requests_leaves_a_wired_rig_moving(stepp
         clock, emulators = make_clock(trial.settings), []
         case = stepped(name, duration=2.0, faults=faults, prepare=emulators.append)
         with contextlib.suppress(RigError), case.make_rig(clock.now) as rig:
-            # a rig whose port is gone cannot be closed in good order
+            # a rig whose port is missing cannot be closed without an error
             run(case, rig, clock, emulators[0], stop, stop_at, rearm)
 
     def run(case, rig, clock, emulator, stop, stop_at, rearm):

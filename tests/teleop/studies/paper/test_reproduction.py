@@ -36,7 +36,7 @@ def test_a_trial_has_the_papers_settings():
 
 
 def outcomes(change=None):
-    """Nine trials that are the paper's own numbers, but for one changed cell."""
+    """Return nine trials with the paper's numbers, of which one cell is changed."""
     made = []
     for condition in ("free", "mimic", "autonomous"):
         for cube in ("soft", "medium", "hard"):
@@ -70,7 +70,7 @@ def test_every_claim_holds_for_the_papers_own_numbers():
         (("mimic", "medium", "rls", "b", 3.0), "negative"),
     ],
 )
-def test_a_claim_fails_once_its_numbers_do(change, word):
+def test_a_claim_fails_when_its_numbers_differ(change, word):
     failed = [claim.claim for claim in check_claims(outcomes(change)) if not claim.holds]
     assert any(word in claim for claim in failed)
 
@@ -126,7 +126,7 @@ def test_reproduce_writes_table_figures_and_a_page_that_needs_nothing_else(tmp_p
         (["--out", __file__], "expected a folder"),
     ],
 )
-def test_bad_arguments_are_told(capsys, arguments, words):
+def test_invalid_arguments_are_reported(capsys, arguments, words):
     assert main(["reproduce", *arguments]) == 2
     out, err = capsys.readouterr()
     assert out == ""

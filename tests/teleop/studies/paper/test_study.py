@@ -57,7 +57,7 @@ def test_equals_statsmodels_with_each_stratum_fitted_on_its_own():
         assert got[source].f == pytest.approx(row.sum_sq / row.df / error, rel=1e-6)
 
 
-def test_effect_sizes_are_shares():
+def test_effect_sizes_are_fractions_of_the_variance():
     for effect in split_plot(responses(effect=(1.0, 0.0, 2.0))):
         assert 0.0 <= effect.eta_squared <= effect.partial_eta_squared <= 1.0
 
