@@ -44,16 +44,20 @@ def report_page(
 
 def of_recording(recording: Recording | None) -> dict[str, Any]:
     """Return what the page shows of a recorded trial."""
-    fault = recording.fault if recording else None
     values: dict[str, Any] = {
-        "estimated_channels": recording.estimated_channels if recording else [],
-        "missing": missing_text(recording.gaps) if recording else "",
-        "fault": fault_text(recording, fault) if recording and fault else "",
+        "estimated_channels": [],
+        "missing": "",
+        "fault": "",
         "timing": "",
     }
-    if recording and fault:
+    if recording is None:
+        return values
+    values["estimated_channels"] = recording.estimated_channels
+    values["missing"] = missing_text(recording.gaps)
+    if fault := recording.fault:
+        values["fault"] = fault_text(recording, fault)
         values["fault_drawing"] = svg(fault_figure(recording, fault))
-    if recording and recording["lateness"].any():
+    if recording["lateness"].any():
         skipped = int(recording["skipped"].sum())
         values["timing"] = svg(timing_figure(recording))
         values["timing_caption"] = (

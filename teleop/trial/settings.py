@@ -108,6 +108,11 @@ class TrialSettings:
                 yield f"{name} {value!r}: expected one of {', '.join(allowed)}"
         if not RATES[0] <= self.rate <= RATES[1]:
             yield f"rate {self.rate:g} Hz: expected {RATES[0]:g} to {RATES[1]:g} Hz"
+        elif self.signal.highest > 0.05 * self.rate:
+            yield (
+                f"frequency {self.signal.highest:g} Hz in the excitation: expected at most a "
+                f"twentieth of the rate, {0.05 * self.rate:g} Hz"
+            )
         if self.depth is not None and not 0.0 < self.depth <= DEEPEST:
             yield (
                 f"depth {self.depth * 1e3:g} mm: expected more than 0 and at most "
@@ -130,11 +135,6 @@ class TrialSettings:
         if self.duration < 1.0 / self.rate:
             yield (
                 f"duration {self.duration:g} s: expected at least one tick, {1.0 / self.rate:g} s"
-            )
-        if self.signal.highest > 0.05 * self.rate:
-            yield (
-                f"frequency {self.signal.highest:g} Hz in the excitation: expected at most a "
-                f"twentieth of the rate, {0.05 * self.rate:g} Hz"
             )
         try:
             self.raw_limits.shifted(self.tare.zeros)
