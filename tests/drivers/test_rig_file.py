@@ -66,7 +66,7 @@ def test_units_become_si(tmp_path):
         ('signal = "force_1"', 'signal = "force_9"', "channels.contact_force.signal: 'force_9'"),
         ('signal = "force_1"', 'signal = "analogue_0"', "channels.contact_force.scale: missing"),
         ('drive = "axis_1"', 'drive = "axis_7"', "drives.slave.drive: 'axis_7'"),
-        ('drive = "axis_1"', "", "expected one of those of the device: axis_0, axis_1"),
+        ('drive = "axis_1"', "", "expected a drive of the device: axis_0, axis_1"),
         ('bus = "usb"', 'bus = "can"', "devices.board.bus: 'can': expected a serial bus"),
         ('kind = "board"', 'kind = "bored"', "devices.board.kind: 'bored': expected one of board"),
         ('kind = "board"', "", "devices.board.kind: None: expected one of board"),
@@ -101,7 +101,9 @@ def test_hard_limits_inside_soft_ones_are_refused(tmp_path):
 
 def test_two_devices_on_one_port_are_refused(tmp_path):
     text = BOARD + '\n[devices.other]\nkind = "bota"\nbus = "usb"\n'
-    assert problems(tmp_path, text) == ["devices.other.bus: port 'usb' is that of board already"]
+    assert problems(tmp_path, text) == [
+        "devices.other.bus: port 'usb' is already used by device board"
+    ]
 
 
 @pytest.mark.parametrize("content", [b"\xff\xfe", b"name =", b"[a]\n[a]\n", b"a = 1\x00"])

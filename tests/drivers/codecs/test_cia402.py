@@ -101,8 +101,8 @@ def test_every_emergency_is_told_in_words_and_its_end_is_none(code, register, mo
 @pytest.mark.parametrize(
     ("code", "words"),
     [
-        (0x8130, "our heartbeat was missed"),
-        (0x8250, "our PDO was missed"),
+        (0x8130, "the controller's heartbeat was missed"),
+        (0x8250, "the controller's PDO was missed"),
         (0x2311, "continuous over-current at the output"),
         (0x3299, "voltage"),
         (0xA000, "unknown error"),

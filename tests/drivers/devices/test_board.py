@@ -303,7 +303,7 @@ def test_a_silent_port_is_refused_in_one_line(make):
     with pytest.raises(RigError) as refused:
         wire.driver.start(wire)
     assert str(refused.value) == (
-        "board: board on here: no answer in 4 s: expected its firmware to run"
+        "board: board on here: no answer in 4 s: expected a board with running firmware"
     )
 
 
@@ -321,7 +321,7 @@ def test_a_board_with_less_than_the_rig_file_wants_is_refused(make, key):
     with pytest.raises(RigError) as refused:
         wire.driver.start(wire)
     wanted = len(FULL[key])
-    assert str(refused.value).endswith(f"{key} has {wanted} entries, the board has 1 of these")
+    assert str(refused.value).endswith(f"{key} has {wanted} entries, expected at most 1")
     assert "\n" not in str(refused.value)
 
 
@@ -565,7 +565,7 @@ def test_a_clock_that_goes_back_in_the_stream_is_a_reset():
     assert wire.enable("axis_1")
     board.started += 0.05
     wire.run(100)
-    assert wire.driver.error == ("the board was reset, open the rig anew: its clock went back")
+    assert wire.driver.error == ("the board was reset, open the rig again: its clock decreased")
 
 
 def test_a_board_that_somebody_else_stopped_has_left_operation(wire):
@@ -691,6 +691,5 @@ def test_a_board_of_another_version_is_refused():
     with pytest.raises(RigError) as refused:
         driver.start(Wire(driver, board))
     assert str(refused.value) == (
-        "board: board on here: it speaks version 2 of the protocol, expected 1: "
-        "see docs/serial-protocol.md"
+        "board: board on here: protocol version 2, expected 1: see docs/serial-protocol.md"
     )

@@ -414,7 +414,7 @@ def test_a_fault_that_a_reset_does_not_clear_is_reported():
     bench.tick(5)
     bench.driver.idle()
     bench.tick(600, enabling=True)
-    assert bench.driver.error == "its fault is not cleared by a reset"
+    assert bench.driver.error == "the fault is not cleared by a reset"
 
 
 def test_a_drive_that_leaves_operation_by_itself_is_reported_and_not_taken_back():

@@ -191,7 +191,7 @@ def test_the_file_is_seen_from_the_rig_files_folder(folder):
     [
         ({"file": "none.dbc"}, "none.dbc: no such file"),
         ({"file": "broken.dbc"}, "broken.dbc: not a DBC file: "),
-        ({"file": "empty.dbc"}, "empty.dbc: it describes no message"),
+        ({"file": "empty.dbc"}, "empty.dbc: no message in it"),
         ({"messages": ["Forse"]}, "messages: 'Forse': expected some of Force, Pages"),
         ({"timeout_ms": 0}, "timeout_ms"),
         ({"baud": 1}, "baud"),

@@ -92,11 +92,11 @@ def test_a_wrong_baud_rate_is_guessed_from_noise(bench):
         bench.device.start(bench)
     assert str(refused.value) == (
         f"tip: no valid frame in 1 s on force (COM3), but {bench.received} bytes: "
-        "expected an FT 300 at 19200 baud: is the baud rate right?"
+        "expected an FT 300 at 19200 baud, check the baud rate"
     )
 
 
 def test_a_silent_port_is_told(bench):
     bench.garble = lambda data: b""
-    with pytest.raises(RigError, match="and no other byte: expected an FT 300 that has power"):
+    with pytest.raises(RigError, match="and no other byte: expected an FT 300 with power on"):
         bench.device.start(bench)

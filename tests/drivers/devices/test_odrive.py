@@ -156,7 +156,10 @@ def enabled(firmware: str, **changes: object) -> Bench:
 
 @pytest.mark.parametrize(
     ("expected", "there", "words"),
-    [("0.5", "0.6", "firmware 0.6.10: expected 0.5"), ("0.6", "0.5", "does not tell its firmware")],
+    [
+        ("0.5", "0.6", "firmware 0.6.10: expected 0.5"),
+        ("0.6", "0.5", "no firmware version reported"),
+    ],
 )
 def test_refuses_another_firmware(expected: str, there: str, words: str) -> None:
     bench = Bench(expected, there)

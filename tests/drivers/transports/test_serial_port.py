@@ -77,7 +77,7 @@ def fill(port):
 def test_a_write_to_a_device_that_stopped_reading_is_refused_and_does_not_wait(terminal):
     terminal.port.open()
     for _ in range(2):
-        with pytest.raises(RigError, match="takes no more, its buffer is full"):
+        with pytest.raises(RigError, match="does not send: its buffer is full"):
             fill(terminal.port)
 
 
@@ -86,7 +86,9 @@ def test_a_port_that_is_unplugged_is_named_in_one_line(terminal):
     terminal.port.open()
     terminal.unplug()
     for use in (terminal.port.poll, lambda: terminal.port.write(b"command")):
-        with pytest.raises(RigError, match=rf"usb: port {terminal.path} is gone: ") as refused:
+        with pytest.raises(
+            RigError, match=rf"usb: port {terminal.path} is disconnected: "
+        ) as refused:
             use()
         assert "\n" not in str(refused.value)
 
@@ -109,6 +111,6 @@ def test_a_port_that_is_not_there_is_named(terminal):
 def test_a_port_without_a_descriptor_that_takes_nothing_is_full_and_not_gone():
     port = SerialPort("usb", time.monotonic, "loop://", 9600)
     port.open()
-    with pytest.raises(RigError, match="takes no more, its buffer is full"):
+    with pytest.raises(RigError, match="does not send: its buffer is full"):
         port.write(b"command")
     port.close()

@@ -247,7 +247,7 @@ def test_a_frame_that_comes_with_the_last_acknowledgement_is_received():
 
 
 def test_a_bit_rate_that_slcan_has_not_is_told():
-    with pytest.raises(ValueError, match="no bit rate 750000, choose one of 10000, .* 800000"):
+    with pytest.raises(ValueError, match="slcan bit rate 750000: expected one of 10000, .* 800000"):
         SlcanBus("memory", 750_000)
 
 

@@ -123,9 +123,9 @@ def test_an_adapter_that_is_unplugged_is_told_by_its_port(make):
     line.start()
     with make(line.port) as bus:
         line.unplug()
-        with pytest.raises(can.CanOperationError, match=rf"{line.port}: the port is gone"):
+        with pytest.raises(can.CanOperationError, match=rf"{line.port}: the port is disconnected"):
             bus.recv(SOON)
-        with pytest.raises(can.CanOperationError, match=rf"{line.port}: the port is gone"):
+        with pytest.raises(can.CanOperationError, match=rf"{line.port}: the port is disconnected"):
             bus.send(FRAME)
 
 
@@ -135,7 +135,7 @@ def test_a_bus_that_was_shut_down_says_so_and_touches_no_other_file(line):
     bus.shutdown()
     other = os.open(os.devnull, os.O_RDWR)  # gets the number that the port had
     for use in (bus.drain, bus.status, lambda: bus.send(FRAME), lambda: bus.recv(0.0)):
-        with pytest.raises(can.CanOperationError, match="the port is gone"):
+        with pytest.raises(can.CanOperationError, match="the port is disconnected"):
             use()
     os.close(other)
 
@@ -156,7 +156,7 @@ def received(bus):
 def test_an_adapter_that_stops_reading_is_told_and_later_takes_whole_frames(line):
     with fast(line.port) as bus:
         line.stop()
-        with pytest.raises(can.CanOperationError, match="takes no more"):
+        with pytest.raises(can.CanOperationError, match="buffer is full"):
             fill(bus)
         line.start()
         last = can.Message(arbitration_id=7, data=b"last")

@@ -80,7 +80,7 @@ def test_ten_minutes_without_motion_leave_the_estimate_finite_and_say_so(palpati
     resting = estimator.run(np.zeros(n), np.zeros(n), np.zeros(n), 1e-3)
     assert estimator.estimate == before
     assert np.isfinite(numbers(estimator.state)).all()
-    assert "wound up" in estimator.note(resting)
+    assert "forgetting is suspended" in estimator.note(resting)
     estimator.run(*palpation(k=4400.0))
     assert estimator.estimate.k == pytest.approx(4400.0, rel=1e-4)
 

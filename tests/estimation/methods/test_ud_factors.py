@@ -14,7 +14,7 @@ from estimation.methods.ud_factors import (
     add,
     add_variance,
     predicted_variance,
-    take_in,
+    update_covariance,
     trace,
     variance,
 )
@@ -66,7 +66,7 @@ def test_a_measurement_is_taken_in_as_by_the_plain_formula(m, seed, size):
     state = state_of(u, d, z)
     scaled = unscaled(m), state, z.tolist()
     assert predicted_variance(*scaled) == pytest.approx(z @ p @ z, rel=1e-9)
-    assert take_in(*scaled, noise) == pytest.approx(noise + z @ p @ z, rel=1e-9)
+    assert update_covariance(*scaled, noise) == pytest.approx(noise + z @ p @ z, rel=1e-9)
     assert_close(state.L, p @ z)
     u, d, z = exactly(u), exactly(d), exactly(z)
     p = u * d @ u.T
@@ -105,7 +105,7 @@ def test_stays_positive_whatever_is_taken_in_and_added(seed):
     for _ in range(60):
         z = rng.choice([-1.0, 0.0, 1.0], 3) * 10.0 ** rng.uniform(-30.0, 30.0, 3)
         state.D = [10.0 * value for value in state.D]
-        take_in(unscaled(3), state, z.tolist(), 1.0)
+        update_covariance(unscaled(3), state, z.tolist(), 1.0)
         state.y = rng.normal(size=3).tolist()
         add(state, 1e-9, 3)
         covariance_in(state)
