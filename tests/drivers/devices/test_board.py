@@ -544,7 +544,7 @@ def test_a_board_that_was_reset_is_an_error_until_the_rig_is_opened_anew(wire, b
     wire.board.reset(wire.time)
     wire.run(5)
     assert bench.axes["axis_1"] is None
-    assert wire.driver.error.startswith("the board was reset, open the rig anew: ")
+    assert wire.driver.error.startswith("the board was reset, open the rig again: ")
     wire.driver.drives["axis_1"].idle()
     assert not wire.enable("axis_1")
     assert wire.driver.error.startswith("the board was reset")

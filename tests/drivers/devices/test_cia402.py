@@ -432,7 +432,7 @@ def test_a_reset_during_operation_is_an_error_that_takes_a_new_set_up():
     assert bench.driver.error == "was reset during operation"
     assert bench.mount.braked
     bench.driver.idle()
-    with pytest.raises(RigError, match="drive0: was reset during operation: .* open the rig anew"):
+    with pytest.raises(RigError, match="drive0: was reset during operation: .* open the rig again"):
         bench.driver.enable()
     bench.enable()
     assert bench.drive.state is Truth.OPERATION_ENABLED

@@ -209,7 +209,7 @@ def test_over_a_pseudo_terminal_a_reset_is_noticed(bench):
     assert bench.enable()
     bench.tell(b"r")
     assert bench.until(lambda: bench.driver.error)
-    assert bench.driver.error.startswith("the board was reset, open the rig anew: boot 0xb0a2d001")
+    assert bench.driver.error.startswith("the board was reset, open the rig again: boot 0xb0a2d001")
 
 
 def test_over_a_pseudo_terminal_garbage_is_survived(bench):

@@ -14,8 +14,8 @@ from estimation.methods.ud_factors import (
     add,
     add_variance,
     predicted_variance,
-    update_covariance,
     trace,
+    update_covariance,
     variance,
 )
 from estimation.records import numbers
