@@ -74,12 +74,12 @@ def test_units_become_si(tmp_path):
         ("range_n = [-500, 500]", "range_n = [-500, nan]", "range_n.1"),
     ],
 )
-def test_what_is_wrong_is_told_with_its_path(tmp_path, old, new, told):
+def test_a_problem_is_reported_with_its_key(tmp_path, old, new, told):
     assert old in BOARD
     assert any(told in line for line in problems(tmp_path, BOARD.replace(old, new)))
 
 
-def test_all_that_is_wrong_is_told_at_once(tmp_path):
+def test_all_problems_are_reported_together(tmp_path):
     text = BOARD.replace("baud_bps = 921600", "baud_bps = -1")
     text = text.replace('signal = "force_1"', 'signal = "force_9"')
     text = text.replace("soft_force_n = 200", "soft = 1")
@@ -88,7 +88,7 @@ def test_all_that_is_wrong_is_told_at_once(tmp_path):
         assert told in found
 
 
-def test_a_device_that_is_wrong_is_not_told_again_where_it_is_used(tmp_path):
+def test_an_invalid_device_is_not_reported_again_where_it_is_used(tmp_path):
     found = problems(tmp_path, BOARD.replace("watchdog_ms = 50", "watchdog = 50"))
     assert len(found) == 1
 
@@ -107,7 +107,7 @@ def test_two_devices_on_one_port_are_refused(tmp_path):
 
 
 @pytest.mark.parametrize("content", [b"\xff\xfe", b"name =", b"[a]\n[a]\n", b"a = 1\x00"])
-def test_what_is_no_toml_is_one_line(tmp_path, content):
+def test_an_invalid_toml_file_is_reported_in_one_line(tmp_path, content):
     path = tmp_path / "rig.toml"
     path.write_bytes(content)
     with pytest.raises(RigFileError, match="not a TOML file"):
@@ -133,7 +133,7 @@ def test_any_value_anywhere_is_read_or_refused(tmp_path, data):
 
 @pytest.mark.parametrize("section", ["buses", "devices", "channels", "drives", "limits"])
 @pytest.mark.parametrize("value", ["3", "[]", '"x"', "{}", "{ a = 1 }"])
-def test_a_section_that_is_none_is_told(tmp_path, section, value):
+def test_an_invalid_section_is_reported(tmp_path, section, value):
     kept, skip = [f"{section} = {value}"], False
     for line in BOARD.splitlines():
         if line.startswith("["):
@@ -146,7 +146,7 @@ def test_a_section_that_is_none_is_told(tmp_path, section, value):
 @pytest.mark.parametrize(
     "text", ["a = " + "1" * 5000, "a = " + "[" * 100_000, 'a = "' + "x" * (17 << 20) + '"']
 )
-def test_a_file_that_asks_too_much_of_a_reader_is_refused(tmp_path, text):
+def test_a_file_that_is_too_large_or_nested_too_deeply_is_refused(tmp_path, text):
     path = tmp_path / "rig.toml"
     path.write_text(text)
     with pytest.raises((RigFileError, OSError)):

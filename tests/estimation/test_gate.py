@@ -125,7 +125,7 @@ def palpation_with_air_and_rest(palpation, rest=True):
     return x, v, f, dt
 
 
-def test_a_bank_holds_what_is_gated_and_says_so(palpation):
+def test_a_bank_holds_gated_estimators_and_sets_held(palpation):
     bank = replace(paper_preset("soft"), estimators=("rls", "kalman", "segments")).bank()
     assert [name for name, e in bank.items() if e.gated] == ["kalman", "segments"]
     signals = palpation_with_air_and_rest(palpation)
@@ -142,7 +142,7 @@ def test_a_bank_holds_what_is_gated_and_says_so(palpation):
     assert abs(rls.k[-1]) < 100.0
 
 
-def test_what_is_held_in_the_air_is_what_was_felt_in_contact(palpation):
+def test_the_estimate_held_in_the_air_is_that_of_the_contact(palpation):
     bank = replace(paper_preset("soft"), estimators=("kalman",)).bank()
     kalman = bank.run(*palpation_with_air_and_rest(palpation, rest=False))["kalman"]
     assert kalman.held[-1]
@@ -150,7 +150,7 @@ def test_what_is_held_in_the_air_is_what_was_felt_in_contact(palpation):
     assert kalman.k[-1] == pytest.approx(2100.0, rel=0.05)
 
 
-def test_a_bank_holds_sample_by_sample_as_at_once(palpation):
+def test_a_bank_holds_the_same_samples_in_update_and_run(palpation):
     preset = replace(paper_preset("soft"), estimators=("rls", "kalman"))
     online, batch = preset.bank(), preset.bank()
     signals = [channel[2900:4300] for channel in palpation_with_air_and_rest(palpation)]

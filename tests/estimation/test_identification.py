@@ -56,14 +56,14 @@ def test_makes_up_for_the_lag_of_the_force_channel():
         assert found.estimates["rls"].b[-1] == pytest.approx(b, abs=1.5)
 
 
-def test_given_settings_are_taken():
+def test_given_settings_are_used():
     found = identify(*recording(), DT, ["me"], preset=paper_preset("soft"))
     assert found.preset.grid == paper_preset("soft").grid
     assert found.preset.estimators == ("me",)
     assert found.estimates["me"].k[-1] == 2100.0
 
 
-def test_takes_uneven_sampling():
+def test_accepts_uneven_sampling():
     rng = np.random.default_rng(0)
     dt = DT * (1.0 + 0.4 * rng.uniform(-1.0, 1.0, 2000))
     t = np.cumsum(dt)
@@ -73,7 +73,7 @@ def test_takes_uneven_sampling():
     np.testing.assert_allclose(found.t, t - t[0], atol=1e-12)
 
 
-def test_intervals_hold_the_truth_as_often_as_they_say():
+def test_intervals_have_their_nominal_coverage():
     inside = []
     for seed in range(30):
         found = identify(*recording(2.0, noise=0.1, seed=seed), DT, ["rls"], bandwidth=20.0)
@@ -159,7 +159,7 @@ def test_a_bad_sample_is_named_without_a_bandwidth_too(samples, message):
         ((X, 0.0 * F, DT), "cannot estimate: the force is zero in all samples"),
     ],
 )
-def test_data_that_shows_nothing_is_refused(samples, message):
+def test_data_without_information_is_refused(samples, message):
     refused(message, *samples)
 
 

@@ -87,7 +87,7 @@ def test_covariance_is_the_spread_over_repetitions(repeated):
     np.testing.assert_allclose(estimates.mean(axis=0), (20.0, 2100.0), rtol=0.02)
 
 
-def test_intervals_hold_the_truth_as_often_as_they_say(repeated):
+def test_intervals_have_their_nominal_coverage(repeated):
     estimates, covariances, _ = repeated
     stds = np.sqrt(np.diagonal(covariances, axis1=1, axis2=2))
     inside = np.abs(estimates - (20.0, 2100.0)) < 1.96 * stds
@@ -138,7 +138,9 @@ def test_without_forgetting_it_is_ordinary_least_squares(palpation, monkeypatch)
 
 
 @pytest.mark.parametrize("beta", [1.0, 0.99])
-def test_of_recursive_least_squares_it_is_what_noise_and_first_guess_make_of_it(beta, palpation):
+def test_for_recursive_least_squares_it_is_the_covariance_due_to_noise_and_initial_guess(
+    beta, palpation
+):
     s = palpation(seconds=1.0, noise=NOISE)
     first = np.diag([1e5, 1e6])
     estimator = RecursiveLeastSquares(beta, tuple(np.diag(first)))
@@ -172,7 +174,7 @@ def test_correlation_scales_variances_alone(palpation):
     np.testing.assert_allclose(wide.k_std, 2.0 * plain.k_std, rtol=1e-12)
 
 
-def test_the_first_guess_is_not_taken_for_noise(palpation):
+def test_the_error_of_the_initial_guess_does_not_count_as_noise(palpation):
     signals = palpation(seconds=1.0, noise=NOISE)
     estimator = RecursiveLeastSquares(0.99, (1e8, 1e12))
     estimator.run(*signals)
@@ -189,7 +191,7 @@ def test_noise_variance_follows_noise_that_changes(palpation):
     assert estimator.state.noise == pytest.approx(0.4**2 + 0.05**2, rel=0.2)
 
 
-def test_a_sample_that_moves_nothing_tells_nothing_of_the_noise():
+def test_a_sample_with_zero_gain_does_not_change_the_noise():
     estimator = gradient()
     estimator.update(0.0, 0.0, 100.0, DT)
     assert estimator.state.noise == 0.0

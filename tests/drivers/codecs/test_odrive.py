@@ -178,7 +178,7 @@ def test_knows_every_refusal_of_the_dbc() -> None:
 
 
 @firmwares
-def test_tells_errors_and_states_that_it_has_no_name_for(firmware: Firmware) -> None:
+def test_reports_unknown_errors_and_states_by_number(firmware: Firmware) -> None:
     heartbeat = codec.heartbeat(firmware, struct.pack("<IB3x", 1 << 31, 77))
     assert heartbeat.errors == ("error 0x80000000",)
     assert codec.state_name(heartbeat.state) == "state 77"

@@ -307,7 +307,7 @@ def test_a_silent_port_is_refused_in_one_line(make):
     )
 
 
-def test_a_wrong_baud_rate_is_told_by_what_comes_instead(make):
+def test_the_error_for_a_wrong_baud_rate_has_the_number_of_received_bytes(make):
     wire = make()
     wire.deaf = True
     wire.board.emit = lambda now: [random.Random(now).randbytes(40)]
@@ -399,7 +399,7 @@ def test_an_axis_follows_once_it_is_enabled(wire, bench):
     assert bench.axes["axis_1"] == pytest.approx(0.012346)
 
 
-def test_idle_stops_all_axes_at_once_and_may_be_repeated(wire, bench):
+def test_idle_stops_all_axes_immediately_and_may_be_repeated(wire, bench):
     wire.enable("axis_0", "axis_1")
     wire.driver.drives["axis_1"].command(0.05)
     wire.run(3)
@@ -417,7 +417,7 @@ def test_an_idle_driver_sends_nothing(wire):
     assert wire.sent == []
 
 
-def test_enabled_is_what_the_board_says_since_it_was_asked(wire):
+def test_enabled_is_the_report_of_the_board_after_the_request(wire):
     assert wire.enable("axis_1")
     wire.driver.drives["axis_1"].idle()
     assert not wire.driver.drives["axis_1"].enable()
@@ -472,7 +472,7 @@ def test_the_watchdog_stops_the_axes_and_is_latched(wire, bench):
     assert not wire.driver.error
 
 
-def test_a_command_that_comes_after_the_watchdog_time_revives_nothing(wire, bench):
+def test_a_command_after_the_watchdog_time_has_no_effect(wire, bench):
     wire.enable("axis_1")
     wire.driver.drives["axis_1"].command(0.05)
     wire.time += 0.08
@@ -526,7 +526,7 @@ def test_a_drive_fault_stops_the_axes_and_its_error_outlasts_it(wire, bench):
     assert not wire.driver.error
 
 
-def test_a_drive_fault_of_an_idle_board_is_told_as_long_as_it_lasts(wire):
+def test_a_drive_fault_of_an_idle_board_is_reported_while_it_lasts(wire):
     wire.board.drive_fault = True
     wire.run(2)
     assert wire.driver.error == "drive fault input"
@@ -536,7 +536,7 @@ def test_a_drive_fault_of_an_idle_board_is_told_as_long_as_it_lasts(wire):
 
 
 @pytest.mark.parametrize("same_boot", [False, True])
-def test_a_board_that_was_reset_is_an_error_until_the_rig_is_opened_anew(wire, bench, same_boot):
+def test_a_board_reset_is_an_error_until_the_rig_is_opened_again(wire, bench, same_boot):
     wire.enable("axis_1")
     wire.run(50)
     if same_boot:
@@ -599,7 +599,7 @@ def test_goodbye_ends_the_stream(wire):
 # ---- what goes wrong on the wire ----
 
 
-def test_lost_repeated_late_and_damaged_samples_are_counted_and_not_taken(wire, bench):
+def test_lost_repeated_late_and_damaged_samples_are_counted_and_rejected(wire, bench):
     wire.run(5)
     old: list[bytes] = []
 
@@ -623,7 +623,7 @@ def test_lost_repeated_late_and_damaged_samples_are_counted_and_not_taken(wire, 
     assert not wire.driver.error
 
 
-def test_a_repeated_or_late_command_is_not_taken_and_the_host_is_told(wire, bench):
+def test_a_repeated_or_late_command_is_rejected_and_reported_to_the_host(wire, bench):
     wire.enable("axis_1")
     wire.driver.drives["axis_1"].command(0.01)
     wire.driver.transmit()
@@ -646,7 +646,7 @@ def test_a_repeated_command_does_not_keep_the_watchdog_at_bay(wire, bench):
     assert bench.axes["axis_1"] is None
 
 
-def test_the_board_survives_whatever_comes(wire, bench):
+def test_the_board_survives_any_bytes(wire, bench):
     random_ = random.Random(11)
     frames = [EXAMPLE[name] for name in ("CONFIGURE", "ENABLE", "COMMAND", "DISABLE")]
     for _ in range(5000):
@@ -665,7 +665,7 @@ def test_the_board_survives_whatever_comes(wire, bench):
     assert wire.enable("axis_1")
 
 
-def test_the_driver_survives_whatever_comes(wire):
+def test_the_driver_survives_any_bytes(wire):
     random_ = random.Random(12)
     for _ in range(3000):
         spoil = random_.random() < 0.5

@@ -154,7 +154,7 @@ def test_a_frame_that_is_not_as_described_is_rejected(device, frame, why):
     assert device.rejected == {why: 1}
 
 
-def test_measures_what_the_emulated_device_senses(bench):
+def test_measures_the_values_of_the_emulated_device(bench):
     bench.loads = {"Fz": -12.34, "Raw": 0.25, "Bridge": 1.5, "Position": 3.5, "Pages.Status": 7.0}
     bench.device.start(bench)
     bench.run(10e-3)
@@ -170,7 +170,7 @@ def test_only_the_messages_that_are_named_are_its_own(settings):
     assert list(device.identifiers()) == [291]
 
 
-def test_a_silent_device_is_told(settings):
+def test_a_silent_device_is_an_error(settings):
     bench = Bench(settings.model_copy(update={"messages": ("Force",), "timeout_ms": 50.0}))
     bench.mute = True
     with pytest.raises(RigError) as refused:

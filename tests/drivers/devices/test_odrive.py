@@ -250,7 +250,7 @@ def test_clips_a_velocity_beyond_its_limit(firmware: str) -> None:
 
 
 @firmwares
-def test_idle_stops_at_once_and_may_be_repeated(firmware: str) -> None:
+def test_idle_stops_immediately_and_may_be_repeated(firmware: str) -> None:
     bench = enabled(firmware)
     bench.run(0.01, 0.02)
     for _ in range(3):
@@ -283,7 +283,7 @@ def test_the_watchdog_stops_an_axis_whose_host_is_silent(firmware: str) -> None:
 
 
 @firmwares
-def test_an_error_stays_until_enabled_anew_after_idle(firmware: str) -> None:
+def test_an_error_stays_until_enabled_again_after_idle(firmware: str) -> None:
     bench = enabled(firmware)
     bench.send(NODE << 5 | 0x02, b"")
     bench.run(0.02, 0.02)
@@ -336,7 +336,7 @@ def test_an_axis_that_was_reset_does_not_move_on(firmware: str) -> None:
     assert bench.velocity == 0.0
 
 
-def test_tells_why_closed_loop_control_is_refused() -> None:
+def test_reports_why_closed_loop_control_is_refused() -> None:
     bench = started("0.6")
     bench.odrive.enable()
     not_calibrated = bytes([0, 0, 0, 0, 1, 14, 0, 0])
@@ -365,7 +365,7 @@ def test_answers_a_ping(firmware: str) -> None:
 
 
 @firmwares
-def test_counts_what_it_does_not_take(firmware: str) -> None:
+def test_counts_rejected_frames(firmware: str) -> None:
     bench = started(firmware)
     before = dict(bench.odrive.samples)
     bench.from_axis(0x09, b"\0" * 7)
@@ -525,7 +525,7 @@ def test_moves_the_mock_of_odrive_can(mocked: tuple[CanBus, ODrive]) -> None:
 
 
 @pytest.mark.parametrize("mocked", [ODriveCANMock], indirect=True)
-def test_refuses_the_mock_that_tells_no_version(mocked: tuple[CanBus, ODrive]) -> None:
+def test_refuses_the_mock_that_reports_no_version(mocked: tuple[CanBus, ODrive]) -> None:
     bus, odrive = mocked
     with pytest.raises(RigError, match=r"firmware 0\.0\.0: expected 0\.6"):
         odrive.start(bus)

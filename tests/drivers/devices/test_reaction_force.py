@@ -129,7 +129,7 @@ def test_is_that_of_murakami_yu_and_ohnishi():
     assert found == pytest.approx(form, abs=0.01)
 
 
-def test_goes_on_only_at_new_samples_and_has_their_time():
+def test_updates_only_at_new_samples_and_has_their_time():
     drive = Drive()
     observer = observer_of(drive)
     observer.update(1.0)
@@ -170,7 +170,7 @@ def test_a_value_that_is_no_number_does_not_poison_it():
     assert observer.samples["force"] == Sample(2.0, 1.002)
 
 
-def test_at_standstill_no_friction_is_taken_off():
+def test_at_standstill_no_friction_is_subtracted():
     drive = Drive()
     observer = observer_of(drive, coulomb_friction_n=1.0)
     drive.tell(0.0, 2.0, 0.0)

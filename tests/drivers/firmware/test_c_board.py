@@ -47,7 +47,7 @@ def posix_main(compiler, tmp_path_factory):
 
 
 @pytest.mark.parametrize("seed", [1, 2])
-def test_malformed_input_breaks_nothing(compiler, tmp_path, seed):
+def test_malformed_input_violates_no_invariant(compiler, tmp_path, seed):
     program = tmp_path / "fuzz"
     if build(compiler, program, *SANITIZERS).returncode:
         assert not (built := build(compiler, program)).returncode, built.stderr
@@ -89,7 +89,7 @@ void MOTOR_VELOCITY(int32_t) {}
 """
 
 
-def test_the_sketch_compiles_against_what_arduino_offers(compiler, tmp_path):
+def test_the_sketch_compiles_against_the_arduino_functions(compiler, tmp_path):
     cpp = shutil.which("c++") or shutil.which("g++")
     if not cpp:
         pytest.skip("no C++ compiler")
@@ -193,7 +193,7 @@ def test_over_a_pseudo_terminal_its_watchdog_stops_the_axis(bench):
     assert bench.port.wait_for(lambda: driver.samples["velocity_1"].value == 0.0, SOON)
 
 
-def test_over_a_pseudo_terminal_its_inputs_are_told(bench):
+def test_over_a_pseudo_terminal_its_inputs_are_reported(bench):
     driver = bench.driver
     assert bench.enable()
     bench.tell(b"e")
@@ -205,7 +205,7 @@ def test_over_a_pseudo_terminal_its_inputs_are_told(bench):
     assert driver.error == "drive fault input"
 
 
-def test_over_a_pseudo_terminal_a_reset_is_noticed(bench):
+def test_over_a_pseudo_terminal_a_reset_is_detected(bench):
     assert bench.enable()
     bench.tell(b"r")
     assert bench.until(lambda: bench.driver.error)

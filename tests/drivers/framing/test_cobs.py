@@ -49,7 +49,7 @@ def test_any_bytes_come_back_and_no_zero_is_on_the_wire(data):
 
 
 @given(st.binary(max_size=80))
-def test_decoding_takes_or_refuses_whatever_comes(data):
+def test_decoding_accepts_or_rejects_any_bytes(data):
     try:
         decoded = decode(data)
     except ValueError:

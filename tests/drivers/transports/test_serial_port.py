@@ -56,7 +56,7 @@ def terminal():
 
 
 @pytest.mark.usefixtures("calls")
-def test_bytes_go_both_ways_and_what_came_before_the_opening_is_dropped(terminal):
+def test_bytes_go_both_ways_and_bytes_before_the_opening_are_discarded(terminal):
     os.write(terminal.leader, b"stale")
     received = []
     terminal.port.attach(lambda data, now: received.append(data))
@@ -108,7 +108,7 @@ def test_a_port_that_is_not_there_is_named(terminal):
     port.close()
 
 
-def test_a_port_without_a_descriptor_that_takes_nothing_is_full_and_not_gone():
+def test_a_port_without_a_descriptor_that_accepts_no_bytes_is_reported_as_full():
     port = SerialPort("usb", time.monotonic, "loop://", 9600)
     port.open()
     with pytest.raises(RigError, match="does not send: its buffer is full"):

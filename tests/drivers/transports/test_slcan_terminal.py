@@ -118,7 +118,7 @@ def test_an_empty_port_is_no_frame_and_no_fault(line):
 
 
 @pytest.mark.parametrize("make", [fast, without_descriptor])
-def test_an_adapter_that_is_unplugged_is_told_by_its_port(make):
+def test_the_error_for_an_unplugged_adapter_has_its_port(make):
     line = Line()
     line.start()
     with make(line.port) as bus:
@@ -129,7 +129,7 @@ def test_an_adapter_that_is_unplugged_is_told_by_its_port(make):
             bus.send(FRAME)
 
 
-def test_a_bus_that_was_shut_down_says_so_and_touches_no_other_file(line):
+def test_a_bus_that_was_shut_down_raises_and_uses_no_other_file(line):
     bus = fast(line.port)
     bus.shutdown()
     bus.shutdown()
@@ -153,7 +153,7 @@ def received(bus):
         return bus.recv(SOON)
 
 
-def test_an_adapter_that_stops_reading_is_told_and_later_takes_whole_frames(line):
+def test_an_adapter_that_stops_reading_is_an_error_and_later_gets_whole_frames(line):
     with fast(line.port) as bus:
         line.stop()
         with pytest.raises(can.CanOperationError, match="buffer is full"):
@@ -165,7 +165,7 @@ def test_an_adapter_that_stops_reading_is_told_and_later_takes_whole_frames(line
         assert all(same(frame, FRAME) for frame in line.sent[:-1])
 
 
-def test_a_port_without_an_adapter_is_told(stopped):
+def test_a_port_without_an_adapter_is_an_error(stopped):
     with (
         patch.multiple(slcan, BOOT=0.02, ANSWER=0.01),
         pytest.raises(can.CanInitializationError, match=rf"{stopped.port}: 'C'"),
@@ -173,6 +173,6 @@ def test_a_port_without_an_adapter_is_told(stopped):
         fast(stopped.port)
 
 
-def test_a_port_that_is_not_there_is_told():
+def test_a_missing_port_is_an_error():
     with pytest.raises(can.CanInitializationError, match="/dev/none cannot be opened"):
         fast("/dev/none")

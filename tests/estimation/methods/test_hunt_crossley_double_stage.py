@@ -78,7 +78,7 @@ def test_there_is_no_interval():
 
 
 @pytest.mark.parametrize(("x", "f"), [(-1e-3, 5.0), (0.0, 5.0), (1e-3, 0.02), (1e-3, -1.0)])
-def test_a_sample_without_contact_is_not_taken_in(x, f):
+def test_a_sample_without_contact_is_not_processed(x, f):
     estimator = DoubleStage(memory=0.05)
     estimator.run(*pressed()[:3], 1e-3)
     before = [value for value, _ in estimator.values.values()]

@@ -156,14 +156,14 @@ def test_recordings_of_unlike_noise_are_pooled_with_the_correlation_of_each():
         pooled.correlation = 0.5
 
 
-def test_a_spread_that_is_small_is_not_told(palpation):
+def test_a_small_spread_is_not_reported(palpation):
     pooled = PooledSegments(0.5)
     pooled.run(*changing(palpation, spread=0.05))
     assert pooled_segments.disagree(pooled.state.b)
     assert not pooled.misfit
 
 
-def test_says_nothing_before_the_first_segment_and_then_once_a_segment(palpation):
+def test_holds_until_the_first_segment_and_then_updates_once_per_segment(palpation):
     estimates = PooledSegments(0.5).run(*palpation(seconds=2.0, noise=0.05))
     assert np.isnan(estimates.k_std[:498]).all()
     assert estimates.held[:498].all()

@@ -95,7 +95,7 @@ def test_two_switches_are_a_dwell_time_apart(palpation):
     assert np.diff(np.nonzero(moved)[0]).min() == 50
 
 
-def test_the_interval_covers_what_hysteresis_and_the_grid_leave(palpation):
+def test_the_interval_includes_the_error_of_hysteresis_and_grid(palpation):
     inside = 0
     for seed in range(40):
         s = palpation(seconds=0.5, b=12.0, k=2034.0, noise=0.02, seed=seed)

@@ -59,7 +59,7 @@ def assert_close(got, expected):
 
 @settings(max_examples=100, deadline=None)
 @CASES
-def test_a_measurement_is_taken_in_as_by_the_plain_formula(m, seed, size):
+def test_the_covariance_update_equals_the_direct_formula(m, seed, size):
     u, d, z = factored(m, seed)
     z *= 10.0**size
     p, noise = u * d @ u.T, 0.7
@@ -98,7 +98,7 @@ def test_a_variance_is_added_to_one_parameter_alone(m, seed, size):
 
 @settings(max_examples=100, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
-def test_stays_positive_whatever_is_taken_in_and_added(seed):
+def test_stays_positive_definite_for_all_updates(seed):
     rng = np.random.default_rng(seed)
     u, d, _ = factored(3, seed)
     state = state_of(u, d, np.zeros(3))

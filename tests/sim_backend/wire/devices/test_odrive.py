@@ -137,12 +137,12 @@ def test_firmware_06_sends_torques() -> None:
     assert torques["Torque_Estimate"] == pytest.approx(100.0 * 5e-3 / 6.283185, rel=1e-6)
 
 
-def test_tells_its_current() -> None:
+def test_reports_its_current() -> None:
     current = Wire("0.5").ask("Get_Iq")
     assert current["Iq_Measured"] == pytest.approx(100.0 * 5e-3 / 6.283185 / 0.04, rel=1e-6)
 
 
-def test_tells_its_version_from_06_on() -> None:
+def test_reports_its_version_from_06_on() -> None:
     version = Wire("0.6").ask("Get_Version")
     assert (version["Fw_Version_Major"], version["Fw_Version_Minor"]) == (0, 6)
     wire = Wire("0.5")
@@ -191,7 +191,7 @@ def test_brakes_when_idle(wire: Wire) -> None:
     assert (heartbeat["Axis_State"], heartbeat["Axis_Error"]) == ("IDLE", "NONE")
 
 
-def test_goes_on_while_it_is_fed(wire: Wire) -> None:
+def test_operates_while_the_watchdog_is_reset(wire: Wire) -> None:
     wire.operate()
     wire.run(1.0, feed=True)
     assert wire.carriage.velocity == pytest.approx(0.01)
