@@ -24,7 +24,7 @@ class Port(NamedTuple):
     """USB vendor, product and serial number; may be empty."""
 
 
-def found() -> list[Port]:
+def available_ports() -> list[Port]:
     """Return all serial ports, then all CAN buses. An slcan adapter is listed as serial port."""
     ports = [
         Port("serial", "", p.device, known(p.description), known(p.hwid))

@@ -145,13 +145,13 @@ def checked_devices(
 def validation_problems(error: ValidationError, where: tuple[str, ...]) -> list[str]:
     """Return the problems that pydantic found, each with its key."""
     return [
-        f"{'.'.join(map(str, where + part['loc']))}: {wording(part['msg'])}"
+        f"{'.'.join(map(str, where + part['loc']))}: {as_phrase(part['msg'])}"
         + ("" if isinstance(part["input"], Mapping) else f", got {part['input']!r}")
         for part in error.errors()
     ]
 
 
-def wording(message: str) -> str:
+def as_phrase(message: str) -> str:
     """Return a message of pydantic as part of a line."""
     message = message.removeprefix("Value error, ")
     return message[:1].lower() + message[1:]

@@ -20,7 +20,7 @@ class Section(BaseModel):
 
 
 class SerialSettings(Section):
-    """Section of a serial port."""
+    """Rig file section of a serial port."""
 
     kind: Literal["serial"]
     port: Annotated[str, Field(min_length=1)]
@@ -28,7 +28,7 @@ class SerialSettings(Section):
 
 
 class CanSettings(Section):
-    """Section of a CAN bus with any adapter that python-can supports."""
+    """Rig file section of a CAN bus with any adapter that python-can supports."""
 
     kind: Literal["can"]
     interface: str
@@ -60,7 +60,7 @@ class ChannelSettings(Section):
 
 
 class ForceSettings(ChannelSettings):
-    """Section of a force channel."""
+    """Rig file section of a force channel."""
 
     offset_n: FiniteFloat = 0.0
     range_n: tuple[FiniteFloat, FiniteFloat]
@@ -75,7 +75,7 @@ class ForceSettings(ChannelSettings):
 
 
 class PositionSettings(ChannelSettings):
-    """Section of a position channel."""
+    """Rig file section of a position channel."""
 
     offset_mm: FiniteFloat = 0.0
     range_mm: tuple[FiniteFloat, FiniteFloat]
@@ -92,7 +92,7 @@ class PositionSettings(ChannelSettings):
 
 
 class VelocitySettings(ChannelSettings):
-    """Section of a velocity channel."""
+    """Rig file section of a velocity channel."""
 
     range_mm_per_s: tuple[FiniteFloat, FiniteFloat]
     max_rate_mm_per_s2: Positive | None = None
@@ -105,7 +105,7 @@ class VelocitySettings(ChannelSettings):
 
 
 class ChannelsSettings(Section):
-    """Section of the channels. Encoder of the handle and velocity of the slave are optional."""
+    """Rig file section of the channels. Encoder of the handle and velocity of the slave are optional."""
 
     master_force: ForceSettings
     contact_force: ForceSettings
@@ -121,7 +121,7 @@ class ChannelsSettings(Section):
 
 
 class DriveSettings(Section):
-    """Section of a drive."""
+    """Rig file section of a drive."""
 
     device: str
     drive: str = ""
@@ -131,7 +131,7 @@ class DriveSettings(Section):
 
 
 class DrivesSettings(Section):
-    """Section of the drives. Without a drive for the master, the handle is passive."""
+    """Rig file section of the drives. Without a drive for the master, the handle is passive."""
 
     slave: DriveSettings
     master: DriveSettings | None = None
@@ -144,7 +144,7 @@ class DrivesSettings(Section):
 
 
 class LimitsSettings(Section):
-    """Section of the safety limits; see `teleop.safety.Limits` for each."""
+    """Rig file section of the safety limits; see `teleop.safety.Limits` for each."""
 
     max_velocity_mm_per_s: Positive
     max_acceleration_m_per_s2: Positive

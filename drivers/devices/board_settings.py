@@ -1,4 +1,4 @@
-"""Section of a board in a rig file, and the signals that it defines."""
+"""Rig file section of a board in a rig file, and the signals that it defines."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ QUANTITIES = (
 
 
 class BoardSettings(DeviceSettings):
-    """Section of a board. Each list has one entry per input or axis in use, from the first on."""
+    """Rig file section of a board. Each list has one entry per input or axis in use, from the first on."""
 
     kind: Literal["board"]
     bus: str

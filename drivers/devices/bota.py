@@ -22,7 +22,7 @@ CLOCK_JUMP = 1.0
 
 
 class BotaSettings(DeviceSettings):
-    """Section of a sensor. Its filter, and thus its rate, must be set on the sensor."""
+    """Rig file section of a sensor. Its filter, and thus its rate, must be set on the sensor."""
 
     kind: Literal["bota"]
     bus: str
@@ -69,7 +69,9 @@ class Bota(SerialDevice):
         if not port.wait_for(lambda: self._seen, STREAMING):
             port.write(RUN)
             if not port.wait_for(lambda: self._seen, FIRST_FRAME - STREAMING):
-                raise RigError(f"{self.name}: {port.no_frame(FIRST_FRAME, 'a Bota sensor', BAUD)}")
+                raise RigError(
+                    f"{self.name}: {port.no_frame_message(FIRST_FRAME, 'a Bota sensor', BAUD)}"
+                )
         self.rejected.clear()
         self._started = True
 
@@ -91,10 +93,10 @@ class Bota(SerialDevice):
             elif not all(map(math.isfinite, frame)):
                 self.rejected["not finite"] += 1
             else:
-                self._take(frame)
+                self._store(frame)
         self.error = self._restarted or fault(status)
 
-    def _take(self, frame: BotaFrame) -> None:
+    def _store(self, frame: BotaFrame) -> None:
         time = self._clock.time(frame.timestamp_us) - self._line_time
         for signal in self.samples:
             self.samples[signal] = Sample(getattr(frame, signal), time)

@@ -69,11 +69,11 @@ class Cia402(CanDevice, VelocityDrive):
         self._units = self._units_with(math.nan)
         self._watchdog = settings.watchdog_ms * 1e-3
         node = settings.node_id
-        self._takers = {
-            EMCY + node: self._take_emergency,
-            TPDO1 + node: self._take_status,
-            TPDO2 + node: self._take_motion,
-            HEARTBEAT + node: self._take_heartbeat,
+        self._handlers = {
+            EMCY + node: self._process_emergency,
+            TPDO1 + node: self._process_status,
+            TPDO2 + node: self._process_motion,
+            HEARTBEAT + node: self._process_heartbeat,
         }
         self._bus: CanBus | None = None
         self._setup: Setup | None = None
@@ -97,7 +97,7 @@ class Cia402(CanDevice, VelocityDrive):
 
     def identifiers(self) -> Iterable[int]:
         """Return the identifiers of EMCY, both TPDOs, heartbeat and SDO answers."""
-        return (*self._takers, SDO_ANSWER + self.settings.node_id)
+        return (*self._handlers, SDO_ANSWER + self.settings.node_id)
 
     def start(self, bus: CanBus) -> None:
         """Reset the drive's communication and set it up for SYNC; it stays idle."""
@@ -145,11 +145,11 @@ class Cia402(CanDevice, VelocityDrive):
                 self.rejected["SDO"] += 1
         else:
             try:
-                self._takers[frame.arbitration_id](bytes(frame.data), time)
+                self._handlers[frame.arbitration_id](bytes(frame.data), time)
             except struct.error:
                 self.rejected["length"] += 1
 
-    def _take_status(self, data: bytes, time: float) -> None:
+    def _process_status(self, data: bytes, time: float) -> None:
         position, word = self._units.position(data), statusword(data)
         self.samples["position"] = Sample(position, self._sampled(time))
         self._answered = True
@@ -163,7 +163,7 @@ class Cia402(CanDevice, VelocityDrive):
         elif self._enabled and state is not State.OPERATION_ENABLED:
             self._fail(f"left operation by itself: statusword 0x{word:04X}, {state.words}")
 
-    def _take_motion(self, data: bytes, time: float) -> None:
+    def _process_motion(self, data: bytes, time: float) -> None:
         velocity, force = self._units.velocity_and_force(data)
         sampled = self._sampled(time)
         self.samples["velocity"] = Sample(velocity, sampled)
@@ -174,11 +174,11 @@ class Cia402(CanDevice, VelocityDrive):
         synchronised = self._master.synchronised
         return synchronised if synchronised <= arrival else arrival
 
-    def _take_emergency(self, data: bytes, time: float) -> None:
+    def _process_emergency(self, data: bytes, time: float) -> None:
         if error := emergency(data):
             self._fail(error)
 
-    def _take_heartbeat(self, data: bytes, time: float) -> None:
+    def _process_heartbeat(self, data: bytes, time: float) -> None:
         try:
             (byte,) = data
             self._nmt = NmtState(byte)

@@ -1,4 +1,4 @@
-"""Section of a CiA 402 drive in a rig file."""
+"""Rig file section of a CiA 402 drive in a rig file."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Positive = Annotated[FiniteFloat, Field(gt=0)]
 
 
 class Cia402Settings(DeviceSettings):
-    """Section of a CiA 402 drive on a CANopen bus."""
+    """Rig file section of a CiA 402 drive on a CANopen bus."""
 
     kind: Literal["cia402"]
     bus: str

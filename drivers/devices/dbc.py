@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 class DbcSettings(DeviceSettings):
-    """Section of a device whose frames a DBC file describes."""
+    """Rig file section of a device whose frames a DBC file describes."""
 
     kind: Literal["dbc"]
     bus: str

@@ -19,7 +19,7 @@ FIRST_FRAME = 1.0
 
 
 class Ft300Settings(DeviceSettings):
-    """Section of a sensor."""
+    """Rig file section of a sensor."""
 
     kind: Literal["ft300"]
     bus: str
@@ -60,7 +60,9 @@ class Ft300(SerialDevice):
         if not port.wait_for(self._streams, STREAMING):
             port.write(START_STREAM)
             if not port.wait_for(self._streams, FIRST_FRAME - STREAMING):
-                raise RigError(f"{self.name}: {port.no_frame(FIRST_FRAME, 'an FT 300', BAUD)}")
+                raise RigError(
+                    f"{self.name}: {port.no_frame_message(FIRST_FRAME, 'an FT 300', BAUD)}"
+                )
         self.rejected.clear()
 
     def _streams(self) -> bool:

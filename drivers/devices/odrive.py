@@ -27,7 +27,7 @@ IQ_PERIOD = 2e-3
 
 
 class ODriveSettings(DeviceSettings):
-    """Section of an axis of an ODrive."""
+    """Rig file section of an axis of an ODrive."""
 
     bus: str
     node: Annotated[int, Field(ge=0, le=62)]
@@ -159,25 +159,25 @@ class ODrive(CanDevice, VelocityDrive):
         self._answered = self._answered or command == self._question
         if command == Command.GET_ENCODER_ESTIMATES:
             position, velocity = codec.encoder_estimates(data)
-            self._take(time, position=position * self._travel, velocity=velocity * self._travel)
+            self._store(time, position=position * self._travel, velocity=velocity * self._travel)
         elif command == Command.HEARTBEAT:
             self._heard = True
-            self._judge(codec.heartbeat(self.settings.firmware, data))
+            self._check_state(codec.heartbeat(self.settings.firmware, data))
         elif command == Command.GET_TORQUES:
-            self._take(time, force=math.tau * codec.torques(data)[1] / self._travel)
+            self._store(time, force=math.tau * codec.torques(data)[1] / self._travel)
         elif command == Command.GET_IQ and (constant := self.settings.torque_constant_nm_per_a):
-            self._take(time, force=math.tau * constant * codec.iq(data)[1] / self._travel)
+            self._store(time, force=math.tau * constant * codec.iq(data)[1] / self._travel)
         elif command == Command.GET_VERSION:
             self._version = codec.version(data)
 
-    def _take(self, time: float, **values: float) -> None:
+    def _store(self, time: float, **values: float) -> None:
         if not all(map(math.isfinite, values.values())):
             self.rejected["not finite"] += 1
             return
         for signal, value in values.items():
             self.samples[signal] = Sample(value, time)
 
-    def _judge(self, heartbeat: codec.Heartbeat) -> None:
+    def _check_state(self, heartbeat: codec.Heartbeat) -> None:
         """Check whether the axis is in the requested state, and update the error."""
         if not self._wanted:
             return

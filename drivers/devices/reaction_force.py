@@ -16,7 +16,7 @@ NEEDED = {"force": "N", "velocity": "m/s"}
 
 
 class ReactionForceSettings(DeviceSettings):
-    """Section of an observer."""
+    """Rig file section of an observer."""
 
     kind: Literal["reaction_force"]
     drive: str

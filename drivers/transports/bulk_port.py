@@ -12,7 +12,7 @@ import serial
 
 CHUNK = 65_536
 """Largest number of bytes per read, more than the kernel's buffer of a port."""
-NAP = 1e-3
+POLL_PERIOD = 1e-3
 """Polling period of a port that has no blocking wait [s]."""
 
 
@@ -39,7 +39,7 @@ class PortablePort:
         while not (waiting := self._port.in_waiting):
             if deadline is not None and time.monotonic() >= deadline:
                 return b""
-            time.sleep(NAP)
+            time.sleep(POLL_PERIOD)
         return bytes(self._port.read(waiting))
 
     def write(self, data: bytes, timeout: float) -> int:
@@ -73,7 +73,7 @@ class PortablePort:
             return 0
 
     def _wait_for_room(self, seconds: float) -> None:
-        time.sleep(min(NAP, seconds))
+        time.sleep(min(POLL_PERIOD, seconds))
 
 
 class DescriptorPort(PortablePort):

@@ -6,7 +6,7 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 
-NAP = 0.5e-3
+POLL_PERIOD = 0.5e-3
 """Polling period while waiting for an answer [s]."""
 
 
@@ -56,6 +56,6 @@ class Bus(ABC):
         while not condition():
             if self.now() > end:
                 return False
-            self.nap(NAP)
+            self.nap(POLL_PERIOD)
             self.pump()
         return True

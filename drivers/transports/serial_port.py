@@ -96,7 +96,7 @@ class SerialPort(Bus):
         """Return the transmission time of a number of bytes [s]."""
         return BITS * size / self.baud
 
-    def no_frame(self, seconds: float, device: str, baud: int) -> str:
+    def no_frame_message(self, seconds: float, device: str, baud: int) -> str:
         """Return the error message for a device that sent no frame for a time [s]."""
         where = f"no valid frame in {seconds:g} s on {self.name} ({self.port})"
         if not self.received:

@@ -255,15 +255,15 @@ class SlcanBus(can.BusABC):
         for line in lines:
             try:
                 if line[-1:] == BEL:
-                    self._take_refusal(line)
+                    self._process_refusal(line)
                 elif line[:1] in FRAMES:
                     self._received.append(decode(line, now))
                 else:
-                    self._take_answer(line)
+                    self._process_answer(line)
             except ValueError:
                 self.malformed += 1
 
-    def _take_answer(self, line: bytes) -> None:
+    def _process_answer(self, line: bytes) -> None:
         if line[:1] == b"F" and len(line) == 3:
             self.flags = StatusFlags(unhexlify(line[1:])[0])
         elif line not in ACKNOWLEDGEMENTS:
@@ -274,7 +274,7 @@ class SlcanBus(can.BusABC):
         else:
             self.unassigned += 1
 
-    def _take_refusal(self, line: bytes) -> None:
+    def _process_refusal(self, line: bytes) -> None:
         """Process the refusal of the oldest unanswered command; adapters answer in order."""
         if not self._in_flight:
             self.unassigned += 1

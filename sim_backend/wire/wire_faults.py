@@ -47,7 +47,7 @@ class Random(WireFault):
         self._share = share
         self._random = random.Random(seed)
 
-    def strikes(self) -> bool:
+    def is_affected(self) -> bool:
         """Return whether the next frame is affected."""
         return self._random.random() < self._share
 
@@ -57,7 +57,7 @@ class Dropped(Random):
 
     def frames(self, frames: list[Frame], now: float) -> list[Frame]:
         """Return the frames that are not lost."""
-        return [frame for frame in frames if not self.strikes()]
+        return [frame for frame in frames if not self.is_affected()]
 
 
 class Doubled(Random):
@@ -65,7 +65,7 @@ class Doubled(Random):
 
     def frames(self, frames: list[Frame], now: float) -> list[Frame]:
         """Return each frame once or twice."""
-        return [frame for frame in frames for _ in range(1 + self.strikes())]
+        return [frame for frame in frames for _ in range(1 + self.is_affected())]
 
 
 class Reordered(Random):
@@ -79,7 +79,7 @@ class Reordered(Random):
         """Return the frames with some in exchanged order."""
         out: list[Frame] = []
         for frame in frames:
-            if not self._held and self.strikes():
+            if not self._held and self.is_affected():
                 self._held.append(frame)
             else:
                 out += [frame, *self._held]  # type: ignore[list-item]
@@ -137,11 +137,11 @@ class Truncated(Random):
 
     def octets(self, data: bytes) -> bytes:
         """Return the first half of the bytes."""
-        return data[: len(data) // 2] if data and self.strikes() else data
+        return data[: len(data) // 2] if data and self.is_affected() else data
 
     def frame(self, frame: can.Message) -> can.Message:
         """Return the frame with the first half of its data."""
-        return with_data(frame, frame.data[: len(frame.data) // 2]) if self.strikes() else frame
+        return with_data(frame, frame.data[: len(frame.data) // 2]) if self.is_affected() else frame
 
 
 class WrongLength(Random):
@@ -149,11 +149,11 @@ class WrongLength(Random):
 
     def octets(self, data: bytes) -> bytes:
         """Return the bytes with three more before the last one."""
-        return data[:-1] + b"\x55\x55\x55" + data[-1:] if data and self.strikes() else data
+        return data[:-1] + b"\x55\x55\x55" + data[-1:] if data and self.is_affected() else data
 
     def frame(self, frame: can.Message) -> can.Message:
         """Return the frame with one more byte, or one less if it has eight."""
-        if not self.strikes():
+        if not self.is_affected():
             return frame
         return with_data(frame, (frame.data + b"\x55") if len(frame.data) < 8 else frame.data[:7])
 
@@ -163,7 +163,7 @@ class Corrupted(Random):
 
     def octets(self, data: bytes) -> bytes:
         """Return the bytes with one bit inverted."""
-        if not data or not self.strikes():
+        if not data or not self.is_affected():
             return data
         flipped = bytearray(data)
         flipped[self._random.randrange(len(data))] ^= 1 << self._random.randrange(8)
@@ -175,7 +175,7 @@ class Noise(Random):
 
     def noise(self) -> bytes:
         """Return up to 19 random bytes."""
-        return self._random.randbytes(self._random.randrange(1, 20)) if self.strikes() else b""
+        return self._random.randbytes(self._random.randrange(1, 20)) if self.is_affected() else b""
 
 
 class BaudMismatch(WireFault):

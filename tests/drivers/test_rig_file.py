@@ -1,4 +1,4 @@
-"""Reading a rig file: what is right is kept, what is wrong is told, all of it at once."""
+"""Reading of a rig file: all problems are reported together."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def test_units_become_si(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "told"),
+    ("old", "new", "message"),
     [
         ('name = "serial board"', "", "name: field required"),
         ("rate_hz = 1000\n\n", "rate_hz = 5\n\n", "rate_hz"),
@@ -74,9 +74,9 @@ def test_units_become_si(tmp_path):
         ("range_n = [-500, 500]", "range_n = [-500, nan]", "range_n.1"),
     ],
 )
-def test_a_problem_is_reported_with_its_key(tmp_path, old, new, told):
+def test_a_problem_is_reported_with_its_key(tmp_path, old, new, message):
     assert old in BOARD
-    assert any(told in line for line in problems(tmp_path, BOARD.replace(old, new)))
+    assert any(message in line for line in problems(tmp_path, BOARD.replace(old, new)))
 
 
 def test_all_problems_are_reported_together(tmp_path):
@@ -84,8 +84,8 @@ def test_all_problems_are_reported_together(tmp_path):
     text = text.replace('signal = "force_1"', 'signal = "force_9"')
     text = text.replace("soft_force_n = 200", "soft = 1")
     found = "\n".join(problems(tmp_path, text))
-    for told in ("baud_bps", "force_9", "limits.soft:", "limits.soft_force_n"):
-        assert told in found
+    for message in ("baud_bps", "force_9", "limits.soft:", "limits.soft_force_n"):
+        assert message in found
 
 
 def test_an_invalid_device_is_not_reported_again_where_it_is_used(tmp_path):

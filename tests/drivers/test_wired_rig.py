@@ -1,4 +1,4 @@
-"""A rig put together from devices: channels, drives, and what becomes of failures."""
+"""A rig of devices: channels, drives and failures."""
 
 from __future__ import annotations
 
@@ -109,7 +109,7 @@ class FakeBus(Bus):
 
 
 class Time:
-    """A clock that goes on by a millisecond with each nap."""
+    """A clock that advances by 1 ms with each wait."""
 
     def __init__(self):
         self.now = 5.0

@@ -1,4 +1,4 @@
-"""What every estimator keeps to: `estimation.testing`, and what needs hypothesis or the plant."""
+"""Contract of all estimators: `estimation.testing`, and checks with hypothesis or the plant."""
 
 from __future__ import annotations
 

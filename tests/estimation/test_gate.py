@@ -15,13 +15,13 @@ DT = 1e-3
 
 
 def samples(v, f) -> Samples:
-    """Samples of a velocity and a force that are constant or given for each."""
+    """Return samples of a velocity and a force, each constant or an array."""
     v, f = np.broadcast_arrays(np.asarray(v, dtype=float), np.asarray(f, dtype=float))
     return checked_samples(np.zeros(v.shape), v, f, DT)
 
 
 def steady(v: float, f: float) -> bool:
-    """Whether it is open once the same sample has come for ten windows."""
+    """Return whether the gate is open after a constant sample for ten windows."""
     return bool(Gate(SETTINGS).run(samples(np.full(200, v), f))[-1])
 
 
@@ -113,7 +113,7 @@ def test_a_setting_out_of_range_is_refused(settings):
 
 
 def palpation_with_air_and_rest(palpation, rest=True):
-    """Palpation, then rest in contact from 3 s unless left out, and from 4 s motion in the air."""
+    """Return a palpation, an optional rest in contact from 3 s, and motion in the air from 4 s."""
     x, v, f, dt = (channel.copy() for channel in palpation(seconds=6.0, noise=0.02))
     still, air = slice(3000, 4000), slice(4000, 6000)
     noise = np.random.default_rng(1).normal(0.0, 0.02, 6000)

@@ -11,7 +11,7 @@ DT = 2e-3
 
 
 def recording(seconds=4.0, b=15.0, k=2100.0, noise=0.0, seed=0):
-    """Position and force of palpation at 500 Hz."""
+    """Return position and force of a palpation at 500 Hz."""
     t = np.arange(0.0, seconds, DT)
     x = 5e-3 - 3e-3 * np.cos(2 * np.pi * t) + 1e-3 * np.sin(2 * np.pi * 2.6 * t)
     force = k * x + b * np.gradient(x, DT)
@@ -134,7 +134,7 @@ SAMPLES = [
 
 
 def refused(message, *arguments, **settings):
-    """Whether it is refused with this one line."""
+    """Check that the data are refused with this message in one line."""
     with pytest.raises(ValueError, match=message) as caught:
         identify(*arguments, **settings)
     assert "\n" not in str(caught.value)

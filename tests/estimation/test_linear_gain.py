@@ -29,7 +29,7 @@ class GradientParameters(LinearGainParameters):
 
 
 class Gradient(LinearGainEstimator):
-    """A gain that is no Riccati equation's: a step along the regressors, normalised."""
+    """Estimator with a gain that does not follow from a Riccati equation: normalised gradient."""
 
     @staticmethod
     def step(parameters, state, phi, f, dt):
@@ -53,7 +53,7 @@ def gradient(rate=0.5, correlation=1.0, model=KELVIN_VOIGT):
 
 
 def gain_of(phi, rate=0.5):
-    """The gain of `Gradient`, in numpy."""
+    """Return the gain of `Gradient`, in numpy."""
     scaled = phi / np.array(SIZES[: len(phi)])
     return rate * scaled / np.array(SIZES[: len(phi)]) / (1.0 + scaled @ scaled)
 
@@ -66,7 +66,7 @@ def motion(seconds=4.0):
 
 @pytest.fixture(scope="module")
 def repeated():
-    """What repetitions with other noise end with: estimates, covariances, noise variances."""
+    """Return final estimates, covariances and noise variances of repetitions with new noise."""
     x, v = motion()
     found = []
     for seed in SEEDS:
@@ -79,10 +79,10 @@ def repeated():
 
 def test_covariance_is_the_spread_over_repetitions(repeated):
     estimates, covariances, _ = repeated
-    told = covariances.mean(axis=0)
+    reported = covariances.mean(axis=0)
     spread = np.cov(estimates.T)
-    np.testing.assert_allclose(np.sqrt(np.diag(told)), np.std(estimates, axis=0), rtol=0.12)
-    correlation = [c[0, 1] / np.sqrt(c[0, 0] * c[1, 1]) for c in (told, spread)]
+    np.testing.assert_allclose(np.sqrt(np.diag(reported)), np.std(estimates, axis=0), rtol=0.12)
+    correlation = [c[0, 1] / np.sqrt(c[0, 0] * c[1, 1]) for c in (reported, spread)]
     assert correlation[0] == pytest.approx(correlation[1], abs=0.2)
     np.testing.assert_allclose(estimates.mean(axis=0), (20.0, 2100.0), rtol=0.02)
 
@@ -157,14 +157,14 @@ def test_for_recursive_least_squares_it_is_the_covariance_due_to_noise_and_initi
 def test_noise_that_comes_in_runs_makes_intervals_wider_by_its_correlation():
     run = 8
     x, v = motion()
-    estimates, told = [], []
+    estimates, reported = [], []
     for seed in SEEDS[:150]:
         noise = np.repeat(np.random.default_rng(seed).normal(0.0, NOISE, x.size // run), run)
         estimator = gradient(0.05, float(run))
         estimator.run(x, v, 20.0 * v + 2100.0 * x + noise, DT)
         estimates.append(estimator.state.theta)
-        told.append(np.sqrt(np.diag(estimator.covariance)))
-    np.testing.assert_allclose(np.mean(told, axis=0), np.std(estimates, axis=0), rtol=0.2)
+        reported.append(np.sqrt(np.diag(estimator.covariance)))
+    np.testing.assert_allclose(np.mean(reported, axis=0), np.std(estimates, axis=0), rtol=0.2)
 
 
 def test_correlation_scales_variances_alone(palpation):

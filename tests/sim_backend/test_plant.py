@@ -15,7 +15,7 @@ TICK = 1e-3
 
 
 def commands(n):
-    """A slave that goes in and out of the hard cube, a handle that swings."""
+    """Simulate a slave that enters and leaves the hard cube, and a handle that oscillates."""
     for i in range(n):
         t = i * TICK
         yield (

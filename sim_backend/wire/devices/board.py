@@ -85,10 +85,10 @@ class EmulatedBoard(EmulatedSerialDevice):
         *frames, self._begun = (self._begun + data).split(b"\0")
         self._begun = self._begun[: LONGEST + 1]
         for frame in frames:
-            if frame and not self._take(unstuffed(frame), now):
+            if frame and not self._process(unstuffed(frame), now):
                 self._rejected = (self._rejected + 1) & 0xFFFF
 
-    def _take(self, body: bytes, now: float) -> bool:
+    def _process(self, body: bytes, now: float) -> bool:
         if len(body) < 5 or check_sum(body[:-2]) != int.from_bytes(body[-2:], "little"):
             return False
         kind, sequence = struct.unpack_from("<BH", body)

@@ -154,7 +154,7 @@ class CanopenNode(EmulatedCanDevice):
             if identifier == self[0x1005, 0]:
                 self._synchronise()
             else:
-                self._take_pdo(identifier, data)
+                self._process_pdo(identifier, data)
 
     def emit(self, now: float) -> list[can.Message]:
         """Return the frames that are due at time `now` [s]."""
@@ -238,7 +238,7 @@ class CanopenNode(EmulatedCanDevice):
                 mapped = [self[mapping, i] for i in range(1, self[mapping, 0] + 1)]
                 yield n, identifier & 0x7FF, [(m >> 16, m >> 8 & 0xFF) for m in mapped]
 
-    def _take_pdo(self, identifier: int, data: bytes) -> None:
+    def _process_pdo(self, identifier: int, data: bytes) -> None:
         for n, own, mapped in self._pdos(0x1400):
             if identifier != own:
                 continue

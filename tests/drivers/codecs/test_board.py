@@ -1,4 +1,4 @@
-"""The board's messages against the example in the documentation, and under malformed bytes."""
+"""Messages of the board: the example in the documentation, and malformed bytes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The codec of CiA 402 against canopen's tables, and its laws."""
+"""Codec of CiA 402, compared with the tables of canopen, and its properties."""
 
 from __future__ import annotations
 
@@ -93,9 +93,9 @@ def test_any_finite_velocity_fits_the_wire(velocity):
 
 @given(st.integers(0, 0xFFFF), st.integers(0, 255), st.binary(min_size=5, max_size=5))
 def test_every_emergency_has_a_text_and_its_end_has_none(code, register, more):
-    told = cia402.emergency(EMCY_STRUCT.pack(code, register, more))
-    assert bool(told) == (code >= 0x100)
-    assert not told or f"{code:04X}h" in told
+    text = cia402.emergency(EMCY_STRUCT.pack(code, register, more))
+    assert bool(text) == (code >= 0x100)
+    assert not text or f"{code:04X}h" in text
 
 
 @pytest.mark.parametrize(

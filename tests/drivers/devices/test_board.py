@@ -1,6 +1,6 @@
-"""The driver against both boards, the emulated one and the firmware in C, in virtual time.
+"""The driver with both boards, the emulated one and the firmware in C, in virtual time.
 
-What is tested of both is the contract that docs/serial-protocol.md makes.
+Both boards are tested against docs/serial-protocol.md.
 """
 
 from __future__ import annotations
@@ -47,13 +47,13 @@ def settings(**changed) -> BoardSettings:
 
 
 class Bench(Mount):
-    """What the board senses, and what its axes do: a velocity [m/s], or None braked."""
+    """Mount of the board: its signals, and the velocity of each axis [m/s], None if braked."""
 
     def __init__(self):
         self.senses: dict[str, float] = {}
         self.axes: dict[str, float | None] = {}
         self.driven: set[str] = set()
-        """Axes that were ever let go."""
+        """Axes that have been in operation."""
 
     def sense(self, signal):
         return self.senses.get(signal, 0.0)
@@ -99,7 +99,7 @@ class FirmwareState(ctypes.Structure):
 
 
 class FirmwareBoard:
-    """The firmware in C behind the calls of an emulated device."""
+    """The firmware in C with the interface of an emulated device."""
 
     version = 1
 
@@ -172,7 +172,7 @@ def library(tmp_path_factory):
 
 
 class Wire:
-    """A port without a wire: the driver and a board, in virtual time from tick to tick."""
+    """A port that connects the driver and a board in virtual time."""
 
     port = "here"
 
@@ -190,7 +190,7 @@ class Wire:
             self.board.receive(data, self.time)
 
     def step(self, alter=lambda frames: frames):
-        """A tick: the board sends, the driver reads."""
+        """Run a tick: the board sends, the driver reads."""
         self.time += TICK
         data = b"".join(alter(self.board.emit(self.time)))
         if data:
@@ -207,7 +207,7 @@ class Wire:
         return True
 
     def run(self, ticks=5):
-        """Ticks in which the host commands what it did."""
+        """Run ticks with an unchanged command."""
         for _ in range(ticks):
             self.step()
             self.driver.transmit()
@@ -229,7 +229,7 @@ def bench():
 
 @pytest.fixture(params=["emulated", "firmware"])
 def make(request, bench):
-    """Makes a wire with a driver and, of the kind under test, a board; other settings on demand."""
+    """Return a function that makes a wire with a driver and a board of the tested kind."""
 
     def made(driver_settings=None, board_settings=None):
         driver_settings = driver_settings or settings()

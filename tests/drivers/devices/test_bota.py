@@ -83,7 +83,7 @@ def test_the_error_ends_when_the_sensor_clears_it(started):
 
 
 def with_status(data: bytes, status: int) -> bytes:
-    """The first frame of the data with another status."""
+    """Return the first frame of the data with another status."""
     frame = struct.pack("<H", status) + data[3:35]
     register = 0xFFFF
     for byte in frame:

@@ -1,4 +1,4 @@
-"""The driver of CiA 402 drives: against the emulated drive, and against canopen's local node."""
+"""The driver of CiA 402 drives, with the emulated drive and with the local node of canopen."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def settings(**changes):
 
 
 class Carriage:
-    """What a drive moves."""
+    """Mount of a drive."""
 
     def __init__(self):
         self.velocity, self.position, self.force, self.braked = 0.0, 0.0, 0.0, True
@@ -58,7 +58,7 @@ class Carriage:
 
 
 class Wire:
-    """A bus in virtual time: drivers on one side, nodes on the other, nothing waits."""
+    """A bus in virtual time between drivers and nodes."""
 
     name = "can0"
 
@@ -114,7 +114,7 @@ class Bench:
         return self
 
     def tick(self, count=1, velocity=None, enabling=False, writes=True):
-        """A tick as the rig makes it: read, enable, command, transmit."""
+        """Run a tick of a rig: read, enable, command, transmit."""
         for _ in range(count):
             self.wire.time += TICK
             for mount in self.mounts:
@@ -593,7 +593,7 @@ def test_only_a_rig_with_such_a_drive_imports_canopen():
 
 
 class LocalNodeNetwork(canopen.Network):
-    """canopen's own node on the far end of the wire; what it lacks of NMT is added here."""
+    """Local node of canopen on the bus, with the NMT functions that it lacks."""
 
     def __init__(self):
         super().__init__()

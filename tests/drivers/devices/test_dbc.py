@@ -38,7 +38,7 @@ EXTENDED = 0x18FEF000
 
 
 class Bench(Mount):
-    """The device on a bus in virtual time."""
+    """A device on a bus in virtual time."""
 
     name, channel = "can", "can0"
 
@@ -187,7 +187,7 @@ def test_the_file_is_seen_from_the_rig_files_folder(folder):
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "message"),
     [
         ({"file": "none.dbc"}, "none.dbc: no such file"),
         ({"file": "broken.dbc"}, "broken.dbc: not a DBC file: "),
@@ -197,11 +197,11 @@ def test_the_file_is_seen_from_the_rig_files_folder(folder):
         ({"baud": 1}, "baud"),
     ],
 )
-def test_a_section_without_sense_is_refused(folder, change, told):
+def test_a_section_without_sense_is_refused(folder, change, message):
     (folder / "broken.dbc").write_text("BO_ nonsense")
     (folder / "empty.dbc").write_text('VERSION ""\nBS_:\nBU_: A\n')
     section = {"kind": "dbc", "bus": "can", "file": "tip.dbc"} | change
-    with pytest.raises(ValidationError, match=told):
+    with pytest.raises(ValidationError, match=message):
         TypeAdapter(DbcSettings).validate_python(section, context={"folder": folder})
 
 

@@ -88,7 +88,7 @@ def test_a_ramp_lags_by_the_lag_and_not_by_half_a_sample_besides():
 
 @pytest.mark.parametrize("friction", [0.0, 1.5])
 def test_follows_the_force_of_a_tissue_as_the_lag_does(friction):
-    """Oracle: scipy integrates the mass on a spring and damper, and the first-order lag."""
+    """Reference: integration of the mass on a spring and damper, and of the lag, by scipy."""
     stiffness, damping, viscous = 400.0, 5.0, 3.0
 
     def motor(t: float) -> float:
@@ -117,7 +117,7 @@ def test_follows_the_force_of_a_tissue_as_the_lag_does(friction):
 
 
 def test_is_that_of_murakami_yu_and_ohnishi():
-    """Their form LPF(F_motor + g m v) - g m v, in small steps, is the same."""
+    """The published form LPF(F_motor + g m v) - g m v, in small steps, gives the same force."""
     step, filtered, form = 1e-5, 0.0, []
     times = [n * step for n in range(5000)]
     for t in times:

@@ -1,4 +1,4 @@
-"""The firmware in C: compiled without a warning, fuzzed, and driven over a pseudo-terminal."""
+"""The firmware in C: compilation without warnings, fuzzing, and use over a pseudo-terminal."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ FIRMWARE = Path(__file__).parents[3] / "drivers" / "firmware"
 STRICT = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Werror"]
 SANITIZERS = ["-g", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover"]
 FUZZED = 100_000
-"""Malformed inputs here; by itself fuzz.c takes a million."""
+"""Number of malformed inputs; the default of fuzz.c is a million."""
 SOON = 5.0
-"""Longest wait for what takes a few milliseconds [s]."""
+"""Longest wait for an event that normally takes a few milliseconds [s]."""
 
 
 @pytest.fixture(scope="session")
@@ -100,7 +100,7 @@ def test_the_sketch_compiles_against_the_arduino_functions(compiler, tmp_path):
 
 
 class Bench:
-    """The firmware in another process, and the driver at the other end of a pseudo-terminal."""
+    """The firmware in another process, connected to the driver by a pseudo-terminal."""
 
     def __init__(self, program, master, slave):
         self.process = subprocess.Popen(
@@ -126,7 +126,7 @@ class Bench:
         self.process.stdin.write(order)
 
     def until(self, condition):
-        """Run the loop until that holds; whether it does."""
+        """Run the loop until a condition is true; return whether it is true."""
         end = time.monotonic() + SOON
         while not condition():
             if time.monotonic() > end:

@@ -1,4 +1,4 @@
-"""COBS against the examples of its authors, and as laws over any bytes and any cut."""
+"""COBS compared with published examples, and its properties for any bytes in any pieces."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ EXAMPLES = [
     (UP_TO[1:].hex() + "ff 00", "ff" + UP_TO[1:].hex() + "ff 01 01"),
     (UP_TO[2:].hex() + "ff 00 01", "fe" + UP_TO[2:].hex() + "ff 02 01"),
 ]
-"""Of the article on COBS in Wikipedia, without delimiters."""
+"""Examples of the Wikipedia article on COBS, without delimiters."""
 
 
 @pytest.mark.parametrize(("plain", "encoded"), EXAMPLES)

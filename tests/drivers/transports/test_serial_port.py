@@ -1,4 +1,4 @@
-"""A serial port against a pseudo-terminal, by the system's calls and by pyserial's."""
+"""A serial port on a pseudo-terminal, with system calls and with pyserial."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ pytestmark = pytest.mark.skipif(os.name != "posix", reason="needs a pseudo-termi
 
 @pytest.fixture(params=["descriptor", "portable"])
 def calls(request):
-    """Which calls the port is read by."""
+    """Select the functions with which the port is read."""
     if request.param == "descriptor":
         yield
     else:
@@ -27,7 +27,7 @@ def calls(request):
 
 
 class Terminal:
-    """Both ends of a pseudo-terminal; the host's is a serial port."""
+    """Both ends of a pseudo-terminal, with a serial port on the host's end."""
 
     def __init__(self):
         import tty

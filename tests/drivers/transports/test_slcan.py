@@ -1,4 +1,4 @@
-"""The slcan bus against the emulated adapter, in memory."""
+"""The slcan bus with the emulated adapter, in memory."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def same(one, other):
 
 
 def pieces(data, lengths):
-    """Bytes cut at these lengths, again and again."""
+    """Return the bytes in pieces of these lengths, used cyclically."""
     out = []
     while data:
         for length in lengths:
@@ -47,7 +47,7 @@ def pieces(data, lengths):
 
 
 class MemoryPort:
-    """A port with the adapter in it, which hands out what is to be read piece by piece."""
+    """A port with an adapter, which returns the waiting bytes in pieces."""
 
     def __init__(self, adapter, on_bus=()):
         self.adapter = adapter
@@ -69,7 +69,7 @@ class MemoryPort:
 
 @contextlib.contextmanager
 def opened(adapter=None, bitrate=500_000, **options):
-    """A bus and its port, with an adapter behind them."""
+    """Yield a bus and its port, with an adapter."""
     port = MemoryPort(adapter or SlcanAdapter())
     with patch.object(slcan, "open_port", lambda *_: port):
         bus = SlcanBus("memory", bitrate, **options)
@@ -257,7 +257,7 @@ def test_an_unsupported_slcan_bit_rate_is_an_error():
 
 
 class Answering(SlcanAdapter):
-    """Answers the command that begins with this otherwise."""
+    """An adapter with another answer to commands with a given start."""
 
     def __init__(self, command, answer):
         super().__init__()
@@ -273,7 +273,7 @@ class Answering(SlcanAdapter):
 
 
 @pytest.mark.parametrize(
-    ("command", "answer", "told"),
+    ("command", "answer", "message"),
     [
         (b"C", b"", "'C' .close. is not acknowledged: check that this is the port"),
         (b"C", b"$GPGGA,1*00\r\n", "'C' .close. is not acknowledged: check that this is the port"),
@@ -283,10 +283,10 @@ class Answering(SlcanAdapter):
         (b"O", b"\a", "'O' is refused: check"),
     ],
 )
-def test_an_unacknowledged_command_at_the_start_is_an_error(command, answer, told):
+def test_an_unacknowledged_command_at_the_start_is_an_error(command, answer, message):
     with (
         patch.multiple(slcan, BOOT=0.03, ANSWER=0.01),
-        pytest.raises(can.CanInitializationError, match=f"slcan adapter on memory: {told}"),
+        pytest.raises(can.CanInitializationError, match=f"slcan adapter on memory: {message}"),
         opened(Answering(command, answer)),
     ):
         pass

@@ -1,4 +1,4 @@
-"""The slcan bus, and python-can's own, against the emulated adapter over a pseudo-terminal."""
+"""The slcan bus, and that of python-can, with the emulated adapter on a pseudo-terminal."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def same(one, other):
 
 
 class Line:
-    """An adapter in a thread on a pseudo-terminal; frames with identifier 7 come back."""
+    """An adapter in a thread on a pseudo-terminal, which returns frames with identifier 7."""
 
     def __init__(self):
         import tty
@@ -82,7 +82,7 @@ def stopped():
 
 
 def without_descriptor(port):
-    """Open the bus as where a port has no file descriptor."""
+    """Open the bus as on a system without file descriptors of ports."""
     with patch.object(serial.Serial, "fileno", side_effect=io.UnsupportedOperation):
         return SlcanBus(port, 500_000)
 
@@ -146,7 +146,7 @@ def fill(bus):
 
 
 def received(bus):
-    """The next frame, though one before it was refused."""
+    """Return the next frame, also if an earlier one was refused."""
     try:
         return bus.recv(SOON)
     except can.CanOperationError:

@@ -15,7 +15,7 @@ SOFT = (2000.0, 1.2e5)
 
 
 def flow(theta, phi, f, gain):
-    """The adaptive law (8) as it stands in the paper."""
+    """Adaptive law (8) of the paper."""
     return -np.asarray(gain) * phi * (phi @ theta - f)
 
 

@@ -12,7 +12,7 @@ from estimation.methods.multi_estimator import MultiEstimator
 
 
 def weighted_fit(s, rate):
-    """numpy's least squares with weights that fall as (11)'s, and its deviations per noise."""
+    """Return numpy's least squares with the weights of (11), and its relative deviations."""
     weight = np.exp(-2.0 * rate * 1e-3 * np.arange(len(s.x))[::-1])
     rows, root = np.column_stack((s.v, s.x)), np.sqrt(weight)
     theta, *_ = np.linalg.lstsq(rows * root[:, None], s.f * root, rcond=None)

@@ -16,7 +16,7 @@ FLOOR = 0.02
 
 
 def flow(theta, phi, f, rate):
-    """The normalised gradient law."""
+    """Return the derivative of theta by the normalised gradient law."""
     s = phi / SIZES
     return rate / (FLOOR + s @ s) * phi / SIZES**2 * (f - phi @ theta)
 

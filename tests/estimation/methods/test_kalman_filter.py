@@ -15,7 +15,7 @@ CEILING = tuple(1.0 / size**2 for size in SIZES)
 
 
 def filtered(samples, q, p0):
-    """What filterpy makes of parameters that walk at random."""
+    """Return the estimates of filterpy for parameters that are random walks."""
     oracle = KalmanFilter(dim_x=len(q), dim_z=1)
     oracle.P, oracle.R = np.diag(p0), np.eye(1)
     estimates = []

@@ -17,7 +17,7 @@ SMALL = Grid(b=Axis(-60.0, 60.0, 13), k=Axis(500.0, 4000.0, 36))
 
 @dataclass
 class PlainBank:
-    """(10)-(11) candidate by candidate, with the stated rule for ties."""
+    """Evaluate (10)-(11) for all candidates, with the documented rule for ties."""
 
     grid: Grid
     forgetting_rate: float
@@ -168,8 +168,8 @@ def test_monitoring_signal_is_the_integral_of_the_squared_error(palpation):
     ("make", "word"),
     [
         (lambda: Axis(0.0, 1.0, 1), "two candidates"),
-        (lambda: Axis(1.0, 1.0, 5), "rise"),
-        (lambda: Axis(0.0, math.nan, 5), "rise"),
+        (lambda: Axis(1.0, 1.0, 5), "must increase"),
+        (lambda: Axis(0.0, math.nan, 5), "must increase"),
         (lambda: MultiEstimator(PAPER, -1.0), "forgetting rate"),
         (lambda: MultiEstimator(PAPER, 10.0).ties(-0.1), "margin"),
     ],

@@ -16,7 +16,7 @@ FINE = Grid(b=Axis(-1200.0, 1200.0, 10_001), k=Axis(0.0, 60_000.0, 10_001))
 
 
 def plain_supervisor(grid, rate, hysteresis, dwell, x, v, f, dt):
-    """sigma after each sample: every candidate's signal integrated, then the switching logic."""
+    """Return sigma after each sample, by integration of all candidates' signals."""
     b, k = (a.ravel() for a in np.meshgrid(grid.b.values, grid.k.values, indexing="ij"))
     monitoring, force, since = np.zeros(b.size), 0.0, math.inf
     sigma = int(np.argmin(np.hypot(b, k)))

@@ -1,4 +1,4 @@
-"""The emulated slcan adapter, with python-can's own slcan as the host."""
+"""The emulated slcan adapter, with slcan of python-can as host."""
 
 from __future__ import annotations
 

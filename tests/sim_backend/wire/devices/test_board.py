@@ -1,4 +1,4 @@
-"""The emulated board by itself; what it shares with the firmware is tested with the driver."""
+"""The emulated board. Its common behaviour with the firmware is tested with the driver."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The emulated CiA 402 drive: canopen's own master against it, and its clockwork by itself."""
+"""The emulated CiA 402 drive: with the master of canopen, and its timing."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ CHANNELS = itertools.count()
 
 
 class Carriage:
-    """What the drive moves; it remembers the velocities."""
+    """Mount of the drive, which stores the velocities."""
 
     def __init__(self):
         self.velocity, self.position, self.force, self.braked = 0.0, 0.0, 0.0, False
@@ -89,7 +89,7 @@ def dictionary():
 
 
 class Served:
-    """The emulated drive on a virtual CAN bus, in a thread of its own."""
+    """The emulated drive on a virtual CAN bus, in another thread."""
 
     def __init__(self, channel, settings=SETTINGS):
         self.mount = Carriage()
@@ -117,7 +117,7 @@ class Served:
 
 
 def soon(condition):
-    """Whether a condition comes true before patience ends."""
+    """Return whether a condition becomes true within the time limit."""
     end = time.monotonic() + 5.0
     while not condition() and time.monotonic() < end:
         time.sleep(1e-3)
@@ -138,7 +138,7 @@ def served(channel):
 
 @pytest.fixture
 def node(channel, served):
-    """canopen's own master for a CiA 402 drive."""
+    """Master of canopen for a CiA 402 drive."""
     network = canopen.Network()
     network.NOTIFIER_CYCLE = 0.01
     node = canopen.BaseNode402(5, dictionary())
@@ -168,7 +168,7 @@ def map_pdos(node):
 
 
 def operate(node):
-    """Operation enabled in csv, by PDO and SYNC, as canopen does it."""
+    """Enable operation in csv mode with canopen, by PDO and SYNC."""
     map_pdos(node)
     node.nmt.state = "OPERATIONAL"
     node.setup_402_state_machine(read_pdos=False)
@@ -292,7 +292,7 @@ def turn(bus, driver):
 
 
 class Clockwork:
-    """The drive in virtual time, and what it sends."""
+    """The drive in virtual time, with the frames that it sends."""
 
     def __init__(self):
         self.mount = Carriage()
