@@ -1,4 +1,4 @@
-"""Drivers: what a rig is to the controller, and the devices behind it."""
+"""Drivers: the interface between the controller and a rig, and the devices of a rig."""
 
 from drivers.rig import (
     AXES,

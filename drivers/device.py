@@ -1,4 +1,4 @@
-"""Devices: what stands behind a serial port, or behind some identifiers of a CAN bus."""
+"""Base classes of devices on serial ports and CAN buses."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class Sample(NamedTuple):
-    """A value [SI unit of its signal] and when it was sampled [s], on the controller's clock."""
+    """A value, in the unit of its signal, and its sampling time [s] on the controller's clock."""
 
     value: float
     time: float
@@ -28,7 +28,7 @@ NO_SAMPLE = Sample(math.nan, -math.inf)
 
 
 class DeviceSettings(BaseModel):
-    """What every `[devices.NAME]` section of a rig file has; units stand in the names."""
+    """Base class of the `[devices.NAME]` sections of a rig file. Names of settings have units."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -36,58 +36,58 @@ class DeviceSettings(BaseModel):
 
 
 class VelocityDrive(ABC):
-    """A drive that follows a velocity; each call returns at once.
+    """A drive with velocity control. No method waits.
 
-    Velocities are in m/s, in the drive's own direction.
+    Velocities are in m/s, in the positive direction of the drive.
     """
 
     @abstractmethod
     def enable(self) -> bool:
-        """Ask the drive to take commands, at standstill; whether it does by now.
+        """Request operation at standstill; return whether the drive is in operation.
 
-        Called once a tick until it says so. The drive's watchdog is armed with it.
+        It is called once per tick until it returns True. It also arms the drive's watchdog.
         """
 
     @abstractmethod
     def command(self, velocity: float) -> float:
-        """Set the velocity that the next `transmit` sends; returns what the drive makes of it."""
+        """Set the velocity that the next `transmit` sends; return it as rounded or limited."""
 
     @abstractmethod
     def idle(self) -> None:
-        """Take the drive out of operation at once, without waiting; may be repeated.
+        """Take the drive out of operation immediately; may be called repeatedly.
 
-        Unlike `command` it sends what it has to by itself.
+        Unlike `command`, it sends its messages itself.
         """
 
 
 class Device(ABC):
-    """A device on a rig: signals that it measures, and drives that it moves.
+    """A device of a rig, with the signals that it measures and the drives that it controls.
 
     Parameters
     ----------
     name
-        What the rig file calls it.
+        Name of the device in the rig file.
     settings
-        Its section of the rig file, an instance of its `Settings`.
+        Section of the device in the rig file, an instance of `Settings`.
 
     Attributes
     ----------
     samples
-        The latest sample of each signal; `NO_SAMPLE` before the first.
+        Latest sample of each signal; `NO_SAMPLE` before the first.
     error
-        The error that the device reports of itself; empty for none.
+        Error that the device reports; empty for none.
     emergency_stop
-        Whether an emergency-stop input that is wired to it is open.
+        Whether an emergency-stop input of the device is open.
     rejected
-        How many frames were not taken, by reason, such as `checksum` or `length`.
+        Number of rejected frames, by reason, for example `checksum` or `length`.
     drives
-        The drives that it moves, by name.
+        Drives of the device, by name.
     """
 
     Settings: ClassVar[type[DeviceSettings]]
-    """The device's section in a rig file."""
+    """Class of the device's section in a rig file."""
     estimated: ClassVar[bool] = False
-    """Whether its signals are estimated from others, not measured."""
+    """Whether the signals are estimated from other signals instead of measured."""
 
     def __init__(self, name: str, settings: Any) -> None:
         self.name = name
@@ -100,105 +100,106 @@ class Device(ABC):
 
     @abstractmethod
     def signals(self) -> Mapping[str, str]:
-        """What it measures, by name, each with its SI unit.
+        """Return the SI unit of each signal, by name of the signal.
 
-        A sensor that does not know it gives its own, such as `V`; the rig file scales it then.
+        A sensor with an unknown scale gives the unit of its raw signal, for example `V`. The rig
+        file then has a scale for the channel.
         """
 
     def update(self, now: float) -> None:  # noqa: B027
-        """Do what is due at a tick after all buses were read; by itself nothing."""
+        """Do the periodic work of a tick, after all buses were read. Default: nothing."""
 
     def rearm(self) -> None:
-        """Forget the error that is remembered; what is still wrong shows again."""
+        """Clear a latched error. An error that is still present is reported again."""
         self.error = ""
 
     def transmit(self) -> None:  # noqa: B027
-        """Send what the tick has commanded; by itself nothing."""
+        """Send the commands of the tick. Default: nothing."""
 
     def ping(self) -> bool:
-        """Ask the device something, for the round trip to be timed; whether it can be asked."""
+        """Send a request for a measurement of the round-trip time; return False if unsupported."""
         return False
 
     def answered(self) -> bool:
-        """Whether the answer to the last `ping` has come."""
+        """Return whether the device has answered the last `ping`."""
         return False
 
     def stop(self) -> None:  # noqa: B027
-        """Say goodbye before the bus closes; the drives are idle already. By itself nothing."""
+        """End the session before the bus is closed, with all drives idle. Default: nothing."""
 
 
 class SerialDevice(Device):
-    """A device that has a serial port to itself."""
+    """A device that is the only one on its serial port."""
 
     @abstractmethod
     def start(self, port: SerialPort) -> None:
-        """Begin on an open port: hand-shake and set up; may wait with `port.wait_for`.
+        """Set up the device on an open port; may wait with `port.wait_for`.
 
         Raises
         ------
         RigError
-            The device does not answer, or is not the one that the rig file says.
+            The device does not answer, or differs from the rig file.
         """
 
     @abstractmethod
     def receive(self, data: bytes, now: float) -> None:
-        """Take in what arrived since the last call; malformed bytes are counted, never raised.
+        """Process the bytes since the last call; malformed frames are counted in `rejected`.
 
         Parameters
         ----------
         data
-            The bytes, cut anywhere.
+            The bytes. They may start and end within a frame.
         now
-            When they arrived [s].
+            Time of arrival [s].
         """
 
 
 class CanDevice(Device):
-    """A device behind some identifiers of a CAN bus."""
+    """A device on a CAN bus, with its own identifiers."""
 
     @abstractmethod
     def identifiers(self) -> Iterable[int]:
-        """The identifiers under which it sends; those of 29 bits with bit 31 set besides."""
+        """Return the identifiers of the frames that it sends; bit 31 marks a 29-bit identifier."""
 
     @abstractmethod
     def start(self, bus: CanBus) -> None:
-        """Begin on an open bus: set up; may wait with `bus.wait_for`.
+        """Set up the device on an open bus; may wait with `bus.wait_for`.
 
         Raises
         ------
         RigError
-            The device does not answer, or is not the one that the rig file says.
+            The device does not answer, or differs from the rig file.
         """
 
     @abstractmethod
     def receive(self, frame: can.Message, time: float) -> None:
-        """Take in a frame with one of the device's identifiers; malformed ones are counted.
+        """Process a frame with one of the identifiers; malformed ones are counted in `rejected`.
 
         Parameters
         ----------
         frame
             The frame.
         time
-            When it arrived [s].
+            Time of arrival [s].
         """
 
 
 class DerivedDevice(Device):
-    """A device in software: what it measures follows from what other devices measure."""
+    """A device in software, whose signals are computed from the signals of other devices."""
 
     @abstractmethod
     def start(self, devices: Mapping[str, Device]) -> None:
-        """Find the devices that it needs.
+        """Look up the devices that it needs.
 
         Raises
         ------
         RigError
-            One is missing.
+            A device is missing.
         """
 
 
 def sole_drive(device: Device, wanted: str) -> str:
-    """The drive of a device by name, or its only one; empty if there is none."""
+    """Return the name of the wanted drive, or of the only one if none is wanted; empty for none."""
     names: Sequence[str] = list(device.drives)
     if wanted:
         return wanted if wanted in names else ""

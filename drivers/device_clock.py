@@ -1,31 +1,33 @@
-"""The controller's time of what a device stamped on its own clock."""
+"""Conversion of a device's time stamps to the controller's clock."""
 
 from __future__ import annotations
 
 import math
 
 DRIFT = 100e-6
-"""Most that the two clocks run apart: two crystals [s/s]."""
+"""Largest drift between two crystal clocks [s/s]."""
 WRAP = 1 << 32
 MICROSECOND = 1e-6
 
 
 class DeviceClock:
-    """Maps a device's time stamps, microseconds in 32 bits, to the controller's clock.
+    """Conversion of a device's time stamps, 32-bit microseconds, to the controller's clock.
 
-    What a drain finds was taken before it. So the time of a drain less the newest stamp that it
-    found is the offset between the clocks plus an age, which is positive; and so is the mean of
-    two drains less the mean of their newest stamps. That holds however long the controller or the
-    device was held up in between. The least of all such differences, allowed to rise by
-    the drift of two crystals, is the offset plus the least age (the lower envelope).
+    All samples that are found when a port is read were taken before. So the time of a reading
+    minus the newest time stamp in it is the offset between the clocks plus the age of the sample,
+    which is positive. The same is true for the mean of two reading times minus the mean of their
+    newest time stamps, also after a delay of the controller or of the device. The minimum of
+    these differences, allowed to increase by the drift of two crystals, is the offset plus the
+    smallest age (lower envelope).
 
-    So a time is never too early, and too late by the least age: the least latency, well below a
-    millisecond on USB, and no more than the time between two samples, less where drains and
-    samples pass each other. (A sample that came just before its drain may so seem to be half of
-    that time younger than nothing.) What is delivered late, or out of a queue that builds up, does
-    not move the envelope and shows in the sample's age.
+    So a converted time is never too early. It is too late by the smallest age, which is the
+    smallest latency, well below 1 ms on USB, plus at most one sample period. (The age of a sample
+    that arrived just before the reading may therefore be negative, by up to half a period.)
+    Delayed samples, for example from a queue, do not change the envelope; the delay is part of
+    their age.
 
-    A device whose clock is slower by more than `DRIFT`, as without a crystal, seems ever later.
+    If the clock of a device is slow by more than `DRIFT`, for example without a crystal, the
+    converted times become later and later.
     """
 
     def __init__(self) -> None:
@@ -35,14 +37,14 @@ class DeviceClock:
         self._seen = math.nan
 
     def observe(self, newest: int, now: float) -> None:
-        """Take in what a drain found.
+        """Update the offset after a reading of the port.
 
         Parameters
         ----------
         newest
-            The newest of the time stamps [us].
+            Newest time stamp in the data [us].
         now
-            The middle between this drain and the one before [s].
+            Mean of the times of this reading and of the previous one [s].
         """
         stamp = self._continued(newest)
         before = stamp if self._newest is None else self._newest
@@ -55,11 +57,11 @@ class DeviceClock:
         self._seen = now
 
     def time(self, stamp: int) -> float:
-        """When a sample was taken [s], on the controller's clock; NaN before any was observed."""
+        """Convert a time stamp [us] to the controller's clock [s]; NaN before `observe`."""
         return self._continued(stamp) * MICROSECOND + self._offset
 
     def _continued(self, stamp: int) -> int:
-        """The stamp as if the counter were endless, within half a turn of the newest."""
+        """Return the time stamp without the wrap at 2^32, within 2^31 of the newest one."""
         if self._newest is None:
             return stamp
         ahead = (stamp - self._newest) % WRAP

@@ -1,4 +1,4 @@
-"""Files that are read: regular ones, since a FIFO or a device may never answer or never end."""
+"""Reading of regular files. FIFOs and devices are rejected, because reading may never end."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 LARGEST = 16 << 20
-"""Largest file that is read as a whole [bytes]: settings, zeros, descriptions of frames."""
+"""Default limit of `read_input` [bytes]."""
 KINDS = (
     (stat.S_ISDIR, "folder"),
     (stat.S_ISFIFO, "FIFO"),
@@ -20,14 +20,14 @@ KINDS = (
 
 
 def open_input(path: Path) -> BinaryIO:
-    """Open a regular file, and wait for nothing.
+    """Open a regular file for reading, without waiting.
 
     Raises
     ------
     OSError
-        It cannot be opened, or is not a regular file.
+        The file cannot be opened, or is not a regular file.
     """
-    check_regular(path.stat().st_mode)  # before it is opened: that alone can act on a device
+    check_regular(path.stat().st_mode)  # first, because opening a device can have effects
     file: BinaryIO = open(path, "rb", opener=without_waiting)  # noqa: SIM115
     try:
         check_regular(os.fstat(file.fileno()).st_mode)
@@ -38,12 +38,12 @@ def open_input(path: Path) -> BinaryIO:
 
 
 def read_input(path: Path, largest: int = LARGEST) -> bytes:
-    """All of a regular file.
+    """Return the content of a regular file.
 
     Raises
     ------
     OSError
-        It cannot be read, is not a regular file, or is larger than `largest` [bytes].
+        The file cannot be read, is not a regular file, or is larger than `largest` [bytes].
     """
     with open_input(path) as file:
         content = file.read(largest + 1)
@@ -53,12 +53,12 @@ def read_input(path: Path, largest: int = LARGEST) -> bytes:
 
 
 def check_regular(mode: int) -> None:
-    """Raise OSError unless the mode of a file is that of a regular one."""
+    """Raise OSError unless a file mode is that of a regular file."""
     if not stat.S_ISREG(mode):
         kind = next((kind for is_one, kind in KINDS if is_one(mode)), "special file")
         raise OSError(errno.EINVAL, f"expected a file, this is a {kind}")
 
 
 def without_waiting(path: str, flags: int) -> int:
-    """Open as `open` does; a FIFO without a writer does not hold it."""
+    """Act as opener of `open` that does not wait for the writer of a FIFO."""
     return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))

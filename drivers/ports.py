@@ -1,4 +1,4 @@
-"""The serial ports and CAN buses that this machine has."""
+"""Detection of the serial ports and CAN buses of this computer."""
 
 from __future__ import annotations
 
@@ -10,21 +10,22 @@ from serial.tools import list_ports
 
 
 class Port(NamedTuple):
-    """A port or bus, as a rig file names it."""
+    """A serial port or CAN bus, with its names in a rig file."""
 
     kind: str
     """`serial` or `can`."""
     interface: str
-    """python-can's interface; empty for a serial port."""
+    """Name of python-can's interface; empty for a serial port."""
     name: str
-    """The port, or the channel of a CAN bus."""
+    """Serial port, or channel of a CAN bus."""
     description: str
+    """Description by the operating system; may be empty."""
     hardware: str
-    """USB vendor, product and serial number, where there are any."""
+    """USB vendor, product and serial number; may be empty."""
 
 
-def found() -> list[Port]:
-    """Serial ports, then CAN buses; an slcan adapter is listed as the serial port that it is."""
+def available_ports() -> list[Port]:
+    """Return all serial ports, then all CAN buses. An slcan adapter is listed as serial port."""
     ports = [
         Port("serial", "", p.device, known(p.description), known(p.hwid))
         for p in sorted(list_ports.comports())
@@ -37,15 +38,15 @@ def found() -> list[Port]:
 
 
 INTERFACES = ("socketcan", "pcan", "kvaser", "ixxat", "vector", "gs_usb", "usb2can", "canalystii")
-"""Interfaces whose buses python-can finds; those without their library find none."""
+"""Interfaces that python-can can search. Without its library, an interface finds no buses."""
 
 
 def description(config: can.typechecking.AutoDetectedConfig) -> str:
-    """What else is known of a bus."""
+    """Return the other properties of a bus, as text."""
     known = {k: v for k, v in config.items() if k not in ("interface", "channel")}
     return ", ".join(f"{name} {value}" for name, value in known.items())
 
 
 def known(text: str | None) -> str:
-    """What pyserial knows; empty where it says `n/a`."""
+    """Return a text of pyserial; empty for `n/a`."""
     return "" if text in (None, "n/a") else str(text)

@@ -1,4 +1,4 @@
-"""Devices by the name of their kind, ours and those of installed packages."""
+"""Registry of device classes by kind: those of this package and of other installed packages."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from importlib.metadata import entry_points
 from drivers.device import Device
 
 GROUP = "teleop.devices"
-"""Entry points under which other packages offer devices."""
+"""Group of the entry points with which other packages register devices."""
 BUILT_IN = {
     "board": "drivers.devices.board:Board",
     "bota": "drivers.devices.bota:Bota",
@@ -21,19 +21,19 @@ BUILT_IN = {
 
 
 def kinds() -> list[str]:
-    """The names of all kinds."""
+    """Return the names of all kinds of devices, sorted."""
     return sorted(BUILT_IN.keys() | entry_points(group=GROUP).names)
 
 
 def device_class(kind: str) -> type[Device]:
-    """The class of a kind.
+    """Return the class of a kind of device.
 
     Raises
     ------
     KeyError
-        There is none of that name.
+        The kind is unknown.
     ImportError
-        A package that it needs is not installed.
+        A package that the class needs is not installed.
     """
     if kind in BUILT_IN:
         module, _, name = BUILT_IN[kind].partition(":")

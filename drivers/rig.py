@@ -1,4 +1,4 @@
-"""What a rig is to the controller: channels to read, velocities to command, and a stop."""
+"""Interface of a rig: channels to read, velocities to command, and a stop."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from typing import Annotated, NamedTuple, Self, get_origin, get_type_hints
 
 
 class RigError(Exception):
-    """A device failed or fell silent; the message names which, and what was expected."""
+    """A device failed or does not send. The message has the device and the expectation."""
 
 
 def reason(error: Exception) -> str:
-    """The cause of an error of the system or of a library, as part of a line of text."""
+    """Return the cause of an error of the system or of a library, as part of a line of text."""
     number = getattr(error, "errno", None)
     text = os.strerror(number).lower() if number else str(error)
     return " ".join(text.split()).rstrip(".") or type(error).__name__
@@ -26,7 +26,7 @@ Velocity = Annotated[float, "m/s"]
 
 
 class Ages(NamedTuple):
-    """Time [s] since each channel's sample was taken, in the order of the channels."""
+    """Time [s] since the sample of each channel was taken, in the order of `CHANNELS`."""
 
     master_force: float
     master_position: float
@@ -38,33 +38,34 @@ class Ages(NamedTuple):
 class Measurement(NamedTuple):
     """All channels at one tick, in SI units.
 
-    `CHANNELS` and `UNITS` follow from its fields.
+    `CHANNELS` and `UNITS` are derived from the fields.
 
     Positions are displacements from the datum, positive into the environment; forces are
     positive in compression. A channel that the rig does not have is NaN.
     """
 
     time: float
-    """When the rig was read [s], on the clock of the controller."""
+    """Time when the rig was read [s], on the controller's clock."""
     master_force: Force
-    """Force of the operator's hand on the handle."""
+    """Force of the operator's hand on the handle [N]."""
     master_position: Position
-    """Position of the handle."""
+    """Position of the handle [m]."""
     slave_position: Position
-    """Position of the slave."""
+    """Position of the slave [m]."""
     contact_force: Force
-    """Force between slave and environment."""
+    """Force between slave and environment [N]."""
     slave_velocity: Velocity
-    """Velocity of the slave, where the drive reports it."""
+    """Velocity of the slave [m/s], if the drive reports it."""
     age: Ages
+    """Ages of the samples [s]."""
     drive_error: str = ""
-    """The error that a drive reports of itself; empty for none."""
+    """Error that a drive reports; empty for none."""
     emergency_stop: bool = False
-    """Whether the emergency-stop input that is wired to the rig is open."""
+    """Whether the emergency-stop input of the rig is open."""
 
     @property
     def channels(self) -> tuple[float, ...]:
-        """The values of the channels, in the order of `CHANNELS`."""
+        """Values of the channels, in the order of `CHANNELS`."""
         return self[1:6]
 
 
@@ -75,11 +76,11 @@ UNITS = {
 }
 """SI unit of each measured channel."""
 CHANNELS = tuple(UNITS)
-"""Names of the measured channels, in their order."""
+"""Names of the measured channels, in the order of the fields of `Measurement`."""
 
 
 class Command(NamedTuple):
-    """Velocities [m/s] for the two drives; a rig with a passive handle ignores the first."""
+    """Velocities [m/s] of the two drives. A rig with a passive handle ignores the first."""
 
     master_velocity: float
     slave_velocity: float
@@ -93,23 +94,23 @@ STANDSTILL = Command(0.0, 0.0)
 class Rig(ABC):
     """A telemanipulator, real or simulated.
 
-    Used as a context manager: it is opened on entry, and its drives are idled and it is closed
-    on every exit from the block, whatever the reason. A process that is killed does not get
-    there: for that the drives have watchdogs of their own, armed by `enable`.
+    It is a context manager: on entry it is opened, and on every exit the drives are idled and it
+    is closed. If the process is killed, the watchdogs of the drives, armed by `enable`, stop
+    them.
     """
 
     @property
     def rejected(self) -> Mapping[str, Mapping[str, int]]:
-        """How many frames each device did not take, by reason; devices without any are left out."""
+        """Number of rejected frames by device and reason; devices without any are omitted."""
         return {}
 
     @abstractmethod
     def open(self) -> None:
-        """Connect to the devices; nothing moves yet."""
+        """Connect to the devices, without motion."""
 
     @abstractmethod
     def read(self) -> Measurement:
-        """The latest sample of every channel, without waiting for a new one.
+        """Return the latest sample of every channel, without waiting for a new one.
 
         Raises
         ------
@@ -119,9 +120,9 @@ class Rig(ABC):
 
     @abstractmethod
     def enable(self) -> bool:
-        """Ask the drives to take commands, at standstill, and arm their watchdogs.
+        """Request operation of all drives at standstill, and arm their watchdogs.
 
-        Called once a tick until it says that all drives do.
+        It is called once per tick until it returns True: all drives are in operation.
 
         Raises
         ------
@@ -130,30 +131,30 @@ class Rig(ABC):
         """
 
     def rearm(self) -> None:  # noqa: B027
-        """Forget the errors that drives are remembered by: a person has seen to them.
+        """Clear the latched errors of the drives, on request of a person.
 
-        What is still wrong shows again.
+        Errors that are still present are reported again.
         """
 
     @abstractmethod
     def write(self, command: Command) -> Command:
-        """Command the drives, and return what was applied: the command within their limits.
+        """Command the drives, and return the applied command, limited to their ranges.
 
         Raises
         ------
         ValueError
-            A velocity is not finite; nothing was commanded.
+            A velocity is not finite. No command was sent.
         RigError
             A drive cannot be commanded.
         """
 
     @abstractmethod
     def idle(self) -> None:
-        """Take the drives out of operation at once, whatever they were doing; may be repeated."""
+        """Take the drives out of operation immediately, in any state; may be called repeatedly."""
 
     @abstractmethod
     def close(self) -> None:
-        """Release the devices; also those of an `open` that failed half-way."""
+        """Release the devices, also after an `open` that failed."""
 
     def __enter__(self) -> Self:
         try:

@@ -1,6 +1,6 @@
-"""A rig file: which device gives which channel and moves which drive, over which bus.
+"""Rig files: assignment of channels and drives to devices, and of devices to buses.
 
-TOML; all that is wrong is told at once.
+The format is TOML. All problems of a file are reported together.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from drivers.rig_sections import (
 
 
 class RigFileError(ValueError):
-    """A rig file is not as expected; its message names the file and everything wrong in it."""
+    """A rig file is invalid. The message has one line per problem, each with the file and key."""
 
 
 @dataclass(frozen=True)
@@ -43,12 +43,14 @@ class RigFile:
 
     path: Path
     text: str
-    """As it stands."""
+    """Unchanged content of the file."""
     sections: RigSections
+    """All sections except those of the devices."""
     devices: dict[str, DeviceSettings] = field(default_factory=dict)
+    """Settings of the devices, by name."""
 
     def make_devices(self) -> dict[str, Device]:
-        """Fresh devices by name, not started."""
+        """Return new devices by name, not started."""
         return {
             name: device_class(settings.kind)(name, settings)
             for name, settings in self.devices.items()
@@ -61,9 +63,9 @@ def read_rig_file(path: Path) -> RigFile:
     Raises
     ------
     OSError
-        It cannot be read.
+        The file cannot be read.
     RigFileError
-        It is not as expected.
+        The file is invalid.
     """
     raw = read_input(path)
     try:
@@ -86,7 +88,7 @@ def parse_rig_file(path: Path, text: str) -> RigFile:
     Raises
     ------
     RigFileError
-        It is not as expected.
+        The file is invalid.
     """
     try:
         tree = tomllib.loads(text)
@@ -98,31 +100,31 @@ def parse_rig_file(path: Path, text: str) -> RigFile:
     try:
         sections = RigSections.model_validate(tree)
     except ValidationError as error:
-        problems = told(error, ()) + problems
-        sections = RigSections.model_construct(**sound_sections(tree))
+        problems = validation_problems(error, ()) + problems
+        sections = RigSections.model_construct(**valid_sections(tree))
     rig_file = RigFile(path, text, sections, devices)
     names = frozenset(declared if isinstance(declared, Mapping) else ())
-    problems += loose_ends(rig_file, names)
+    problems += reference_problems(rig_file, names)
     if problems:
         raise RigFileError("\n".join(f"{path}: {problem}" for problem in problems))
     return rig_file
 
 
-def sound_sections(tree: Mapping[str, Any]) -> dict[str, Any]:
-    """The sections that are as expected by themselves, so that what refers to them is checked."""
-    sound = {}
+def valid_sections(tree: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the valid sections, and None for the others, so that references can be checked."""
+    sections = {}
     for name, part in RigSections.model_fields.items():
         try:
-            sound[name] = TypeAdapter(part.rebuild_annotation()).validate_python(tree.get(name))
+            sections[name] = TypeAdapter(part.rebuild_annotation()).validate_python(tree.get(name))
         except ValidationError:
-            sound[name] = None
-    return sound
+            sections[name] = None
+    return sections
 
 
 def checked_devices(
     tree: Any, folder: Path, problems: list[str]
 ) -> Iterator[tuple[str, DeviceSettings]]:
-    """Each device's section, checked by its kind; what is wrong goes to `problems`."""
+    """Yield the valid sections of devices by name; append the problems of the others."""
     if not isinstance(tree, Mapping) or not tree:
         problems.append("devices: expected a section [devices.NAME] for each device")
         return
@@ -135,30 +137,30 @@ def checked_devices(
             settings = device_class(kind).Settings
             yield name, TypeAdapter(settings).validate_python(section, context={"folder": folder})
         except ValidationError as error:
-            problems += told(error, ("devices", name))
+            problems += validation_problems(error, ("devices", name))
         except ImportError as error:
             problems.append(f"devices.{name}.kind: {kind} needs a package: {error}")
 
 
-def told(error: ValidationError, where: tuple[str, ...]) -> list[str]:
-    """What pydantic found, each with its path."""
+def validation_problems(error: ValidationError, where: tuple[str, ...]) -> list[str]:
+    """Return the problems that pydantic found, each with its key."""
     return [
-        f"{'.'.join(map(str, where + part['loc']))}: {wording(part['msg'])}"
+        f"{'.'.join(map(str, where + part['loc']))}: {as_phrase(part['msg'])}"
         + ("" if isinstance(part["input"], Mapping) else f", got {part['input']!r}")
         for part in error.errors()
     ]
 
 
-def wording(message: str) -> str:
-    """What pydantic says, as part of a line."""
+def as_phrase(message: str) -> str:
+    """Return a message of pydantic as part of a line."""
     message = message.removeprefix("Value error, ")
     return message[:1].lower() + message[1:]
 
 
-def loose_ends(rig: RigFile, declared: frozenset[str]) -> Iterator[str]:
-    """References that lead nowhere, and signals that do not fit.
+def reference_problems(rig: RigFile, declared: frozenset[str]) -> Iterator[str]:
+    """Yield unknown references and signals with an unexpected unit.
 
-    What refers to a device that is `declared`, but not as expected, is passed over.
+    References to devices that are `declared` but invalid are not reported.
     """
     try:
         devices = rig.make_devices()
@@ -186,20 +188,20 @@ def loose_ends(rig: RigFile, declared: frozenset[str]) -> Iterator[str]:
                 yield f"drives.{name}.{problem}"
         slave, master = sections.drives.slave, sections.drives.master
         if master and (master.device, master.drive) == (slave.device, slave.drive):
-            yield "drives.master: it is the slave's: expected another drive"
+            yield "drives.master: same drive as drives.slave: expected another drive"
 
 
 def bus_problems(
     devices: Mapping[str, Device], buses: Mapping[str, SerialSettings | CanSettings]
 ) -> Iterator[str]:
-    """Devices whose bus is not there, or is taken."""
+    """Yield devices whose bus is unknown, and ports or identifiers that are used twice."""
     ports: dict[str, str] = {}
     for name, settings in buses.items():
         port = settings.port if isinstance(settings, SerialSettings) else settings.channel
         if ports.setdefault(port, name) != name:
-            yield f"buses.{name}: {port!r} is that of {ports[port]} already"
-    taken: dict[str, str] = {}
-    heard: dict[tuple[str, int], str] = {}
+            yield f"buses.{name}: {port!r} is already used by bus {ports[port]}"
+    users: dict[str, str] = {}
+    senders: dict[tuple[str, int], str] = {}
     for name, device in devices.items():
         kind = "serial" if isinstance(device, SerialDevice) else "can"
         if not isinstance(device, SerialDevice | CanDevice):
@@ -213,18 +215,21 @@ def bus_problems(
             )
         elif isinstance(device, CanDevice):
             for identifier in device.identifiers():
-                other = heard.setdefault((bus, identifier), name)
+                other = senders.setdefault((bus, identifier), name)
                 if other != name:
-                    yield f"devices.{name}: {other} on {bus} has its identifier {identifier:#x}"
+                    yield (
+                        f"devices.{name}: identifier {identifier:#x} on {bus} is already used by "
+                        f"device {other}"
+                    )
                     break
-        elif taken.setdefault(bus, name) != name:
-            yield f"devices.{name}.bus: port {bus!r} is that of {taken[bus]} already"
+        elif users.setdefault(bus, name) != name:
+            yield f"devices.{name}.bus: port {bus!r} is already used by device {users[bus]}"
 
 
 def channel_problem(
     name: str, channel: ChannelSettings, devices: Mapping[str, Device]
 ) -> str | None:
-    """What is wrong with where a channel comes from."""
+    """Return the problem of the source of a channel; None for none."""
     if channel.device not in devices:
         return f"device: {channel.device!r}: expected one of {', '.join(devices)}"
     units = devices[channel.device].signals()
@@ -237,10 +242,10 @@ def channel_problem(
 
 
 def drive_problem(drive: DriveSettings, devices: Mapping[str, Device]) -> str | None:
-    """What is wrong with what a drive refers to."""
+    """Return the problem of the reference of a drive; None for none."""
     if drive.device not in devices:
         return f"device: {drive.device!r}: expected one of {', '.join(devices)}"
     if not sole_drive(devices[drive.device], drive.drive):
-        names = ", ".join(devices[drive.device].drives) or "none: it moves nothing"
-        return f"drive: {drive.drive!r}: expected one of those of the device: {names}"
+        names = ", ".join(devices[drive.device].drives) or "it has none"
+        return f"drive: {drive.drive!r}: expected a drive of the device: {names}"
     return None

@@ -1,4 +1,4 @@
-"""The sections of a rig file; units stand in the names, and unknown keys are refused."""
+"""Sections of a rig file. Names contain the unit; unknown keys are errors."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ NonNegative = Annotated[FiniteFloat, Field(ge=0)]
 
 
 class Section(BaseModel):
-    """A section of a rig file."""
+    """Base class of the sections of a rig file."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
 class SerialSettings(Section):
-    """A serial port."""
+    """Rig file section of a serial port."""
 
     kind: Literal["serial"]
     port: Annotated[str, Field(min_length=1)]
@@ -28,7 +28,7 @@ class SerialSettings(Section):
 
 
 class CanSettings(Section):
-    """A CAN bus behind any adapter that python-can knows."""
+    """Rig file section of a CAN bus with any adapter that python-can supports."""
 
     kind: Literal["can"]
     interface: str
@@ -41,57 +41,58 @@ BusSettings = Annotated[SerialSettings | CanSettings, Field(discriminator="kind"
 
 
 class ChannelSettings(Section):
-    """Where a channel comes from: SI value = sign * scale * signal + offset."""
+    """Source of a channel: value in SI units = sign * scale * signal + offset."""
 
     device: str
     signal: str
     scale: Positive | None = None
-    """SI unit for a unit of the signal, such as N per V; not needed for a signal in SI units."""
+    """SI unit per unit of the signal, for example N/V; not needed for a signal in SI units."""
     sign: Literal[1, -1] = 1
     lag_ms: NonNegative = 0.0
-    """How long before its arrival a sample was taken."""
+    """Delay from the sampling of a value to its arrival."""
     max_age_ms: Positive = 20.0
+    """Age of a sample above which the rig is stopped."""
 
     @property
     def gain(self) -> float:
-        """The channel's SI unit for a unit of the signal, signed."""
+        """Signed scale: SI unit of the channel per unit of the signal."""
         return self.sign * (self.scale or 1.0)
 
 
 class ForceSettings(ChannelSettings):
-    """A force channel."""
+    """Rig file section of a force channel."""
 
     offset_n: FiniteFloat = 0.0
     range_n: tuple[FiniteFloat, FiniteFloat]
     max_rate_n_per_s: Positive | None = None
     frozen_ms: Positive | None = None
-    """Longest time for which the live sensor repeats one value to the bit."""
+    """Longest time in which a working sensor repeats exactly the same value."""
 
     @property
     def offset(self) -> float:
-        """In newtons."""
+        """Offset [N]."""
         return self.offset_n
 
 
 class PositionSettings(ChannelSettings):
-    """A position channel."""
+    """Rig file section of a position channel."""
 
     offset_mm: FiniteFloat = 0.0
     range_mm: tuple[FiniteFloat, FiniteFloat]
     max_rate_mm_per_s: Positive | None = None
     frozen_travel_mm: Positive | None = None
-    """Farthest that the drive is commanded to go without any change of the value."""
+    """Largest commanded displacement without a change of the measured position."""
     resolution_um: Positive = 1.0
-    """One count of the encoder."""
+    """Position of one encoder count."""
 
     @property
     def offset(self) -> float:
-        """In metres."""
+        """Offset [m]."""
         return self.offset_mm * 1e-3
 
 
 class VelocitySettings(ChannelSettings):
-    """A velocity channel."""
+    """Rig file section of a velocity channel."""
 
     range_mm_per_s: tuple[FiniteFloat, FiniteFloat]
     max_rate_mm_per_s2: Positive | None = None
@@ -99,12 +100,12 @@ class VelocitySettings(ChannelSettings):
 
     @property
     def offset(self) -> float:
-        """In metres a second."""
+        """Offset [m/s]."""
         return 0.0
 
 
 class ChannelsSettings(Section):
-    """The channels; a rig without encoder at the handle, or whose drive reports no velocity."""
+    """Rig file section of the channels. Encoder of the handle and velocity of the slave are optional."""
 
     master_force: ForceSettings
     contact_force: ForceSettings
@@ -113,37 +114,37 @@ class ChannelsSettings(Section):
     slave_velocity: VelocitySettings | None = None
 
     def items(self) -> Iterator[tuple[str, ForceSettings | PositionSettings | VelocitySettings]]:
-        """The channels that the rig has, by name, in the order of `drivers.CHANNELS`."""
+        """Yield the channels of the rig, by name, in the order of `drivers.CHANNELS`."""
         for name in CHANNELS:
             if channel := getattr(self, name):
                 yield name, channel
 
 
 class DriveSettings(Section):
-    """A drive of the rig."""
+    """Rig file section of a drive."""
 
     device: str
     drive: str = ""
-    """Which of the device's drives, where it has several."""
+    """Name of the drive; needed only if the device has several."""
     sign: Literal[1, -1] = 1
     max_velocity_mm_per_s: Positive
 
 
 class DrivesSettings(Section):
-    """The drives; without one for the master the handle is passive."""
+    """Rig file section of the drives. Without a drive for the master, the handle is passive."""
 
     slave: DriveSettings
     master: DriveSettings | None = None
 
     def items(self) -> Iterator[tuple[str, DriveSettings]]:
-        """The drives that the rig has, in the order of `drivers.Command`."""
+        """Yield the drives of the rig, by name, in the order of `drivers.Command`."""
         for name in AXES:
             if drive := getattr(self, name):
                 yield name, drive
 
 
 class LimitsSettings(Section):
-    """What the telemanipulator may do; `teleop.safety.Limits` tells each."""
+    """Rig file section of the safety limits; see `teleop.safety.Limits` for each."""
 
     max_velocity_mm_per_s: Positive
     max_acceleration_m_per_s2: Positive
@@ -160,7 +161,7 @@ class LimitsSettings(Section):
 
 
 class RigSections(Section):
-    """All of a rig file but its devices, whose sections depend on their kinds."""
+    """All sections of a rig file except those of the devices, which depend on their kinds."""
 
     name: Annotated[str, Field(min_length=1)]
     rate_hz: Annotated[FiniteFloat, Field(ge=50, le=1000)] = 1000.0

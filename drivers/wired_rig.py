@@ -1,4 +1,4 @@
-"""A rig of devices on serial ports and CAN buses, put together as its rig file says."""
+"""A rig of devices on serial ports and CAN buses, assembled from a rig file."""
 
 from __future__ import annotations
 
@@ -18,31 +18,33 @@ from drivers.transports.serial_port import SerialPort
 FIRST_SAMPLES = 2.0
 """Longest wait for the first sample of every channel [s]."""
 ENABLING = 2.0
-"""Longest time in which drives get ready to take commands [s]."""
+"""Longest time from the request until all drives are in operation [s]."""
 
 
 class Channel(NamedTuple):
-    """How a channel is had from a device's signal: gain * signal + offset."""
+    """Source of a channel, whose value is gain * signal + offset."""
 
     device: Device
     signal: str
     gain: float
+    """SI unit of the channel per unit of the signal."""
     offset: float
-    """[SI unit]"""
+    """Offset, in the SI unit of the channel."""
     lag: float
-    """[s]"""
+    """Delay from the sampling of a value to its arrival [s]."""
 
 
 class WiredDrive(NamedTuple):
-    """A drive in the rig's direction."""
+    """A drive with its direction and its limit."""
 
     name: str
     axis: int
-    """Its place in a `Command`."""
+    """Index in a `Command`."""
     drive: VelocityDrive
     sign: int
+    """Direction of the drive relative to the rig, 1 or -1."""
     max_velocity: float
-    """[m/s]"""
+    """Largest speed [m/s]."""
 
 
 class WiredRig(Rig):
@@ -51,9 +53,9 @@ class WiredRig(Rig):
     Parameters
     ----------
     file
-        What it is made of.
+        The rig file.
     now
-        The controller's clock [s].
+        Function that returns the time of the controller's clock [s].
     """
 
     def __init__(self, file: RigFile, now: Callable[[], float]) -> None:
@@ -87,7 +89,7 @@ class WiredRig(Rig):
 
     @property
     def rejected(self) -> Mapping[str, Mapping[str, int]]:
-        """How many frames each device did not take, by reason; devices without any are left out."""
+        """Number of rejected frames by device and reason; devices without any are omitted."""
         return {name: device.rejected for name, device in self.devices.items() if device.rejected}
 
     def open(self) -> None:
@@ -96,7 +98,7 @@ class WiredRig(Rig):
         Raises
         ------
         RigError
-            A port cannot be opened, a device does not answer, or a channel stays silent.
+            A port cannot be opened, a device does not answer, or a channel has no sample.
         """
         for bus in self.buses.values():
             bus.open()
@@ -116,14 +118,14 @@ class WiredRig(Rig):
         end = self._now() + FIRST_SAMPLES
         while silent := [name for name, value in self._values().items() if math.isnan(value)]:
             if self._now() > end:
-                raise RigError(f"no sample of {self._whereabouts(silent)} in {FIRST_SAMPLES:g} s")
+                raise RigError(f"no sample of {self._sources_of(silent)} in {FIRST_SAMPLES:g} s")
             next(iter(self.buses.values())).wait_for(lambda: False, 1e-3)
 
     def _values(self) -> dict[str, float]:
         return {name: c.device.samples[c.signal].value for name, c in self._channels.items()}
 
-    def _whereabouts(self, channels: list[str]) -> str:
-        """Which channels, from where, and what came instead."""
+    def _sources_of(self, channels: list[str]) -> str:
+        """Return the channels with their devices, errors and rejected frames, as text."""
         parts = []
         for name in channels:
             device = self._channels[name].device
@@ -146,7 +148,7 @@ class WiredRig(Rig):
         return bus
 
     def _poll(self) -> None:
-        """Drain every bus, and let every device do what is due."""
+        """Read every bus, and update every device."""
         for bus in self.buses.values():
             bus.poll()
         now = self._now()
@@ -154,7 +156,7 @@ class WiredRig(Rig):
             device.update(now)
 
     def read(self) -> Measurement:
-        """Drain every bus; the latest sample of every channel."""
+        """Read every bus, and return the latest sample of every channel."""
         self._poll()
         now = self._now()
         values, ages = [], []
@@ -174,12 +176,12 @@ class WiredRig(Rig):
         return Measurement._make((now, *values, Ages._make(ages), error, stop))
 
     def rearm(self) -> None:
-        """Let every device forget its error."""
+        """Clear the latched errors of all devices."""
         for device in self.devices.values():
             device.rearm()
 
     def enable(self) -> bool:
-        """Ask the drives to take commands; whether all do by now."""
+        """Request operation of all drives; return whether all are in operation."""
         if math.isnan(self._enabling):
             self._enabling = self._now()
         ready = [drive.drive.enable() for drive in self._drives]
@@ -190,14 +192,14 @@ class WiredRig(Rig):
         return self._enabled
 
     def write(self, command: Command) -> Command:
-        """Command the drives; velocities beyond their greatest are clipped.
+        """Command the drives, with velocities limited to the range of each drive.
 
         Raises
         ------
         ValueError
-            A velocity is not finite; nothing was commanded.
+            A velocity is not finite. No command was sent.
         RigError
-            A port is gone.
+            A port is disconnected.
         """
         if not all(map(math.isfinite, command)):
             raise ValueError(f"a velocity command must be finite, got {command}")
@@ -212,7 +214,7 @@ class WiredRig(Rig):
         return Command(*applied)
 
     def idle(self) -> None:
-        """Take every drive out of operation; each is tried, whatever became of the others."""
+        """Take every drive out of operation, also if this fails for another drive."""
         self._enabled, self._enabling = False, math.nan
         with ExitStack() as stack:
             for wired in self._drives:
@@ -228,7 +230,7 @@ class WiredRig(Rig):
 
 
 def make_bus(name: str, file: RigFile, now: Callable[[], float]) -> Bus:
-    """The bus of that name."""
+    """Return the bus of this name, not open."""
     settings = file.sections.buses[name]
     if isinstance(settings, CanSettings):
         return CanBus(

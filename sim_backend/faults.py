@@ -1,4 +1,4 @@
-"""Faults of sensors and drives, put between any rig and its controller from a moment on."""
+"""Injection of sensor and drive faults between a rig and its controller."""
 
 from __future__ import annotations
 
@@ -11,49 +11,50 @@ from drivers import STANDSTILL, Command, Measurement, Rig, RigError
 
 
 class RigFault(ABC):  # noqa: B024
-    """What a fault does to what is read and to what is commanded; by itself nothing."""
+    """Base class of faults, which change measurements and commands. By default it has no effect."""
 
     def read(self, measurement: Measurement) -> Measurement:
-        """What the controller is given instead."""
+        """Return the measurement that the controller gets."""
         return measurement
 
     def command(self, command: Command) -> Command:
-        """What the drives are given instead."""
+        """Return the command that the drives get."""
         return command
 
 
 def with_channel(measurement: Measurement, channel: str, value: float) -> Measurement:
-    """The measurement with another value of a channel."""
+    """Return the measurement with another value of a channel, in its SI unit."""
     changes: dict[str, Any] = {channel: value}
     return measurement._replace(**changes)
 
 
 @dataclass
 class Replaced(RigFault):
-    """A channel reads this value."""
+    """A channel has a constant value, in its SI unit."""
 
     channel: str
     value: float
 
     def read(self, measurement: Measurement) -> Measurement:
-        """The value in place of the sample."""
+        """Replace the sample by the value."""
         return with_channel(measurement, self.channel, self.value)
 
 
 @dataclass
 class Shifted(RigFault):
-    """A channel reads this much more, and ever more at this rate."""
+    """A channel has an offset and a drift."""
 
     channel: str
     step: float
+    """Offset, in the SI unit of the channel."""
     rate: float = 0.0
-    """[unit/s]"""
+    """Drift, in the SI unit of the channel per second."""
 
     def __post_init__(self) -> None:
         self._start = math.nan
 
     def read(self, measurement: Measurement) -> Measurement:
-        """The sample, shifted."""
+        """Add offset and drift to the sample."""
         if math.isnan(self._start):
             self._start = measurement.time
         shift = self.step + self.rate * (measurement.time - self._start)
@@ -62,14 +63,15 @@ class Shifted(RigFault):
 
 
 class Frozen(RigFault):
-    """A channel repeats its value, fresh or, where it says so, ever older.
+    """A channel repeats its value.
 
     Parameters
     ----------
     channel
-        The channel.
+        Name of the channel.
     ageing
-        Whether its age grows, as behind a cable that came out, or the sensor goes on sending.
+        Whether its age increases, as after a cable was disconnected. Otherwise the sensor keeps
+        sending the same value.
     """
 
     def __init__(self, channel: str, ageing: bool) -> None:
@@ -77,7 +79,7 @@ class Frozen(RigFault):
         self._value = self._start = math.nan
 
     def read(self, measurement: Measurement) -> Measurement:
-        """The first sample again."""
+        """Replace the sample by the first one."""
         if math.isnan(self._start):
             self._value, self._start = getattr(measurement, self._channel), measurement.time
         age = measurement.age
@@ -88,13 +90,13 @@ class Frozen(RigFault):
 
 @dataclass
 class Reported(RigFault):
-    """The rig reports an error of a drive, or that its emergency-stop input is open."""
+    """The rig reports a drive error or an open emergency-stop input."""
 
     drive_error: str = ""
     emergency_stop: bool = False
 
     def read(self, measurement: Measurement) -> Measurement:
-        """The sample with the report."""
+        """Add the report to the sample."""
         return measurement._replace(
             drive_error=self.drive_error, emergency_stop=self.emergency_stop
         )
@@ -102,30 +104,31 @@ class Reported(RigFault):
 
 @dataclass
 class Runaway(RigFault):
-    """The slave's drive goes this much faster than it is told [m/s], until it is idled."""
+    """The slave's drive exceeds the commanded velocity until it is idled."""
 
     velocity: float
+    """Velocity that is added to the command [m/s]."""
 
     def command(self, command: Command) -> Command:
-        """The command, and what the drive adds."""
+        """Add the velocity to the command of the slave."""
         return command._replace(slave_velocity=command.slave_velocity + self.velocity)
 
 
 class Unplugged(RigFault):
-    """Nothing can be read."""
+    """The rig cannot be read."""
 
     def read(self, measurement: Measurement) -> Measurement:
-        """RigError."""
+        """Raise RigError, as a disconnected board does."""
         raise RigError("master board: no answer, expected a frame each millisecond")
 
 
 class FaultyRig(Rig):
-    """Another rig, with a fault from the moment of `inject` on.
+    """A rig with a fault, from the call of `inject` on.
 
     Parameters
     ----------
     rig
-        The rig.
+        The rig without fault.
     """
 
     def __init__(self, rig: Rig) -> None:
@@ -134,7 +137,7 @@ class FaultyRig(Rig):
         self._enabled = False
 
     def inject(self, fault: RigFault) -> None:
-        """Let this fault set in."""
+        """Activate a fault."""
         self._fault = fault
 
     def open(self) -> None:
@@ -142,27 +145,27 @@ class FaultyRig(Rig):
         self.rig.open()
 
     def read(self) -> Measurement:
-        """What the fault makes of the rig's measurement."""
+        """Return the measurement of the rig, changed by the fault."""
         return self._fault.read(self.rig.read())
 
     def rearm(self) -> None:
-        """Let the rig forget its errors."""
+        """Clear the latched errors of the rig."""
         self.rig.rearm()
 
     def enable(self) -> bool:
-        """Enable the drives."""
+        """Request operation of the drives."""
         self._enabled = self.rig.enable()
         return self._enabled
 
     def write(self, command: Command) -> Command:
-        """Command the drives what the fault makes of it; tells what the drives would tell."""
+        """Command the drives with the fault; return the command that a sound rig would apply."""
         if not self._enabled:
             return self.rig.write(STANDSTILL)
         self.rig.write(self._fault.command(command))
         return command
 
     def idle(self) -> None:
-        """Idle the drives."""
+        """Take the drives out of operation."""
         self._enabled = False
         self.rig.idle()
 

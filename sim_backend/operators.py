@@ -1,13 +1,13 @@
-"""Operators: where a person's hand wants to be while it palpates.
+"""Operators: intended motion of a person's hand during palpation.
 
-A person acts on the handle through the impedance of the arm, so the handle's motion follows
-from the intention here, the arm, and the admittance that the controller gives the handle.
+A person acts on the handle through the impedance of the arm. So the motion of the handle depends
+on the intended motion, the arm, and the admittance that the controller gives the handle.
 
-Sources of the values. Pokes are minimum-jerk movements [1]. Arm stiffness 400 N/m and
-damping 12 N s/m lie in the range measured at the hand [2, 3]. Physiological tremor has 8 to
-12 Hz and, at the tool of a surgeon, a size of the order of 0.1 mm [4]. Depth and timing vary by
-10 to 15 % from one poke or cycle to the next, a poke is let go only in part, and a person starts
-0.2 s late; these are our choice.
+Sources of the values: Pokes are minimum-jerk movements [1]. The arm stiffness 400 N/m and damping
+12 N s/m are in the range measured at the hand [2, 3]. Physiological tremor has 8 to 12 Hz and, at
+the tool of a surgeon, an amplitude of about 0.1 mm [4]. These values are assumptions: depth and
+timing vary by 10 to 15 % between pokes or cycles, the hand retracts only partly after a poke, and
+the first movement starts after 0.2 s.
 
 [1] T. Flash, N. Hogan, J. Neurosci. 5(7), 1985.
 [2] F. A. Mussa-Ivaldi, N. Hogan, E. Bizzi, J. Neurosci. 5(10), 1985.
@@ -31,14 +31,14 @@ REACTION = 0.2
 
 
 class Operator(ABC):
-    """A person at the handle, palpating to a depth.
+    """Base class of operators who palpate to a given depth.
 
     Parameters
     ----------
     depth
-        Depth [m] of the handle that the person aims for, > 0.
+        Intended depth of the handle [m], > 0.
     seed
-        Seed of everything that the person does differently from one time to the next.
+        Seed of the random variations of the motion.
 
     Raises
     ------
@@ -58,10 +58,10 @@ class Operator(ABC):
 
     @abstractmethod
     def movement(self, t: float) -> Intention:
-        """The voluntary movement at time t [s] after the first movement, t not decreasing."""
+        """Return the voluntary motion at time t [s] after its start; t must not decrease."""
 
     def intention(self, t: float) -> Intention:
-        """Where the hand wants to be at time t [s] of the trial; call with rising t."""
+        """Return the intended motion, with tremor, at time t [s]; t must not decrease."""
         if t < REACTION:
             return Intention(0.0, 0.0)
         t -= REACTION
@@ -75,7 +75,7 @@ class Operator(ABC):
 
 
 class FreePalpation(Operator):
-    """Pokes of about a second: in, a short dwell, and out to a light touch."""
+    """Pokes of about 1 s: inwards, a short dwell, and outwards to a light touch."""
 
     def __init__(self, depth: float, seed: int) -> None:
         super().__init__(depth, seed)
@@ -84,7 +84,7 @@ class FreePalpation(Operator):
         self._inwards = False
 
     def movement(self, t: float) -> Intention:
-        """Minimum jerk from one turning point to the next, then a dwell."""
+        """Return a minimum-jerk movement to the next turning point, followed by a dwell."""
         while t >= self._start + self._duration + self._dwell:
             self._next(self._start + self._duration + self._dwell)
         share = min((t - self._start) / self._duration, 1.0)
@@ -108,13 +108,13 @@ class FreePalpation(Operator):
 
 
 class MimickedSine(Operator):
-    """Tracking a sine of constant frequency and amplitude, as well as a person can.
+    """Tracking of a sine of constant frequency and amplitude, with human errors.
 
-    The amplitude wanders by about 10 %, the phase by about 0.4 rad, both within seconds.
+    The amplitude varies slowly by about 10 %, and the phase by about 0.4 rad.
     """
 
     FREQUENCY = 1.0
-    """Frequency that the person aims for [Hz]."""
+    """Frequency of the sine [Hz]."""
 
     def __init__(self, depth: float, seed: int) -> None:
         super().__init__(depth, seed)
@@ -122,14 +122,14 @@ class MimickedSine(Operator):
         self._phase_wander = self._wander(0.3)
 
     def _wander(self, size: float) -> list[tuple[float, float, float]]:
-        """Three slow sines (size, angular frequency, phase)."""
+        """Return three slow sines as (amplitude, angular frequency [rad/s], phase [rad])."""
         return [
             (size, 2 * math.pi * self.random.uniform(0.1, 0.5), self.random.uniform(0, 2 * math.pi))
             for _ in range(3)
         ]
 
     def movement(self, t: float) -> Intention:
-        """A raised cosine from light touch to depth with a wandering amplitude and phase."""
+        """Return a raised cosine from light touch to depth, with varying amplitude and phase."""
         omega = 2.0 * math.pi * self.FREQUENCY
         phase, phase_rate = omega * t, omega
         for size, slow, offset in self._phase_wander:

@@ -1,4 +1,4 @@
-"""Sensors as they are: an encoder counts, a force sensor has noise."""
+"""Sensor imperfections: quantisation of the encoder, noise and offset of the force sensors."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Sensors:
-    """Imperfections of the sensors.
+    """Parameters of the sensor imperfections.
 
     Raises
     ------
@@ -22,11 +22,11 @@ class Sensors:
     force_noise: float = 0.02
     """Standard deviation of a force sample [N]."""
     master_zero: float = 0.0
-    """What the handle's force sensor reads at no force [N]."""
+    """Offset of the handle's force sensor [N]."""
     contact_zero: float = 0.0
-    """What the contact force sensor reads at no force [N]."""
+    """Offset of the contact force sensor [N]."""
     contact_position: float = 0.0
-    """What the slave's encoder reads where contact begins [m]."""
+    """Reading of the slave's encoder at the contact datum [m]."""
 
     def __post_init__(self) -> None:
         if not 0.0 < self.encoder_resolution < math.inf:
@@ -35,9 +35,9 @@ class Sensors:
             raise ValueError(f"force noise must be >= 0, got {self.force_noise}")
 
     def position(self, x: float) -> float:
-        """What the encoder reads at position x [m]."""
+        """Return the reading of the encoder at position x [m]."""
         return round(x / self.encoder_resolution) * self.encoder_resolution
 
     def force(self, f: float, noise: random.Random) -> float:
-        """What the force sensor reads at force f [N]."""
+        """Return the reading of the force sensor at force f [N], without offset."""
         return f + noise.gauss(0.0, self.force_noise)

@@ -1,1 +1,1 @@
-"""Codecs: from a frame's bytes to SI units and back, pure functions."""
+"""Codecs: pure functions that convert between the bytes of frames and values."""

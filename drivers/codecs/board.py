@@ -1,6 +1,6 @@
 """Messages of the serial protocol for microcontroller boards (docs/serial-protocol.md).
 
-Readings are counts of the board's converters and encoders; what a count is stands in the rig file.
+Values are counts of the board's converters and encoders. The rig file defines their scales.
 """
 
 from __future__ import annotations
@@ -14,19 +14,20 @@ from drivers.framing import cobs
 from drivers.framing.crc import crc16_x25
 
 VERSION = 1
-"""Of the protocol."""
+"""Version of the protocol."""
 FORCES = 2
 AXES = 2
 ANALOGUES = 4
 
 HELLO, CONFIGURE, ENABLE, COMMAND, DISABLE = range(0x01, 0x06)
-"""Types of the host's messages."""
+"""Types of the messages from the host."""
 IDENTITY, CONFIGURED, SAMPLE = range(0x81, 0x84)
-"""Types of the board's messages."""
+"""Types of the messages from the board."""
 
 LONGEST = 64
-"""Most bytes of an encoded frame."""
+"""Largest length of an encoded frame [bytes]."""
 GREATEST = (1 << 31) - 1
+"""Largest number of counts."""
 HEAD = struct.Struct("<BH")
 CHECKSUM = struct.Struct("<H")
 SETTINGS = struct.Struct("<HH")
@@ -39,30 +40,31 @@ SAMPLE_FRAME = struct.Struct(f"<BHIBBBHH{FORCES + 2 * AXES + ANALOGUES}i")
 
 
 class State(IntEnum):
-    """What the board does; all but the first two are latched until it is disabled."""
+    """State of the board. All states except IDLE and ENABLED are latched until DISABLE."""
 
     IDLE = 0
     ENABLED = 1
     WATCHDOG = 2
-    """No command came in time."""
+    """No command was received within the watchdog time."""
     EMERGENCY_STOP = 3
     DRIVE_FAULT = 4
 
 
 class Input(IntEnum):
-    """Bits of the digital inputs."""
+    """Bits of the digital inputs in a sample."""
 
     EMERGENCY_STOP = 1
     DRIVE_FAULT = 2
 
 
 class Identity(NamedTuple):
-    """The board's answer to HELLO; of another version of the protocol, no more than which."""
+    """Answer to HELLO. With another protocol version, only the first three fields are known."""
 
     sequence: int
     time: int
-    """The board's clock [us]."""
+    """Time of the board's clock [us]."""
     version: int
+    """Version of the protocol."""
     firmware: tuple[int, int] = (0, 0)
     boot: int = 0
     """Different after each start of the board."""
@@ -73,65 +75,68 @@ class Identity(NamedTuple):
 
 
 class Configured(NamedTuple):
-    """The board's answer to CONFIGURE: what holds now."""
+    """Answer to CONFIGURE, with the settings in use."""
 
     sequence: int
     time: int
+    """Time of the board's clock [us]."""
     watchdog: int
-    """[ms]"""
+    """Watchdog time [ms]."""
     sample_rate: int
-    """[Hz]"""
+    """Sample rate [Hz]."""
 
 
 class Sample(NamedTuple):
-    """What the board reads at one instant, and how it is."""
+    """Simultaneous measurements and state of the board."""
 
     sequence: int
     time: int
-    """The board's clock [us]."""
+    """Time of the board's clock [us]."""
     state: int
+    """One of `State`."""
     axes: int
-    """Bit mask of the axes that are enabled."""
+    """Bit mask of the enabled axes."""
     inputs: int
+    """Bit mask of `Input`."""
     acknowledged: int
-    """Sequence number of the last frame that the board took."""
+    """Sequence number of the last frame that the board accepted."""
     rejected: int
-    """Frames that it did not take since HELLO, modulo 2^16."""
+    """Number of frames that the board rejected since HELLO, modulo 2^16."""
     counts: tuple[int, ...]
-    """Of the forces, positions, velocities and analogue inputs, in this order."""
+    """Counts of the forces, positions, velocities and analogue inputs, in this order."""
 
 
 Message = Identity | Configured | Sample
 
 
 def frame(kind: int, sequence: int, payload: bytes = b"") -> bytes:
-    """A message on the wire, with its delimiter."""
+    """Return the encoded frame of a message, with its delimiter."""
     body = HEAD.pack(kind, sequence) + payload
     return cobs.encode(body + CHECKSUM.pack(crc16_x25(body))) + cobs.DELIMITER
 
 
 def configure(watchdog: int, sample_rate: int) -> bytes:
-    """Payload of CONFIGURE: watchdog [ms] and samples a second [Hz]."""
+    """Return the payload of CONFIGURE: watchdog time [ms] and sample rate [Hz]."""
     return SETTINGS.pack(watchdog, sample_rate)
 
 
 def enable(axis: int) -> bytes:
-    """Payload of ENABLE for one axis."""
+    """Return the payload of ENABLE for one axis."""
     return AXIS_MASK.pack(1 << axis)
 
 
 def command(*velocities: int) -> bytes:
-    """Payload of COMMAND: a velocity for each axis [counts]."""
+    """Return the payload of COMMAND: one velocity per axis [counts]."""
     return VELOCITIES.pack(*velocities)
 
 
 def to_counts(value: float, scale: float) -> int:
-    """A value in counts of a scale, the nearest that the protocol can say."""
+    """Return a value in counts of a scale, rounded and limited to the range of the protocol."""
     return round(min(max(value / scale, -GREATEST), GREATEST))
 
 
 def decode(body: bytes) -> Message | None:
-    """The message of a frame whose check sum is right; None if it is none of the board's."""
+    """Decode a frame with a correct checksum; return None for an unknown message."""
     kind, length = body[0], len(body)
     if kind == SAMPLE and length == SAMPLE_FRAME.size:
         _, sequence, time, state, axes, inputs, acknowledged, rejected, *counts = (
@@ -155,13 +160,12 @@ def decode(body: bytes) -> Message | None:
 
 
 class MessageReader:
-    """Takes the board's messages out of a stream.
+    """Decoder of the messages of a board in a stream of bytes.
 
     Parameters
     ----------
     rejected
-        Where frames that are not taken are counted: as `length`, `framing`, `checksum` or
-        `message`.
+        Counter of rejected frames, by the reason `length`, `framing`, `checksum` or `message`.
     """
 
     def __init__(self, rejected: Counter[str] | None = None) -> None:
@@ -169,7 +173,7 @@ class MessageReader:
         self._frames = cobs.CobsReader(LONGEST, self.rejected)
 
     def feed(self, data: bytes) -> list[Message]:
-        """The messages that are complete with these bytes."""
+        """Process bytes; return the messages that they complete."""
         messages: list[Message] = []
         for body in self._frames.feed(data):
             if len(body) < HEAD.size + CHECKSUM.size:

@@ -1,7 +1,7 @@
 """Frames of Bota Systems' serial force-torque sensors (Rokubi, SensONE, MegaONE).
 
-A frame is a header byte, 34 bytes of data and their CRC-16/X.25, little-endian throughout: see
-`RxFrame` and `DataStatus` of Bota Systems' driver `rokubimini_serial`, RokubiminiSerialImpl.hpp.
+A frame is a header byte, 34 bytes of data and their CRC-16/X.25, all little-endian. See `RxFrame`
+and `DataStatus` of Bota Systems' driver `rokubimini_serial`, RokubiminiSerialImpl.hpp.
 """
 
 from __future__ import annotations
@@ -15,51 +15,52 @@ from drivers.framing.fixed_frames import FixedFrameParser
 HEADER = b"\xaa"
 FRAME = struct.Struct("<xH6fIfH")
 CHECKED = FRAME.size - 2
-"""Its end without the check sum."""
+"""Length of a frame without the checksum [bytes]."""
 
 THROTTLED = 1 << 0
-"""The sensor has skipped a measurement: its filter is too short for its line rate."""
+"""Status bit: a measurement was skipped because the line rate is too low for the sample rate."""
 FAULTS = {
     1 << 1: "overrange",
     1 << 2: "invalid measurements: saturation, or a short or open circuit",
     1 << 3: "raw measurements: strain gauges instead of forces",
 }
-"""Status bits whose frames are no measurements."""
+"""Status bits of frames without valid measurements."""
 
 RUN = b"R"
-"""Command that ends the configuration mode; in that mode the sensor sends no frames."""
+"""Command that ends the configuration mode, in which the sensor sends no frames."""
 
 
 class BotaFrame(NamedTuple):
-    """What a frame tells."""
+    """Content of a frame."""
 
     status: int
+    """Bits `THROTTLED` and those of `FAULTS`."""
     fx: float
-    """Force [N], as the two that follow."""
+    """Force [N]; likewise `fy` and `fz`."""
     fy: float
     fz: float
     mx: float
-    """Moment [N m], as the two that follow."""
+    """Moment [N m]; likewise `my` and `mz`."""
     my: float
     mz: float
     timestamp_us: int
-    """The sensor's own clock; it wraps around after 71.6 minutes."""
+    """Time of the sensor's clock [us], which wraps after 71.6 minutes."""
     temperature: float
-    """[degC]"""
+    """Temperature of the sensor [degC]."""
 
 
 def fault(status: int) -> str:
-    """Why the values of a frame with that status are not to be trusted; empty if they are."""
+    """Return why the values of a frame with this status are invalid; empty if they are valid."""
     return ", ".join(words for bit, words in FAULTS.items() if status & bit)
 
 
 class BotaParser(FixedFrameParser[BotaFrame]):
-    """Cuts a stream of bytes into frames."""
+    """Parser of a stream of bytes into frames."""
 
     header = HEADER
     size = FRAME.size
 
     def decode(self, frame: bytes) -> BotaFrame | None:
-        """What a frame tells; None if its check sum is wrong."""
+        """Decode a frame; return None if the checksum is wrong."""
         status, *values, crc = FRAME.unpack(frame)
         return BotaFrame(status, *values) if crc == crc16_x25(frame[1:CHECKED]) else None

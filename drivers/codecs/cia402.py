@@ -1,7 +1,7 @@
-"""CANopen drives of profile CiA 402 on the wire, in SI units.
+"""Messages of CANopen drives of profile CiA 402, in SI units.
 
-CiA 301 gives the services (NMT, SYNC, EMCY, heartbeat), CiA 402-2 the state machine and the objects
-that the process data objects (PDO) below carry:
+CiA 301 defines the services (NMT, SYNC, EMCY, heartbeat). CiA 402-2 defines the state machine and
+the objects in these process data objects (PDO):
 
 - RPDO1: controlword 6040h, target velocity 60FFh
 - TPDO1: statusword 6041h, position actual value 6064h
@@ -19,21 +19,24 @@ from typing import Literal
 NMT, SYNC, EMCY, TPDO1, RPDO1, TPDO2, SDO_ANSWER, HEARTBEAT = (
     *(0x000, 0x080, 0x080, 0x180, 0x200, 0x280, 0x580, 0x700),
 )
-"""Identifiers of the predefined connection set, CiA 301 7.3.5; all but the first two plus node."""
+"""Identifiers of the predefined connection set, CiA 301 7.3.5.
+
+The node id is added to all except NMT and SYNC.
+"""
 
 COMMAND = struct.Struct("<Hi")
-"""RPDO1."""
+"""Layout of RPDO1."""
 STATUS = struct.Struct("<Hi")
-"""TPDO1."""
+"""Layout of TPDO1."""
 MOTION = struct.Struct("<ih")
-"""TPDO2."""
+"""Layout of TPDO2."""
 EMERGENCY = struct.Struct("<HB5s")
-"""CiA 301 7.2.7: error code, error register 1001h, what the manufacturer adds."""
+"""Layout of EMCY, CiA 301 7.2.7: error code, error register 1001h, manufacturer's data."""
 INT32 = (1 << 31) - 1
 
 
 class NmtCommand(IntEnum):
-    """What the master tells nodes to do, CiA 301 7.2.8.2."""
+    """NMT commands of the master to nodes, CiA 301 7.2.8.2."""
 
     START = 0x01
     STOP = 0x02
@@ -43,7 +46,7 @@ class NmtCommand(IntEnum):
 
 
 class NmtState(IntEnum):
-    """What a node says of itself in its heartbeat, CiA 301 7.2.8.3.2."""
+    """NMT state of a node in its heartbeat, CiA 301 7.2.8.3.2."""
 
     BOOT_UP = 0x00
     STOPPED = 0x04
@@ -52,12 +55,12 @@ class NmtState(IntEnum):
 
     @property
     def words(self) -> str:
-        """As the standard writes it."""
+        """Name of the state as in the standard."""
         return self.name.lower().replace("_", "-")
 
 
 class State(Enum):
-    """States of the power drive system, CiA 402-2 table 30: mask and bits of the statusword."""
+    """States of the power drive system, CiA 402-2 table 30: mask and value of the statusword."""
 
     NOT_READY_TO_SWITCH_ON = (0x4F, 0x00)
     SWITCH_ON_DISABLED = (0x4F, 0x40)
@@ -70,7 +73,7 @@ class State(Enum):
 
     @property
     def words(self) -> str:
-        """As the profile writes it."""
+        """Name of the state as in the profile."""
         return self.name.lower().replace("_", " ")
 
 
@@ -92,33 +95,33 @@ TOWARDS_OPERATION: dict[State | None, Control] = {
     State.OPERATION_ENABLED: Control.ENABLE_OPERATION,
     State.FAULT: Control.FAULT_RESET,
 }
-"""Controlword for the next step; in every other state the drive goes on by itself, so wait."""
+"""Controlword for the next step to operation. From other states the drive changes by itself."""
 
 
 def nmt(command: NmtCommand, node: int) -> bytes:
-    """The NMT command to a node."""
+    """Return the data of an NMT command to a node."""
     return bytes((command, node))
 
 
 def state_of(statusword: int) -> State | None:
-    """The state that a statusword tells; None for a pattern that the profile does not know."""
+    """Return the state of a statusword; None for a pattern that the profile does not define."""
     return next((s for s in State if statusword & s.value[0] == s.value[1]), None)
 
 
 @dataclass(frozen=True)
 class Units:
-    """The drive's units for motion along its axis.
+    """Units of a drive for position, velocity and force along its axis.
 
     Parameters
     ----------
     counts_per_turn
-        Position increments for a turn of the motor.
+        Position increments per turn of the motor.
     travel_per_turn
-        What the axis moves with a turn [m].
+        Displacement of the axis per turn of the motor [m].
     velocity
         Unit of 60FFh and 606Ch.
     rated_torque
-        6076h [N m], of which 6077h counts thousandths; NaN if the drive does not tell.
+        Rated torque 6076h [N m], the unit of 6077h times 1000; NaN if unknown.
     """
 
     counts_per_turn: float
@@ -128,45 +131,45 @@ class Units:
 
     @property
     def metres(self) -> float:
-        """An increment of position [m]."""
+        """Displacement per position increment [m]."""
         return self.travel_per_turn / self.counts_per_turn
 
     @property
     def metres_per_second(self) -> float:
-        """A unit of velocity [m/s]."""
+        """Velocity per unit of 60FFh and 606Ch [m/s]."""
         return self.metres if self.velocity == "counts_per_s" else self.travel_per_turn / 60.0
 
     @property
     def newtons(self) -> float:
-        """A thousandth of the rated torque, as force along the axis without losses [N]."""
+        """Force along the axis per unit of 6077h, without losses [N]."""
         return 1e-3 * self.rated_torque * 2.0 * math.pi / self.travel_per_turn
 
     def target(self, velocity: float) -> int:
-        """The nearest target velocity 60FFh that the drive can be told."""
+        """Return the nearest possible target velocity 60FFh for a velocity [m/s]."""
         return round(max(-INT32, min(INT32, velocity / self.metres_per_second)))
 
     def position(self, data: bytes) -> float:
-        """Position in TPDO1 [m]."""
+        """Return the position [m] in TPDO1."""
         return float(STATUS.unpack(data)[1] * self.metres)
 
     def velocity_and_force(self, data: bytes) -> tuple[float, float]:
-        """Velocity [m/s] and force [N] in TPDO2."""
+        """Return velocity [m/s] and force [N] in TPDO2."""
         velocity, torque = MOTION.unpack(data)
         return velocity * self.metres_per_second, torque * self.newtons
 
 
 def command(control: Control, target: int) -> bytes:
-    """RPDO1."""
+    """Return the data of RPDO1."""
     return COMMAND.pack(control, target)
 
 
 def statusword(data: bytes) -> int:
-    """Statusword in TPDO1."""
+    """Return the statusword in TPDO1."""
     return int(STATUS.unpack(data)[0])
 
 
 def emergency(data: bytes) -> str:
-    """What an EMCY frame says, in words; empty where it says that an error is over."""
+    """Return the error of an EMCY frame as text; empty if it reports the end of an error."""
     code, register, _ = EMERGENCY.unpack(data)
     if code >> 8 == 0:
         return ""
@@ -207,12 +210,12 @@ EMERGENCIES = {
     0x8100: "communication",
     0x8110: "CAN overrun, frames lost",
     0x8120: "CAN error passive",
-    0x8130: "our heartbeat was missed",
+    0x8130: "the controller's heartbeat was missed",
     0x8140: "CAN bus-off",
     0x8150: "CAN identifier collision",
     0x8210: "PDO too short",
     0x8220: "PDO too long",
-    0x8250: "our PDO was missed",
+    0x8250: "the controller's PDO was missed",
     0x8300: "torque control",
     0x8400: "velocity control",
     0x8500: "position control",
@@ -221,6 +224,6 @@ EMERGENCIES = {
     0x8700: "SYNC missed",
     0x9000: "external error",
     0xF000: "additional functions",
-    0xFF00: "error of the manufacturer's own",
+    0xFF00: "manufacturer-specific error",
 }
-"""Error codes, CiA 301 table 26 and CiA 402-2 annex: a code, or the head of its group."""
+"""Error codes and codes of groups, CiA 301 table 26 and CiA 402-2 annex."""

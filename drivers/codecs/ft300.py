@@ -1,8 +1,8 @@
 """Data stream of Robotiq's FT 300 force-torque sensor.
 
-A frame is 0x20 0x4E, six 16-bit integers and the CRC-16/MODBUS of all that, little-endian, a
-hundred times a second. See Robotiq's FT 300 instruction manual, section 4.4, "Data Stream"; the
-stream is begun by Modbus RTU function 16, section 6.12 of the Modbus application protocol 1.1b3.
+A frame is 0x20 0x4E, six 16-bit integers and the CRC-16/MODBUS of these bytes, little-endian. The
+rate is 100 Hz. See Robotiq's FT 300 instruction manual, section 4.4, "Data Stream". Modbus RTU
+function 16 starts the stream, section 6.12 of the Modbus application protocol 1.1b3.
 """
 
 from __future__ import annotations
@@ -16,39 +16,39 @@ from drivers.framing.fixed_frames import FixedFrameParser
 HEADER = b"\x20\x4e"
 FRAME = struct.Struct("<2x6hH")
 CHECKED = FRAME.size - 2
-"""Its end without the check sum."""
+"""Length of a frame without the checksum [bytes]."""
 NEWTON = 0.01
-"""A count of force [N]."""
+"""Force per count [N]."""
 NEWTON_METRE = 0.001
-"""A count of moment [N m]."""
+"""Moment per count [N m]."""
 
 START_STREAM = bytes.fromhex("09 10 019A 0001 02 0200 CDCA")
-"""Slave 9, write one register, number 410: 0x0200."""
+"""Modbus request that starts the stream: slave 9, write 0x0200 to register 410."""
 STOP_STREAM = 50 * b"\xff"
-"""Interrupts the stream: so many cover more than two of its periods."""
+"""Bytes that end the stream. They take longer than two periods of the stream."""
 
 
 class Ft300Frame(NamedTuple):
-    """What a frame tells."""
+    """Content of a frame."""
 
     fx: float
-    """Force [N], as the two that follow."""
+    """Force [N]; likewise `fy` and `fz`."""
     fy: float
     fz: float
     mx: float
-    """Moment [N m], as the two that follow."""
+    """Moment [N m]; likewise `my` and `mz`."""
     my: float
     mz: float
 
 
 class Ft300Parser(FixedFrameParser[Ft300Frame]):
-    """Cuts a stream of bytes into frames."""
+    """Parser of a stream of bytes into frames."""
 
     header = HEADER
     size = FRAME.size
 
     def decode(self, frame: bytes) -> Ft300Frame | None:
-        """What a frame tells; None if its check sum is wrong."""
+        """Decode a frame; return None if the checksum is wrong."""
         *counts, crc = FRAME.unpack(frame)
         if crc != crc16_modbus(frame[:CHECKED]):
             return None

@@ -1,8 +1,8 @@
-"""ODrive CANSimple, firmware 0.5 and 0.6: the frames of an axis that follows a velocity.
+"""Frames of ODrive CANSimple for velocity control, firmware 0.5 and 0.6.
 
-An 11-bit identifier is node << 5 | command; data are little-endian, floats IEEE 754 of 32 bits.
-Turns [rev] are the motor's. Source: ODrive documentation, "CAN Protocol", of the two firmwares,
-and the vendor's odrive-cansimple-0.5.6.dbc and -0.6.10.dbc.
+An 11-bit identifier is node << 5 | command. Data are little-endian, with 32-bit IEEE 754 floats.
+Turns [rev] are those of the motor. Sources: ODrive documentation, "CAN Protocol", of the two
+firmware versions, and the vendor's odrive-cansimple-0.5.6.dbc and -0.6.10.dbc.
 """
 
 from __future__ import annotations
@@ -14,14 +14,14 @@ from typing import Literal, NamedTuple
 Firmware = Literal["0.5", "0.6"]
 
 LENGTH = 8
-"""Bytes in every frame that an axis sends."""
+"""Length of each frame that an axis sends [bytes]."""
 
 
 class Command(IntEnum):
-    """The lower 5 bits of an identifier."""
+    """Commands: the lower 5 bits of an identifier."""
 
     GET_VERSION = 0x00
-    """0.6 only."""
+    """Only firmware 0.6."""
     HEARTBEAT = 0x01
     SET_AXIS_STATE = 0x07
     GET_ENCODER_ESTIMATES = 0x09
@@ -31,7 +31,7 @@ class Command(IntEnum):
     GET_IQ = 0x14
     CLEAR_ERRORS = 0x18
     GET_TORQUES = 0x1C
-    """0.6 only."""
+    """Only firmware 0.6."""
 
 
 class AxisState(IntEnum):
@@ -56,9 +56,9 @@ class AxisState(IntEnum):
 
 STATES = {state.value: state.name for state in AxisState}
 VELOCITY_CONTROL = 2
-"""Control mode."""
+"""Control mode: velocity."""
 PASSTHROUGH = 1
-"""Input mode: the velocity is followed as it comes."""
+"""Input mode: the velocity is used without filter or ramp."""
 
 AXIS_ERRORS: dict[Firmware, dict[int, str]] = {
     "0.5": {
@@ -114,7 +114,7 @@ REFUSALS = {
     14: "NOT_CALIBRATED",
     15: "NOT_CONVERGING",
 }
-"""Procedure results of 0.6 other than success, busy, cancelled and disarmed."""
+"""Procedure results of firmware 0.6 except success, busy, cancelled and disarmed."""
 
 TWO_FLOATS = struct.Struct("<ff")
 TWO_INTEGERS = struct.Struct("<II")
@@ -123,18 +123,18 @@ HEARTBEAT_06 = struct.Struct("<IBB2x")
 
 
 class Heartbeat(NamedTuple):
-    """What an axis says of itself."""
+    """State and errors of an axis."""
 
     state: int
-    """One of `AxisState`, or one that a later firmware has."""
+    """One of `AxisState`, or a state of a later firmware."""
     errors: tuple[str, ...]
-    """Names of its errors, those that are active and those that it disarmed for."""
+    """Names of the active errors and of the errors that disarmed the axis."""
     refusal: str = ""
-    """Why the state that was requested last was not entered, where the axis tells it (0.6)."""
+    """Reason why the requested state was not entered, if reported (firmware 0.6)."""
 
 
 class Version(NamedTuple):
-    """The version of a firmware."""
+    """Version of a firmware."""
 
     major: int
     minor: int
@@ -142,37 +142,37 @@ class Version(NamedTuple):
 
 
 def identifier(node: int, command: Command) -> int:
-    """The identifier of a node's frame."""
+    """Return the identifier of a node's frame."""
     return node << 5 | command
 
 
 def set_axis_state(state: AxisState) -> bytes:
-    """Data of Set_Axis_State."""
+    """Return the data of Set_Axis_State."""
     return struct.pack("<I", state).ljust(LENGTH, b"\0")
 
 
 def set_controller_mode(control: int, inputs: int) -> bytes:
-    """Data of Set_Controller_Mode: control mode and input mode."""
+    """Return the data of Set_Controller_Mode: control mode and input mode."""
     return TWO_INTEGERS.pack(control, inputs)
 
 
 def set_input_vel(velocity: float) -> bytes:
-    """Data of Set_Input_Vel [rev/s], without torque feed-forward."""
+    """Return the data of Set_Input_Vel for a velocity [rev/s], without torque feed-forward."""
     return TWO_FLOATS.pack(velocity, 0.0)
 
 
 def set_limits(velocity: float, current: float) -> bytes:
-    """Data of Set_Limits [rev/s, A]."""
+    """Return the data of Set_Limits for a velocity [rev/s] and a current [A]."""
     return TWO_FLOATS.pack(velocity, current)
 
 
 def clear_errors(firmware: Firmware) -> bytes:
-    """Data of Clear_Errors; from 0.6 on a byte says whether the axis is to blink, it is not."""
+    """Return the data of Clear_Errors; from firmware 0.6 on, a byte 0 means no identification."""
     return b"" if firmware == "0.5" else b"\0"
 
 
 def heartbeat(firmware: Firmware, data: bytes) -> Heartbeat:
-    """Read a heartbeat; struct.error unless it has 8 bytes."""
+    """Decode a heartbeat; raise struct.error unless it has 8 bytes."""
     if firmware == "0.5":
         errors, state, motor, encoder, controller = HEARTBEAT_05.unpack(data)
         flags = {"MOTOR_ERROR": motor, "ENCODER_ERROR": encoder, "CONTROLLER_ERROR": controller}
@@ -183,30 +183,54 @@ def heartbeat(firmware: Firmware, data: bytes) -> Heartbeat:
 
 
 def encoder_estimates(data: bytes) -> tuple[float, float]:
-    """Position [rev] and velocity [rev/s] of Get_Encoder_Estimates; struct.error as above."""
+    """Return position [rev] and velocity [rev/s] of Get_Encoder_Estimates.
+
+    Raises
+    ------
+    struct.error
+        The data do not have 8 bytes.
+    """
     position, velocity = TWO_FLOATS.unpack(data)
     return position, velocity
 
 
 def iq(data: bytes) -> tuple[float, float]:
-    """Current that is wanted and measured [A] of Get_Iq; struct.error as above."""
+    """Return current setpoint and measured current [A] of Get_Iq.
+
+    Raises
+    ------
+    struct.error
+        The data do not have 8 bytes.
+    """
     setpoint, measured = TWO_FLOATS.unpack(data)
     return setpoint, measured
 
 
 def torques(data: bytes) -> tuple[float, float]:
-    """Torque that is wanted and estimated [N m] of Get_Torques; struct.error as above."""
+    """Return torque setpoint and estimated torque [N m] of Get_Torques.
+
+    Raises
+    ------
+    struct.error
+        The data do not have 8 bytes.
+    """
     target, estimate = TWO_FLOATS.unpack(data)
     return target, estimate
 
 
 def version(data: bytes) -> Version:
-    """The firmware's version of Get_Version; struct.error as above."""
+    """Return the firmware version of Get_Version.
+
+    Raises
+    ------
+    struct.error
+        The data do not have 8 bytes.
+    """
     return Version(*struct.unpack("<4x3Bx", data))
 
 
 def error_names(firmware: Firmware, errors: int) -> tuple[str, ...]:
-    """The names of the bits that are set; of a nameless one its value."""
+    """Return the names of the bits that are set, and the values of unknown bits."""
     if not errors:
         return ()
     names = AXIS_ERRORS[firmware]
@@ -215,5 +239,5 @@ def error_names(firmware: Firmware, errors: int) -> tuple[str, ...]:
 
 
 def state_name(state: int) -> str:
-    """The name of an axis's state."""
+    """Return the name of the state of an axis."""
     return STATES.get(state, f"state {state}")

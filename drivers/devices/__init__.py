@@ -1,1 +1,1 @@
-"""Devices, one a file; the registry knows them by name."""
+"""Devices, one per file; `drivers.registry` has them by name."""

@@ -1,6 +1,6 @@
 """A microcontroller board with force channels, encoders, velocity axes and analogue inputs.
 
-It speaks the protocol of docs/serial-protocol.md; drivers/firmware has it for the board's side.
+The protocol is described in docs/serial-protocol.md; drivers/firmware has the code for the board.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from drivers.rig import RigError
 from drivers.transports.serial_port import SerialPort
 
 PATIENCE = 4.0
-"""Longest wait for an answer [s]: opening its port starts many a board anew, through a loader."""
+"""Longest wait for an answer [s]. Many boards reset when their port is opened."""
 ASKING = 0.25
-"""Between two questions [s]."""
+"""Period of repeated requests [s]."""
 STOPPED: dict[int, str] = {
     State.WATCHDOG: "watchdog: the board missed the commands",
     State.DRIVE_FAULT: "drive fault input",
@@ -27,37 +27,37 @@ STOPPED: dict[int, str] = {
 
 
 class Axis(VelocityDrive):
-    """One of the board's axes; `idle` takes all of them out of operation."""
+    """An axis of the board. `idle` takes all axes out of operation."""
 
     def __init__(self, board: Board, index: int, scale: float) -> None:
         self.velocity = 0
-        """For the next COMMAND [counts]."""
+        """Velocity in the next COMMAND [counts]."""
         self._board = board
         self._index = index
         self._scale = scale
 
     def enable(self) -> bool:
-        """Ask for this axis; the board's samples tell whether it is enabled."""
+        """Request operation of this axis; return whether the board's samples report it."""
         return self._board.enable_axis(self._index)
 
     def command(self, velocity: float) -> float:
-        """In whole counts."""
+        """Set the velocity [m/s]; return it rounded to whole counts."""
         self.velocity = codec.to_counts(velocity, self._scale)
         return self.velocity * self._scale
 
     def idle(self) -> None:
-        """Stop all axes of the board at once."""
+        """Stop all axes of the board immediately."""
         self._board.disable()
 
 
 class Board(SerialDevice):
     """A board; signals `force_0` [N], `position_0` [m], `velocity_0` [m/s], `analogue_0` [V].
 
-    Its drives are `axis_0` and `axis_1`. All signals of one frame have one time, that of the
-    board's clock mapped to ours.
+    Its drives are `axis_0` and `axis_1`. All signals of a frame have the same time, the time of
+    the board's clock converted to the controller's clock.
 
-    A board that was reset has lost its counts and so the datum of its positions: its error stays
-    until the rig is opened anew.
+    A board that was reset has lost its counts and thus the datum of its positions. This error
+    stays until the rig is opened again.
     """
 
     Settings = BoardSettings
@@ -71,7 +71,7 @@ class Board(SerialDevice):
         ]
         self.drives = {f"axis_{i}": axis for i, axis in enumerate(self.axes)}
         self.identity: Identity | None = None
-        """What the board said that it is."""
+        """Answer of the board to HELLO."""
         self._port: SerialPort | None = None
         self._reader = MessageReader(self.rejected)
         self._clock = DeviceClock()
@@ -83,20 +83,20 @@ class Board(SerialDevice):
         self._wanted = False
         """Whether the axes are to be enabled."""
         self._asked = 0
-        """Sequence number of the first frame that asked for it."""
+        """Sequence number of the first frame that requested this."""
         self._acknowledged = False
-        """Whether the board has taken that frame, so that its state is the answer to it."""
+        """Whether the board has accepted this frame, so that its state is the answer."""
         self._pinged = 0
         self._ping_answered = False
         self._enabled = 0
-        """Bit mask of the axes that are."""
+        """Bit mask of the enabled axes."""
         self._running = False
         self._latched = ""
         self._reset = ""
         self._gains = list(gains(settings))
 
     def signals(self) -> dict[str, str]:
-        """Those that the rig file gives a scale."""
+        """Return the unit of each signal that has a scale in the rig file."""
         return {
             f"{name}_{i}": unit
             for name, unit, _, key, _ in QUANTITIES
@@ -104,7 +104,7 @@ class Board(SerialDevice):
         }
 
     def start(self, port: SerialPort) -> None:
-        """Ask who is there, and have it configured; it streams then."""
+        """Identify the board and configure it; it then sends samples."""
         self._port = port
         self._started = False
         self.identity = self._configured = None
@@ -115,7 +115,7 @@ class Board(SerialDevice):
         s = self.settings
         payload = codec.configure(s.watchdog_ms, s.sample_rate_hz)
         if not self._ask(codec.CONFIGURE, payload, lambda: self._configured):
-            raise RigError(f"{where}: it does not take its settings")
+            raise RigError(f"{where}: no answer to the settings in {PATIENCE:g} s")
         got = self._configured
         assert got
         if (got.watchdog, got.sample_rate) != (s.watchdog_ms, s.sample_rate_hz):
@@ -126,7 +126,7 @@ class Board(SerialDevice):
         self._started = True
 
     def _ask(self, kind: int, payload: bytes, answer: Callable[[], object]) -> bool:
-        """Send a question again and again until it is answered; whether it is."""
+        """Repeat a request until it is answered; return whether it was answered in time."""
         assert self._port
         for _ in range(round(PATIENCE / ASKING)):
             self._send(kind, payload)
@@ -135,40 +135,40 @@ class Board(SerialDevice):
         return False
 
     def _check_identity(self, where: str) -> None:
-        """Refuse a board that is not the one of the rig file."""
+        """Raise RigError if the board does not match the rig file."""
         board, s = self.identity, self.settings
         assert board
         if board.version != codec.VERSION:
             raise RigError(
-                f"{where}: it speaks version {board.version} of the protocol, expected "
-                f"{codec.VERSION}: see docs/serial-protocol.md"
+                f"{where}: protocol version {board.version}, expected {codec.VERSION}: see "
+                "docs/serial-protocol.md"
             )
         numbers = (board.forces, board.encoders, board.axes, board.analogues)
         for (*_, key, _), has in zip(QUANTITIES, numbers, strict=True):
             if (wanted := len(getattr(s, key))) > has:
-                raise RigError(f"{where}: {key} has {wanted} entries, the board has {has} of these")
+                raise RigError(f"{where}: {key} has {wanted} entries, expected at most {has}")
 
     def _instead(self) -> str:
-        """What came instead of an answer."""
+        """Return what was received instead of an answer, as text."""
         assert self._port
         if not self._port.received:
-            return "expected its firmware to run"
+            return "expected a board with running firmware"
         rejected = ", ".join(f"{n} rejected for {why}" for why, n in self.rejected.items())
         return f"{self._port.received} bytes came, {rejected or 'no frame'}: check the baud rate"
 
     def receive(self, data: bytes, now: float) -> None:
-        """Take in messages; the samples' values and times are those of the newest."""
+        """Process messages; the newest sample sets all signals."""
         newest: codec.Sample | None = None
         for message in self._reader.feed(data):
             if isinstance(message, codec.Sample):
                 if self._in_order(message):
-                    self._judge(message)
+                    self._update_state(message)
                     newest = message
             elif isinstance(message, Configured):
                 self._configured = message
                 self._received = message.sequence
             else:
-                self._meet(message)
+                self._update_identity(message)
         if newest:
             self._clock.observe(newest.time, now)
             time = self._clock.time(newest.time)
@@ -176,7 +176,7 @@ class Board(SerialDevice):
                 self.samples[signal] = Sample(gain * newest.counts[index], time)
 
     def _in_order(self, sample: codec.Sample) -> bool:
-        """Whether a sample is newer than all before; counts those that were lost between."""
+        """Return whether a sample is newer than all previous ones; count lost samples."""
         if self._received is not None:
             ahead = signed(sample.sequence - self._received, 16)
             if ahead <= 0:
@@ -185,29 +185,29 @@ class Board(SerialDevice):
             if ahead > 1:
                 self.rejected["lost"] += ahead - 1
             if self._started and signed(sample.time - self._uptime, 32) < 0:
-                self._was_reset("its clock went back")
+                self._set_reset("its clock decreased")
         self._received = sample.sequence
         self._uptime = sample.time
         return True
 
-    def _meet(self, board: Identity) -> None:
-        """Take in who the board is; in operation it is expected to be who it was."""
+    def _update_identity(self, board: Identity) -> None:
+        """Store the identity of the board; if it changes in operation, the board was reset."""
         if not self._started or self.identity is None:
             self.identity = board
         elif board.boot != self.identity.boot:
-            self._was_reset(f"boot {self.identity.boot:#010x}, now {board.boot:#010x}")
+            self._set_reset(f"boot {self.identity.boot:#010x}, now {board.boot:#010x}")
         elif signed(board.time - self._uptime, 32) < 0:
-            self._was_reset("its clock went back")
+            self._set_reset("its clock decreased")
         self._received = board.sequence
         self._uptime = board.time
 
-    def _was_reset(self, sign: str) -> None:
-        """Its counts are lost, and with them where the axes are: no re-arming mends that."""
-        self._reset = self._reset or f"the board was reset, open the rig anew: {sign}"
+    def _set_reset(self, sign: str) -> None:
+        """Set the error of a reset board. Its positions are lost, so re-arming keeps the error."""
+        self._reset = self._reset or f"the board was reset, open the rig again: {sign}"
         self.error = self._reset
 
-    def _judge(self, sample: codec.Sample) -> None:
-        """What the board says of itself: as it is while idle, latched in operation."""
+    def _update_state(self, sample: codec.Sample) -> None:
+        """Update the error from the board's state. In operation it is latched."""
         stopped = sample.state == State.EMERGENCY_STOP
         self.emergency_stop = stopped or bool(sample.inputs & Input.EMERGENCY_STOP)
         self._enabled = sample.axes if sample.state == State.ENABLED else 0
@@ -234,11 +234,11 @@ class Board(SerialDevice):
         return True
 
     def answered(self) -> bool:
-        """Whether a sample has acknowledged it."""
+        """Return whether a sample has acknowledged the last `ping`."""
         return self._ping_answered
 
     def enable_axis(self, index: int) -> bool:
-        """Ask for an axis; whether the board has it enabled since."""
+        """Request operation of an axis; return whether the board reports it as enabled."""
         if not self._wanted:
             self._wanted = True
             self._acknowledged = self._running = False
@@ -251,11 +251,11 @@ class Board(SerialDevice):
         return False
 
     def rearm(self) -> None:
-        """Forget what stopped it; a board that was reset stays an error."""
+        """Clear the latched error, except the error of a reset board."""
         self._latched, self.error = "", self._reset
 
     def disable(self) -> None:
-        """Stop all axes at once."""
+        """Stop all axes immediately."""
         self._wanted = False
         for axis in self.axes:
             axis.velocity = 0
@@ -263,13 +263,13 @@ class Board(SerialDevice):
             self._send(codec.DISABLE)
 
     def transmit(self) -> None:
-        """Send the velocities, which also keeps the board's watchdog at bay."""
+        """Send the velocities, which also resets the board's watchdog timer."""
         if self._wanted:
             rest = [0] * (codec.AXES - len(self.axes))
             self._send(codec.COMMAND, codec.command(*(axis.velocity for axis in self.axes), *rest))
 
     def stop(self) -> None:
-        """Let the board stop streaming."""
+        """Stop the samples of the board."""
         if self._started:
             with contextlib.suppress(RigError):
                 self._send(codec.HELLO)
@@ -282,6 +282,6 @@ class Board(SerialDevice):
 
 
 def signed(difference: int, bits: int) -> int:
-    """The difference of two counters of so many bits, over their wrap."""
+    """Return the signed difference of two counters that wrap after this number of bits."""
     half = 1 << bits - 1
     return (difference + half) % (2 * half) - half

@@ -1,4 +1,4 @@
-"""A board's section in a rig file, and the signals that follow from it."""
+"""Rig file section of a board in a rig file, and the signals that it defines."""
 
 from __future__ import annotations
 
@@ -18,26 +18,26 @@ QUANTITIES = (
     ("velocity", "m/s", 1e-6, "velocity_um_per_s_per_count", codec.AXES),
     ("analogue", "V", 1e-3, "analogue_mv_per_count", codec.ANALOGUES),
 )
-"""Signals in the order of a sample's counts: name, SI unit, setting's unit, setting, how many."""
+"""Signals in the order of a sample's counts: name, SI unit, setting unit, setting, number."""
 
 
 class BoardSettings(DeviceSettings):
-    """A board; each list has an entry for each input or axis in use, the first ones."""
+    """Rig file section of a board. Each list has one entry per input or axis in use, from the first on."""
 
     kind: Literal["board"]
     bus: str
     sample_rate_hz: Annotated[int, Field(ge=50, le=4000)] = 1000
     watchdog_ms: Annotated[int, Field(ge=5, le=500)] = 50
-    """The axes stop if no command comes for so long."""
+    """Time without a command after which the axes stop."""
     force_n_per_count: Annotated[tuple[Scale, ...], Field(max_length=codec.FORCES)] = ()
     position_um_per_count: Annotated[tuple[Scale, ...], Field(max_length=codec.AXES)] = ()
     velocity_um_per_s_per_count: Annotated[tuple[Scale, ...], Field(max_length=codec.AXES)] = ()
-    """Of the commands, and of the velocities that the board measures."""
+    """Scale of the velocity commands and of the measured velocities."""
     analogue_mv_per_count: Annotated[tuple[Scale, ...], Field(max_length=codec.ANALOGUES)] = ()
 
 
 def gains(settings: BoardSettings) -> Iterator[tuple[int, str, float]]:
-    """Each signal: the index of its count in a sample, its name, and what a count is [SI unit]."""
+    """Yield for each signal the index of its count in a sample, its name, and SI unit per count."""
     first = 0
     for name, _, unit, key, number in QUANTITIES:
         for i, scale in enumerate(getattr(settings, key)):

@@ -1,4 +1,4 @@
-"""A serial force-torque sensor of Bota Systems (Rokubi, SensONE, MegaONE)."""
+"""Serial force-torque sensors of Bota Systems (Rokubi, SensONE, MegaONE)."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from drivers.rig import RigError
 from drivers.transports.serial_port import SerialPort
 
 BAUD = 460800
-"""Line rate of the sensor as it is delivered [bit/s]."""
+"""Factory setting of the sensor's line rate [bit/s]."""
 STREAMING = 0.25
-"""A sensor that is not in configuration mode is heard within this time [s]."""
+"""Longest wait for a frame before the configuration mode is assumed [s]."""
 FIRST_FRAME = 1.0
-"""Longest wait for it [s]."""
+"""Longest wait for the first frame [s]."""
 CLOCK_JUMP = 1.0
-"""The sensor's clock does not get so far ahead of ours by itself [s]."""
+"""Advance of the sensor's clock that indicates a restart [s]."""
 
 
 class BotaSettings(DeviceSettings):
-    """A sensor; its filter and with that its rate are what it was set up to."""
+    """Rig file section of a sensor. Its filter, and thus its rate, must be set on the sensor."""
 
     kind: Literal["bota"]
     bus: str
@@ -31,10 +31,10 @@ class BotaSettings(DeviceSettings):
 class Bota(SerialDevice):
     """A sensor; signals `fx`, `fy`, `fz` [N], `mx`, `my`, `mz` [N m] and `temperature` [degC].
 
-    Sample times are the sensor's own, mapped to our clock, less the time that a frame takes on
-    the line. While the sensor says of its values that they are none, they are not taken and
-    `error` tells why. A sensor that was started anew may have lost its zero: that error stays
-    until the rig is opened anew.
+    Sampling times are those of the sensor's clock, converted to the controller's clock, minus the
+    transmission time of a frame. While the sensor reports its values as invalid, they are not
+    used and `error` has the reason. A sensor that was restarted may have lost its zero. This
+    error stays until the rig is opened again.
     """
 
     Settings = BotaSettings
@@ -48,20 +48,20 @@ class Bota(SerialDevice):
         self._started = False
         self._restarted = ""
         self._seen: tuple[int, float] | None = None
-        """Time stamp of the latest frame [us], and when it came [s]."""
+        """Time stamp of the latest frame [us], and its time of arrival [s]."""
 
     def signals(self) -> dict[str, str]:
-        """Forces, moments and the sensor's temperature."""
+        """Return the units of forces, moments and the sensor's temperature."""
         forces = dict.fromkeys(("fx", "fy", "fz"), "N")
         return forces | dict.fromkeys(("mx", "my", "mz"), "N m") | {"temperature": "degC"}
 
     def start(self, port: SerialPort) -> None:
-        """Wait for the sensor's frames; if it was left in configuration mode, end that.
+        """Wait for frames of the sensor; if there are none, end the configuration mode.
 
         Raises
         ------
         RigError
-            None comes.
+            No frame is received.
         """
         self._line_time = port.line_time(FRAME.size)
         self._started, self._restarted, self._seen = False, "", None
@@ -69,12 +69,14 @@ class Bota(SerialDevice):
         if not port.wait_for(lambda: self._seen, STREAMING):
             port.write(RUN)
             if not port.wait_for(lambda: self._seen, FIRST_FRAME - STREAMING):
-                raise RigError(f"{self.name}: {port.no_frame(FIRST_FRAME, 'a Bota sensor', BAUD)}")
+                raise RigError(
+                    f"{self.name}: {port.no_frame_message(FIRST_FRAME, 'a Bota sensor', BAUD)}"
+                )
         self.rejected.clear()
         self._started = True
 
     def receive(self, data: bytes, now: float) -> None:
-        """Take in frames; the samples are those of the newest that is a measurement."""
+        """Process frames; the newest frame with valid measurements sets the samples."""
         frames = self._parser.feed(data)
         if not frames:
             return
@@ -91,21 +93,21 @@ class Bota(SerialDevice):
             elif not all(map(math.isfinite, frame)):
                 self.rejected["not finite"] += 1
             else:
-                self._take(frame)
+                self._store(frame)
         self.error = self._restarted or fault(status)
 
-    def _take(self, frame: BotaFrame) -> None:
+    def _store(self, frame: BotaFrame) -> None:
         time = self._clock.time(frame.timestamp_us) - self._line_time
         for signal in self.samples:
             self.samples[signal] = Sample(getattr(frame, signal), time)
 
     def _watch_clock(self, stamp: int, now: float) -> None:
-        """Notice that the sensor was started anew: its clock jumps, backward at most times."""
+        """Detect a restart of the sensor by a jump of its clock."""
         if self._seen:
             before, then = self._seen
             passed = (stamp - before) % WRAP * MICROSECOND
             if passed > now - then + CLOCK_JUMP:
                 self._clock = DeviceClock()
                 if self._started:
-                    self._restarted = "the sensor was started anew: open the rig anew"
+                    self._restarted = "the sensor was restarted: open the rig again"
         self._seen = stamp, now

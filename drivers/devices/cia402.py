@@ -1,4 +1,4 @@
-"""A CANopen drive of profile CiA 402, in cyclic synchronous velocity mode."""
+"""CANopen drive of profile CiA 402 in cyclic synchronous velocity mode."""
 
 from __future__ import annotations
 
@@ -51,10 +51,11 @@ FAULTS = (State.FAULT, State.FAULT_REACTION_ACTIVE)
 class Cia402(CanDevice, VelocityDrive):
     """A drive with one axis.
 
-    Its set-up is done over SDO in `start`. From then on the drive takes a command and samples at
-    each SYNC, and it stops on its quick stop ramp if our heartbeat or our commands stay away for
-    `watchdog_ms` (CiA 402-2, 6007h). What it reports as an error, and whatever else takes it out
-    of operation, stays in `error` and is commanded out of operation until it is enabled anew.
+    It is set up over SDO in `start`. Then, at each SYNC, the drive applies its command and takes
+    its samples. It stops on its quick stop ramp if the controller's heartbeat or commands are
+    missing for `watchdog_ms` (CiA 402-2, 6007h). Any error that it reports, and any other exit
+    from operation, is latched in `error`, and the drive is kept out of operation until it is
+    enabled again.
 
     Sources: CiA 301 4.2, CiA 402-2 3.0.
     """
@@ -68,11 +69,11 @@ class Cia402(CanDevice, VelocityDrive):
         self._units = self._units_with(math.nan)
         self._watchdog = settings.watchdog_ms * 1e-3
         node = settings.node_id
-        self._takers = {
-            EMCY + node: self._take_emergency,
-            TPDO1 + node: self._take_status,
-            TPDO2 + node: self._take_motion,
-            HEARTBEAT + node: self._take_heartbeat,
+        self._handlers = {
+            EMCY + node: self._process_emergency,
+            TPDO1 + node: self._process_status,
+            TPDO2 + node: self._process_motion,
+            HEARTBEAT + node: self._process_heartbeat,
         }
         self._bus: CanBus | None = None
         self._setup: Setup | None = None
@@ -91,15 +92,15 @@ class Cia402(CanDevice, VelocityDrive):
         return Units(s.counts_per_turn, s.travel_mm_per_turn * 1e-3, s.velocity_unit, rated_torque)
 
     def signals(self) -> Mapping[str, str]:
-        """Position, velocity, and the force that the motor's torque makes along the axis."""
+        """Return the units of position, velocity, and force of the motor along the axis."""
         return {"position": "m", "velocity": "m/s", "force": "N"}
 
     def identifiers(self) -> Iterable[int]:
-        """EMCY, both TPDOs, heartbeat, and the answers to SDO."""
-        return (*self._takers, SDO_ANSWER + self.settings.node_id)
+        """Return the identifiers of EMCY, both TPDOs, heartbeat and SDO answers."""
+        return (*self._handlers, SDO_ANSWER + self.settings.node_id)
 
     def start(self, bus: CanBus) -> None:
-        """Reset the drive's communication, set it up and let it answer to SYNC; it stays idle."""
+        """Reset the drive's communication and set it up for SYNC; it stays idle."""
         from drivers.devices.cia402_setup import Setup
 
         node = self.settings.node_id
@@ -134,7 +135,7 @@ class Cia402(CanDevice, VelocityDrive):
         return NO_SAMPLE not in (self.samples["position"], self.samples["velocity"])
 
     def receive(self, frame: can.Message, time: float) -> None:
-        """Take in a frame."""
+        """Process a frame."""
         if frame.is_remote_frame:
             self.rejected["remote"] += 1
         elif frame.arbitration_id == SDO_ANSWER + self.settings.node_id:
@@ -144,11 +145,11 @@ class Cia402(CanDevice, VelocityDrive):
                 self.rejected["SDO"] += 1
         else:
             try:
-                self._takers[frame.arbitration_id](bytes(frame.data), time)
+                self._handlers[frame.arbitration_id](bytes(frame.data), time)
             except struct.error:
                 self.rejected["length"] += 1
 
-    def _take_status(self, data: bytes, time: float) -> None:
+    def _process_status(self, data: bytes, time: float) -> None:
         position, word = self._units.position(data), statusword(data)
         self.samples["position"] = Sample(position, self._sampled(time))
         self._answered = True
@@ -162,22 +163,22 @@ class Cia402(CanDevice, VelocityDrive):
         elif self._enabled and state is not State.OPERATION_ENABLED:
             self._fail(f"left operation by itself: statusword 0x{word:04X}, {state.words}")
 
-    def _take_motion(self, data: bytes, time: float) -> None:
+    def _process_motion(self, data: bytes, time: float) -> None:
         velocity, force = self._units.velocity_and_force(data)
         sampled = self._sampled(time)
         self.samples["velocity"] = Sample(velocity, sampled)
         self.samples["force"] = Sample(force, sampled)
 
     def _sampled(self, arrival: float) -> float:
-        """When a TPDO was sampled: at the SYNC that it answers."""
+        """Return the sampling time of a TPDO [s]: that of the SYNC before its arrival."""
         synchronised = self._master.synchronised
         return synchronised if synchronised <= arrival else arrival
 
-    def _take_emergency(self, data: bytes, time: float) -> None:
+    def _process_emergency(self, data: bytes, time: float) -> None:
         if error := emergency(data):
             self._fail(error)
 
-    def _take_heartbeat(self, data: bytes, time: float) -> None:
+    def _process_heartbeat(self, data: bytes, time: float) -> None:
         try:
             (byte,) = data
             self._nmt = NmtState(byte)
@@ -193,42 +194,42 @@ class Cia402(CanDevice, VelocityDrive):
             self._fail(self._lost)
 
     def _fail(self, error: str) -> None:
-        """Keep the first error until the drive is enabled anew; it is idle until then."""
+        """Latch the first error, and stop the drive, until it is enabled again."""
         if self._running:
             self.error = self.error or error
             self._enabled = False
             self._control = Control.QUICK_STOP
 
     def update(self, now: float) -> None:
-        """Watch the drive's heartbeat, and see to it that samples come."""
+        """Check the drive's heartbeat, and request samples if no tick does."""
         if not self._bus or not self._running:
             return
         self._master.keep_sampling(self._bus, now)
         if now - self._updated > 0.5 * self._watchdog:
-            self._heard = now  # nobody listened meanwhile
+            self._heard = now  # the bus was not read in the meantime
         self._updated = now
         if now - self._heard > self._watchdog:
             self._fail(f"no heartbeat for {self.settings.watchdog_ms} ms")
         if now > self._resetting_until and self._state is State.FAULT:
-            self._fail("its fault is not cleared by a reset")
+            self._fail("the fault is not cleared by a reset")
 
     def ping(self) -> bool:
-        """Send a SYNC."""
+        """Send a SYNC, which TPDO1 answers."""
         if self._bus and self._running:
             self._answered = False
             self._master.synchronise(self._bus)
         return self._running
 
     def answered(self) -> bool:
-        """Whether TPDO1 has come since."""
+        """Return whether TPDO1 was received since the last `ping`."""
         return self._answered
 
     def rearm(self) -> None:
-        """Forget its error; a set-up that is lost stays one."""
+        """Clear the error, except that of a lost set-up."""
         self.error = self._lost
 
     def enable(self) -> bool:
-        """Go one step towards operation, through the reset of a fault if this is the first call.
+        """Take one step towards operation; the first call resets a fault.
 
         Raises
         ------
@@ -237,7 +238,7 @@ class Cia402(CanDevice, VelocityDrive):
         """
         assert self._bus
         if self._lost:
-            raise RigError(f"{self.name}: {self._lost}: its set-up is gone, open the rig anew")
+            raise RigError(f"{self.name}: {self._lost}: its set-up is lost, open the rig again")
         if not self._armed:
             self._armed, self._state, self.error = True, None, ""
             self._master.armed = True
@@ -249,19 +250,19 @@ class Cia402(CanDevice, VelocityDrive):
         return self._enabled
 
     def command(self, velocity: float) -> float:
-        """Set the velocity, in whole units of 60FFh."""
+        """Set the velocity [m/s]; return it rounded to units of 60FFh."""
         self._target = self._units.target(velocity)
         return self._target * self._units.metres_per_second
 
     def transmit(self) -> None:
-        """Send RPDO1 once a drive was enabled, and SYNC after that of the last on the bus."""
+        """Send RPDO1 if a drive was enabled; after the last drive on the bus, send SYNC."""
         if self._bus and self._running:
             if self._master.armed:
                 self._send()
             self._master.end_tick(self.name, self._bus)
 
     def idle(self) -> None:
-        """Stop on the quick stop ramp; the drive then goes out of operation."""
+        """Stop on the quick stop ramp; the drive then leaves operation."""
         self._armed = self._enabled = False
         self._control, self._target = Control.QUICK_STOP, 0
         self._resetting_until = math.inf
@@ -275,7 +276,7 @@ class Cia402(CanDevice, VelocityDrive):
         self._bus.send(RPDO1 + self.settings.node_id, command(self._control, target))
 
     def stop(self) -> None:
-        """Reset the drive's communication, so that it does not miss us."""
+        """Reset the drive's communication, so that it does not report a missing heartbeat."""
         if self._bus and self._running:
             with contextlib.suppress(RigError):
                 self._bus.send(NMT, nmt(NmtCommand.RESET_COMMUNICATION, self.settings.node_id))

@@ -1,4 +1,4 @@
-"""The CANopen master's part on a bus: one SYNC and one heartbeat for all drives on it."""
+"""CANopen master: one SYNC and one heartbeat for all drives on a bus."""
 
 from __future__ import annotations
 
@@ -9,25 +9,25 @@ from drivers.codecs.cia402 import HEARTBEAT, SYNC, NmtState
 from drivers.transports.can_bus import CanBus
 
 NODE = 127
-"""Our own node id."""
+"""Node id of the controller."""
 LONGEST = 8e-3
-"""After this long without a SYNC one is sent even if no tick ends [s], so that samples come."""
+"""Longest time between two SYNC messages [s], also if no tick ends."""
 
 
 class Master:
-    """What the drives on a bus have in common.
+    """State that all drives on a bus share.
 
-    A tick ends with the last drive's command: the SYNC then makes all drives take the command
-    that they were sent and sample what they answer. The last is the one that was started last,
-    as drives transmit in the order in which they are started.
+    SYNC is sent at the end of a tick, after the command of the last drive. All drives then apply
+    their commands and take their samples. Drives send in the order in which they were started, so
+    the last drive is the one that was started last.
 
     Attributes
     ----------
     synchronised
-        When the latest SYNC was sent [s].
+        Time of the latest SYNC [s].
     armed
-        Whether a drive was enabled: from then on our heartbeat is sent at the end of a tick, and
-        the drives, which begin to watch it with the first, miss it if ticks stay away.
+        Whether a drive was enabled. Then the controller's heartbeat is sent at the end of a tick.
+        The drives monitor it from the first one on, and detect missing ticks.
     """
 
     def __init__(self) -> None:
@@ -38,12 +38,12 @@ class Master:
         self._period = math.inf
 
     def join(self, drive: str, heartbeat_period: float) -> None:
-        """Count with a drive, by its name; our heartbeat is sent at least at its period [s]."""
+        """Add a drive by its name, with the longest period of the controller's heartbeat [s]."""
         self._last, self.armed = drive, False
         self._period = min(self._period, heartbeat_period)
 
     def end_tick(self, drive: str, bus: CanBus) -> None:
-        """Synchronise all drives if this is the last of them, and send our heartbeat if due."""
+        """If this is the last drive, send SYNC, and the heartbeat if it is due."""
         if drive != self._last:
             return
         self.synchronise(bus)
@@ -53,12 +53,12 @@ class Master:
             bus.send(HEARTBEAT + NODE, bytes((NmtState.OPERATIONAL,)))
 
     def keep_sampling(self, bus: CanBus, now: float) -> None:
-        """Send a SYNC that is overdue as no tick ends."""
+        """Send a SYNC if the last one is older than `LONGEST`."""
         if now - self.synchronised > LONGEST:
             self.synchronise(bus)
 
     def synchronise(self, bus: CanBus) -> None:
-        """Send a SYNC."""
+        """Send a SYNC, and store its time."""
         self.synchronised = bus.now()
         bus.send(SYNC, b"")
 
@@ -67,5 +67,5 @@ _masters: WeakKeyDictionary[CanBus, Master] = WeakKeyDictionary()
 
 
 def master_of(bus: CanBus) -> Master:
-    """The one master on a bus."""
+    """Return the master of a bus."""
     return _masters.setdefault(bus, Master())

@@ -1,4 +1,4 @@
-"""Setting up a CiA 402 drive: its identity, its monitoring of us, its process data; over SDO."""
+"""Set-up of a CiA 402 drive over SDO: identity, monitoring, mode and process data."""
 
 from __future__ import annotations
 
@@ -33,19 +33,19 @@ logging.getLogger("canopen").addHandler(logging.NullHandler())
 PROFILE = 402
 CYCLIC_SYNCHRONOUS_VELOCITY = 9
 SUPPORTS_IT = 1 << 8
-"""In 6502h."""
+"""Bit of 6502h: the drive supports this mode."""
 QUICK_STOP_IF_MASTER_LOST = 3
-"""In 6007h."""
+"""Value of 6007h: quick stop if the communication is lost."""
 RAMP_THEN_DISABLE = 2
-"""In 605Ah: slow down on the quick stop ramp, then go to switch on disabled."""
+"""Value of 605Ah: slow down on the quick stop ramp, then go to switch on disabled."""
 KEEP_NMT_STATE = 1
-"""In 1029h: after a communication error, so that the drive goes on reporting."""
+"""Value of 1029h: keep the NMT state after a communication error, to continue reports."""
 EVERY_SYNC = 1
-"""Transmission type."""
+"""Transmission type of a PDO: at every SYNC."""
 VELOCITY_UNITS = {"counts_per_s": 0x00B50300, "rpm": 0x00B44700}
-"""In 60A9h, CiA 402-2 and CiA 303-2."""
+"""Values of 60A9h, CiA 402-2 and CiA 303-2."""
 INVALID = 1 << 31
-"""In a PDO's COB-ID."""
+"""Bit of a PDO's COB-ID: the PDO is not used."""
 NO_OBJECT = (0x06020000, 0x06090011)
 """Abort codes: no such object, or no such sub-index."""
 MODE_CHANGE = 0.5
@@ -68,7 +68,7 @@ VARIABLES = {
     0x60FF: INTEGER32,
     0x6502: UNSIGNED32,
 }
-"""Objects and their types."""
+"""Objects without sub-indices, and their types."""
 COMMUNICATION = {0: UNSIGNED8, 1: UNSIGNED32, 2: UNSIGNED8, 5: UNSIGNED16}
 MAPPING = {0: UNSIGNED8, 1: UNSIGNED32, 2: UNSIGNED32}
 RECORDS = {
@@ -78,11 +78,11 @@ RECORDS = {
     **dict.fromkeys((0x1400, 0x1800, 0x1801, 0x1802, 0x1803), COMMUNICATION),
     **dict.fromkeys((0x1600, 0x1A00, 0x1A01, 0x1A02, 0x1A03), MAPPING),
 }
-"""Objects with sub-indices; mappings too, as canopen saves none that stands here as an array."""
+"""Objects with sub-indices. Mappings are records too, because canopen does not save arrays."""
 
 
 def object_dictionary() -> ObjectDictionary:
-    """The objects of CiA 301 and CiA 402-2 that are used here."""
+    """Return a dictionary of the objects of CiA 301 and CiA 402-2 that are used here."""
     dictionary = ObjectDictionary()  # type: ignore[no-untyped-call]
     for index, kind in VARIABLES.items():
         dictionary.add_object(variable(index, 0, kind))
@@ -95,21 +95,21 @@ def object_dictionary() -> ObjectDictionary:
 
 
 def variable(index: int, sub: int, kind: int) -> ODVariable:
-    """An entry of that type."""
+    """Return an entry of this type for an object dictionary."""
     entry = ODVariable(f"{index:04X}h:{sub:02X}", index, sub)
     entry.data_type = kind
     return entry
 
 
 class Setup:
-    """One drive's set-up; canopen speaks, our bus carries.
+    """Set-up of one drive, with canopen as protocol and a `CanBus` as transport.
 
     Parameters
     ----------
     where
-        Which drive, for messages.
+        Name of the drive in messages.
     bus
-        The bus, which is pumped while waiting for an answer.
+        The bus. It is read while waiting for an answer.
     settings
         The drive's section of the rig file.
     """
@@ -123,16 +123,16 @@ class Setup:
         self._network[settings.node_id] = self._node
 
     def receive(self, frame: can.Message, time: float) -> None:
-        """Take in an SDO answer."""
+        """Process an SDO answer."""
         self._network.notify(frame.arbitration_id, frame.data, time)
 
     def run(self) -> float:
-        """Set the drive up; returns its rated torque [N m], NaN if it does not tell.
+        """Set up the drive; return its rated torque [N m], NaN if it is unknown.
 
         Raises
         ------
         RigError
-            It does not answer, is another one than expected, or refuses a setting.
+            The drive does not answer, is not the expected one, or refuses a setting.
         """
         self._identify()
         self._monitor()
@@ -158,7 +158,7 @@ class Setup:
             self._write(0x60A9, 0, unit)
 
     def _monitor(self) -> None:
-        """Each side notices when the other falls silent, and the drive then stops by itself."""
+        """Set up heartbeats in both directions, and the reaction of the drive to their loss."""
         watchdog = self._settings.watchdog_ms
         self._write(0x1017, 0, watchdog // 4)
         self._write(0x1016, 1, NODE << 16 | watchdog)
@@ -223,7 +223,7 @@ class Setup:
         self._ask(f"writing 0x{value:X} to object {index:04X}h:{sub:02X}", write, optional)
 
     def _ask(self, what: str, request: Callable[[], Any], optional: bool = False) -> Any:
-        """The answer to a request; None if it is about an optional object that is not there."""
+        """Return the answer to a request; None if an optional object does not exist."""
         try:
             return request()
         except SdoAbortedError as error:
@@ -235,33 +235,33 @@ class Setup:
 
 
 class BusNetwork(Network):
-    """canopen's network, whose frames go out over our bus."""
+    """canopen's network, which sends frames over a `CanBus`."""
 
     def __init__(self, bus: CanBus) -> None:
         super().__init__()
         self._carrier = bus
 
     def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
-        """Send a frame."""
+        """Send a data frame."""
         self._carrier.send(can_id, bytes(data))
 
 
 class PumpedNode(RemoteNode):
-    """canopen's remote node, whose SDO client pumps our bus while it waits."""
+    """canopen's remote node, whose SDO client reads a `CanBus` while it waits."""
 
     def __init__(self, node: int, bus: CanBus) -> None:
         self._carrier = bus
         super().__init__(node, object_dictionary())
 
     def add_sdo(self, rx_cobid: int, tx_cobid: int) -> SdoClient:
-        """The node's SDO client."""
+        """Return the SDO client of the node, and add it to `sdo_channels`."""
         client = PumpedSdo(self._carrier, rx_cobid, tx_cobid, self.object_dictionary)
         self.sdo_channels.append(client)
         return client
 
 
 class PumpedSdo(SdoClient):
-    """canopen's SDO client, whose wait for an answer pumps our bus."""
+    """canopen's SDO client, which reads a `CanBus` while it waits for an answer."""
 
     RESPONSE_TIMEOUT = 1.0
 
@@ -270,7 +270,13 @@ class PumpedSdo(SdoClient):
         self._carrier = bus
 
     def read_response(self) -> bytes:
-        """The next answer."""
+        """Wait for the next answer and return it.
+
+        Raises
+        ------
+        SdoCommunicationError
+            There is no answer within `RESPONSE_TIMEOUT`.
+        """
         if not self._carrier.wait_for(lambda: not self.responses.empty(), self.RESPONSE_TIMEOUT):
             raise SdoCommunicationError(f"no answer within {self.RESPONSE_TIMEOUT:g} s")
         answer: bytes = super().read_response()  # type: ignore[no-untyped-call]

@@ -1,4 +1,4 @@
-"""Any device on a CAN bus that sends by itself and that a DBC file describes."""
+"""Devices on a CAN bus that send unrequested frames, described by a DBC file."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ if TYPE_CHECKING:
 
 
 class DbcSettings(DeviceSettings):
-    """A device whose frames a DBC file describes."""
+    """Rig file section of a device whose frames a DBC file describes."""
 
     kind: Literal["dbc"]
     bus: str
     file: Path
-    """The DBC file, seen from the rig file's folder."""
+    """Path of the DBC file, relative to the folder of the rig file."""
     messages: tuple[str, ...] = ()
-    """Which of its messages are the device's; all if none is named."""
+    """Names of the messages that the device sends; empty for all messages of the file."""
     timeout_ms: Annotated[FiniteFloat, Field(gt=0, le=60_000)] = 1000.0
     """Longest wait for the first frame."""
 
@@ -47,12 +47,12 @@ class DbcSettings(DeviceSettings):
         return self
 
     def read(self) -> list[Message]:
-        """The device's messages, from the DBC file.
+        """Return the messages of the device, from the DBC file.
 
         Raises
         ------
         ValueError
-            It cannot be read, is no DBC file, or has no message of a name.
+            The file cannot be read, is not a DBC file, or does not contain a message.
         """
         try:
             logging.getLogger("cantools").setLevel(logging.ERROR)
@@ -66,7 +66,7 @@ class DbcSettings(DeviceSettings):
         assert isinstance(database, Database)
         known = {message.name: message for message in database.messages}
         if not known:
-            raise ValueError(f"file {self.file}: it describes no message")
+            raise ValueError(f"file {self.file}: no message in it: expected at least one")
         for name in self.messages:
             if name not in known:
                 raise ValueError(f"messages: {name!r}: expected some of {', '.join(known)}")
@@ -75,17 +75,18 @@ class DbcSettings(DeviceSettings):
             for signal in message.signals:
                 if not signal.scale:
                     raise ValueError(
-                        f"file {self.file}: signal {message.name}.{signal.name} has the scale 0"
+                        f"file {self.file}: signal {message.name}.{signal.name} has scale 0: "
+                        "expected another scale"
                     )
         return used
 
 
 class DbcDevice(CanDevice):
-    """A device with a signal for each of its messages' signals, in the DBC file's units.
+    """A device with all signals of its messages, in the units of the DBC file.
 
-    Where two messages have a signal of the same name, it is called `Message.signal` here. A
-    multiplexed signal has a new sample when the frame carries it. A frame that is too short or
-    has an unknown multiplexer is rejected.
+    If two messages have a signal of the same name, its name here is `Message.signal`. A
+    multiplexed signal gets a new sample from each frame that contains it. Frames that are too
+    short or have an unknown multiplexer are rejected.
     """
 
     Settings = DbcSettings
@@ -99,7 +100,7 @@ class DbcDevice(CanDevice):
         self._heard: set[str] = set()
 
     def signals(self) -> dict[str, str]:
-        """Those of the DBC file, each with its unit as it stands there."""
+        """Return the unit of each signal, as given in the DBC file."""
         return {
             self._names[message.name, signal.name]: signal.unit or ""
             for message in self._messages.values()
@@ -107,16 +108,16 @@ class DbcDevice(CanDevice):
         }
 
     def identifiers(self) -> list[int]:
-        """Those of its messages."""
+        """Return the identifiers of its messages."""
         return list(self._messages)
 
     def start(self, bus: CanBus) -> None:
-        """Wait for the device to be heard: each message that is named, any if none is.
+        """Wait for a frame of each message in the settings; for any frame if there are none.
 
         Raises
         ------
         RigError
-            It is silent.
+            A frame is not received in time.
         """
         self._heard.clear()
         named = set(self.settings.messages)
@@ -133,7 +134,7 @@ class DbcDevice(CanDevice):
             )
 
     def receive(self, frame: can.Message, time: float) -> None:
-        """Decode a frame; every signal in it has a new sample."""
+        """Decode a frame, and update the samples of its signals."""
         message = self._messages[frame.arbitration_id | frame.is_extended_id * EXTENDED]
         if frame.is_remote_frame:
             self.rejected["remote"] += 1
@@ -157,12 +158,12 @@ class DbcDevice(CanDevice):
 
 
 def identifier(message: Message) -> int:
-    """The identifier of a message, with bit 31 set if it is one of 29 bits."""
+    """Return the identifier of a message; bit 31 marks a 29-bit identifier."""
     return message.frame_id | message.is_extended_frame * EXTENDED
 
 
 def signal_names(messages: list[Message]) -> dict[tuple[str, str], str]:
-    """What the device calls the signal of a message; the message's name where it needs that."""
+    """Return unique names of signals, by message and signal; see `DbcDevice`."""
     count = Counter(signal.name for message in messages for signal in message.signals)
 
     def named() -> Iterator[tuple[tuple[str, str], str]]:

@@ -13,24 +13,24 @@ from drivers.transports.serial_port import SerialPort
 BAUD = 19200
 """Line rate of the sensor [bit/s]."""
 STREAMING = 0.1
-"""A sensor that streams already is heard within this time [s]."""
+"""Longest wait for a frame before the stream is started [s]."""
 FIRST_FRAME = 1.0
-"""Longest wait for it [s]."""
+"""Longest wait for the first frame [s]."""
 
 
 class Ft300Settings(DeviceSettings):
-    """A sensor."""
+    """Rig file section of a sensor."""
 
     kind: Literal["ft300"]
     bus: str
 
 
 class Ft300(SerialDevice):
-    """A sensor; signals `fx`, `fy`, `fz` [N], `mx`, `my`, `mz` [N m], a hundred times a second.
+    """A sensor; signals `fx`, `fy`, `fz` [N] and `mx`, `my`, `mz` [N m] at 100 Hz.
 
-    Its frames have no time stamps: a sample's time is when it arrived, less the 8.3 ms that a
-    frame takes on the line. Nor do they have a status: the sensor saturates in silence, so the
-    range of its channel (300 N, 30 N m) belongs in the rig file.
+    Its frames have no time stamps. The time of a sample is its time of arrival minus the
+    transmission time of a frame, 8.3 ms. The frames have no status either, so saturation is not
+    reported. The range of the channel (300 N, 30 N m) must be given in the rig file.
     """
 
     Settings = Ft300Settings
@@ -43,16 +43,16 @@ class Ft300(SerialDevice):
         self._line_time = 0.0
 
     def signals(self) -> dict[str, str]:
-        """Forces and moments."""
+        """Return the units of forces and moments."""
         return dict.fromkeys(("fx", "fy", "fz"), "N") | dict.fromkeys(("mx", "my", "mz"), "N m")
 
     def start(self, port: SerialPort) -> None:
-        """Have the sensor stream, unless it does so already.
+        """Start the stream of the sensor, unless it is running.
 
         Raises
         ------
         RigError
-            No frame comes.
+            No frame is received.
         """
         self._port = port
         self._line_time = port.line_time(FRAME.size)
@@ -60,21 +60,23 @@ class Ft300(SerialDevice):
         if not port.wait_for(self._streams, STREAMING):
             port.write(START_STREAM)
             if not port.wait_for(self._streams, FIRST_FRAME - STREAMING):
-                raise RigError(f"{self.name}: {port.no_frame(FIRST_FRAME, 'an FT 300', BAUD)}")
+                raise RigError(
+                    f"{self.name}: {port.no_frame_message(FIRST_FRAME, 'an FT 300', BAUD)}"
+                )
         self.rejected.clear()
 
     def _streams(self) -> bool:
         return self.samples["fx"] is not NO_SAMPLE
 
     def receive(self, data: bytes, now: float) -> None:
-        """Take in frames; the samples are those of the newest."""
+        """Process frames; the newest one sets the samples."""
         if frames := self._parser.feed(data):
             time = now - self._line_time
             for signal, value in zip(Ft300Frame._fields, frames[-1], strict=True):
                 self.samples[signal] = Sample(value, time)
 
     def stop(self) -> None:
-        """Interrupt the stream, so that the sensor listens to whoever comes next."""
+        """Stop the stream, so that the sensor accepts requests again."""
         if self._port:
             with contextlib.suppress(RigError):
                 self._port.write(STOP_STREAM)

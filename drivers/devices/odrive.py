@@ -1,4 +1,4 @@
-"""An axis of an ODrive on a CAN bus, firmware 0.5 or 0.6, that follows a velocity."""
+"""Axis of an ODrive on a CAN bus in velocity control, firmware 0.5 or 0.6."""
 
 from __future__ import annotations
 
@@ -19,56 +19,56 @@ if TYPE_CHECKING:
     from drivers.transports.can_bus import CanBus
 
 FIRST_HEARTBEAT = 1.0
-"""Longest wait for it: ten times the period that an ODrive comes with [s]."""
+"""Longest wait for the first heartbeat [s], ten times the default period."""
 ANSWER = 0.25
-"""Longest wait for the firmware's version [s]."""
+"""Longest wait for the firmware version [s]."""
 IQ_PERIOD = 2e-3
-"""Between two requests for the current [s]."""
+"""Period of the requests for the current [s]."""
 
 
 class ODriveSettings(DeviceSettings):
-    """An axis of an ODrive in a rig file."""
+    """Rig file section of an axis of an ODrive."""
 
     bus: str
     node: Annotated[int, Field(ge=0, le=62)]
     firmware: codec.Firmware
     travel_mm_per_turn: Annotated[FiniteFloat, Field(gt=0)]
-    """How far the carriage goes in a turn of the motor."""
+    """Displacement of the carriage per turn of the motor."""
     torque_constant_nm_per_a: Annotated[FiniteFloat, Field(ge=-100, le=100)] | None = None
-    """Of the motor, by which 0.5, which tells its current alone, gives the force; negative where
-    `encoder.config.direction` is -1, since the current counts in the motor's direction."""
+    """Torque constant of the motor, for firmware 0.5, which reports the current but not the torque.
+    It is negative if `encoder.config.direction` is -1, because of the sign of the current."""
     max_velocity_mm_per_s: Annotated[FiniteFloat, Field(gt=0)]
     max_current_a: Annotated[FiniteFloat, Field(gt=0)]
     watchdog_ms: Annotated[FiniteFloat, Field(gt=0, le=1000)]
-    """As it is set up on the ODrive; CANSimple can neither set nor read it."""
+    """Watchdog time that is set on the ODrive. CANSimple can neither set nor read it."""
     heartbeat_timeout_ms: Annotated[FiniteFloat, Field(gt=0, le=10_000)] = 300.0
 
     @model_validator(mode="after")
     def _torque_has_one_source(self) -> Self:
         if self.torque_constant_nm_per_a is not None and self.firmware == "0.6":
-            raise ValueError("torque_constant_nm_per_a: not expected: 0.6 tells torques itself")
+            raise ValueError("torque_constant_nm_per_a: not expected: firmware 0.6 reports torques")
         if self.torque_constant_nm_per_a == 0:
-            raise ValueError("torque_constant_nm_per_a: expected a constant other than 0")
+            raise ValueError("torque_constant_nm_per_a: expected a number other than 0")
         return self
 
 
 class ODrive(CanDevice, VelocityDrive):
     """An axis of an ODrive.
 
-    Signals are `position`, `velocity`, and `force`: that which the motor exerts along its travel,
-    2 pi torque / travel of a turn. The ODrive sends encoder estimates, torques (0.6) and heartbeats
-    by itself at periods set up on it; 0.5 is asked for its current.
+    The signals are `position`, `velocity` and `force`, the force of the motor along the travel,
+    2 pi torque / travel per turn. The ODrive sends encoder estimates, torques (firmware 0.6) and
+    heartbeats at periods that are set on it. With firmware 0.5 the current is requested.
 
-    It has one drive, `axis`, which is itself. An error is latched until the axis is enabled anew.
-    The ODrive's watchdog, which must be set up on it, is fed by the velocities, and on 0.5 by every
-    frame to the axis.
+    The device has one drive, `axis`, which is the device itself. An error is latched until the
+    axis is enabled again. The watchdog of the ODrive must be set on the ODrive. Velocity commands
+    reset its timer, and with firmware 0.5 every frame to the axis does.
 
     Parameters
     ----------
     name
-        What the rig file calls it.
+        Name of the device in the rig file.
     settings
-        Its section of the rig file.
+        Section of the device in the rig file.
     """
 
     Settings = ODriveSettings
@@ -87,27 +87,27 @@ class ODrive(CanDevice, VelocityDrive):
         self._settling = False
         """Whether the next heartbeat may be older than the request for operation."""
         self._ready = False
-        """Whether it is in operation."""
+        """Whether the axis is in operation."""
         self._velocity = 0.0
         self._heard = False
-        """Whether a heartbeat came since the last tick."""
+        """Whether a heartbeat was received since the last tick."""
         self._now = self._heartbeat = self._asked = -math.inf
-        """The tick, that of the last heartbeat, and that of the last question for the current [s].
+        """Times of this tick, the last heartbeat, and the last request for the current [s].
 
-        In ticks, since frames that wait while the host stalls are dated back.
+        These are times of ticks, because frames that wait during a delay have earlier times.
         """
         self._question = Command.GET_IQ if settings.firmware == "0.5" else Command.GET_VERSION
         self._answered = False
 
     def signals(self) -> Mapping[str, str]:
-        """Position and velocity; force where the firmware or the rig file tells the torque."""
+        """Return the units of position, velocity, and force if the torque is available."""
         units = {"position": "m", "velocity": "m/s"}
         if self.settings.firmware == "0.6" or self.settings.torque_constant_nm_per_a is not None:
             units["force"] = "N"
         return units
 
     def identifiers(self) -> Iterable[int]:
-        """Those of the frames that it reads."""
+        """Yield the identifiers of the frames that are processed."""
         torque = Command.GET_IQ if self.settings.firmware == "0.5" else Command.GET_TORQUES
         for command in (
             Command.GET_VERSION,
@@ -118,20 +118,20 @@ class ODrive(CanDevice, VelocityDrive):
             yield codec.identifier(self.settings.node, command)
 
     def start(self, bus: CanBus) -> None:
-        """Wait for a heartbeat, check the firmware's version, and take the axis out of operation.
+        """Wait for a heartbeat, check the firmware version, and take the axis out of operation.
 
         Raises
         ------
         RigError
-            There is no heartbeat, or it is another firmware.
+            There is no heartbeat, or the firmware is not the expected one.
         """
         self._bus = bus
         wanted = self.settings.firmware
         who = f"{self.name}: node {self.settings.node} on {bus.name}"
         if not bus.wait_for(lambda: self._heard or self._heartbeat > -math.inf, FIRST_HEARTBEAT):
             raise RigError(
-                f"{who}: no heartbeat within {FIRST_HEARTBEAT:g} s: expected an ODrive whose "
-                "heartbeats are switched on"
+                f"{who}: no heartbeat within {FIRST_HEARTBEAT:g} s: expected an ODrive with "
+                "heartbeats enabled"
             )
         self._ask(Command.GET_VERSION)
         bus.wait_for(lambda: self._version, ANSWER)
@@ -141,13 +141,13 @@ class ODrive(CanDevice, VelocityDrive):
             raise RigError(f"{who}: firmware {found}: expected {wanted}, as in the rig file")
         if not version and wanted == "0.6":
             raise RigError(
-                f"{who}: does not tell its firmware, as 0.5 does not: expected {wanted}, as in the "
-                "rig file"
+                f"{who}: no firmware version reported, as by firmware 0.5: expected {wanted}, as "
+                "in the rig file"
             )
         self.idle()
 
     def receive(self, frame: can.Message, time: float) -> None:
-        """Take in a frame of the axis."""
+        """Process a frame of the axis."""
         if frame.is_remote_frame:
             self.rejected["remote"] += 1
             return
@@ -159,26 +159,26 @@ class ODrive(CanDevice, VelocityDrive):
         self._answered = self._answered or command == self._question
         if command == Command.GET_ENCODER_ESTIMATES:
             position, velocity = codec.encoder_estimates(data)
-            self._take(time, position=position * self._travel, velocity=velocity * self._travel)
+            self._store(time, position=position * self._travel, velocity=velocity * self._travel)
         elif command == Command.HEARTBEAT:
             self._heard = True
-            self._judge(codec.heartbeat(self.settings.firmware, data))
+            self._check_state(codec.heartbeat(self.settings.firmware, data))
         elif command == Command.GET_TORQUES:
-            self._take(time, force=math.tau * codec.torques(data)[1] / self._travel)
+            self._store(time, force=math.tau * codec.torques(data)[1] / self._travel)
         elif command == Command.GET_IQ and (constant := self.settings.torque_constant_nm_per_a):
-            self._take(time, force=math.tau * constant * codec.iq(data)[1] / self._travel)
+            self._store(time, force=math.tau * constant * codec.iq(data)[1] / self._travel)
         elif command == Command.GET_VERSION:
             self._version = codec.version(data)
 
-    def _take(self, time: float, **values: float) -> None:
+    def _store(self, time: float, **values: float) -> None:
         if not all(map(math.isfinite, values.values())):
             self.rejected["not finite"] += 1
             return
         for signal, value in values.items():
             self.samples[signal] = Sample(value, time)
 
-    def _judge(self, heartbeat: codec.Heartbeat) -> None:
-        """Whether the axis does what the rig wants."""
+    def _check_state(self, heartbeat: codec.Heartbeat) -> None:
+        """Check whether the axis is in the requested state, and update the error."""
         if not self._wanted:
             return
         if self._settling:
@@ -195,7 +195,7 @@ class ODrive(CanDevice, VelocityDrive):
         self._ready = operates
 
     def update(self, now: float) -> None:
-        """Notice that heartbeats have ceased; ask for the current while out of operation."""
+        """Detect missing heartbeats; request the current while the axis is out of operation."""
         self._now = now
         if self._heard:
             self._heard, self._heartbeat = False, now
@@ -206,20 +206,20 @@ class ODrive(CanDevice, VelocityDrive):
             self._ask_for_current()
 
     def ping(self) -> bool:
-        """Ask for the version, 0.5 for the current."""
+        """Request the version, or with firmware 0.5 the current."""
         self._answered = False
         self._ask(self._question)
         return True
 
     def answered(self) -> bool:
-        """Whether the answer has come."""
+        """Return whether the answer to the last `ping` was received."""
         return self._answered
 
     def enable(self) -> bool:
-        """Ask the axis to follow velocities, at standstill; whether it does by now.
+        """Request operation at standstill; return whether the axis is in operation.
 
-        The first time after `idle` it clears the errors of the ODrive, and its own. The velocity
-        goes ahead of the request for operation: it feeds a watchdog that may have expired.
+        The first call after `idle` clears all errors. The velocity is sent before the request for
+        operation, because it resets a watchdog that may have expired.
         """
         if not self._wanted:
             self._wanted, self._settling, self.error = True, True, ""
@@ -233,23 +233,23 @@ class ODrive(CanDevice, VelocityDrive):
         return self._ready and not self.error
 
     def command(self, velocity: float) -> float:
-        """Set the velocity within its limit; zero while the axis is not in operation."""
+        """Set the velocity, limited to its range; return it, or 0 if not in operation."""
         operates = self._ready and not self.error
         self._velocity = min(max(velocity, -self._most), self._most) if operates else 0.0
         return self._velocity
 
     def transmit(self) -> None:
-        """Send the velocity, which feeds the watchdog, while the rig wants the axis to operate.
+        """Send the velocity, which resets the watchdog timer, if operation is requested.
 
-        In operation the current is asked for here and nowhere else: on 0.5 the question feeds the
-        watchdog too, which has to expire when velocities cease.
+        In operation the current is requested only here. With firmware 0.5 this request resets the
+        watchdog timer too, and the watchdog must expire when no velocities are sent.
         """
         if self._wanted:
             self._send(Command.SET_INPUT_VEL, codec.set_input_vel(self._velocity / self._travel))
             self._ask_for_current()
 
     def idle(self) -> None:
-        """Stand still and leave operation."""
+        """Command zero velocity and leave operation."""
         self._wanted, self._ready, self._velocity = False, False, 0.0
         self._send(Command.SET_INPUT_VEL, codec.set_input_vel(0.0))
         self._request(AxisState.IDLE)

@@ -1,4 +1,4 @@
-"""A reaction force observer: the contact force of a drive that has no force sensor."""
+"""Reaction force observer: contact force of a drive without a force sensor."""
 
 from __future__ import annotations
 
@@ -12,76 +12,76 @@ from drivers.device import NO_SAMPLE, DerivedDevice, Device, DeviceSettings, Sam
 from drivers.rig import RigError
 
 NEEDED = {"force": "N", "velocity": "m/s"}
-"""Signals of the drive."""
+"""Required signals of the drive, with their units."""
 
 
 class ReactionForceSettings(DeviceSettings):
-    """An observer on one of the rig's devices."""
+    """Rig file section of an observer."""
 
     kind: Literal["reaction_force"]
     drive: str
-    """Device whose signals `force` and `velocity` are those of the drive."""
+    """Name of the device with the signals `force` and `velocity` of the drive."""
     moving_mass_kg: Annotated[FiniteFloat, Field(ge=0)]
-    """All that moves with the drive, the rotor's inertia included."""
+    """Total mass that moves with the drive, including the inertia of the rotor."""
     bandwidth_hz: Annotated[FiniteFloat, Field(gt=0, le=500)]
     coulomb_friction_n: Annotated[FiniteFloat, Field(ge=0)] = 0.0
     viscous_friction_n_s_per_m: Annotated[FiniteFloat, Field(ge=0)] = 0.0
 
 
 class ReactionForceObserver(DerivedDevice):
-    """Estimates the force on a moving mass from its drive's force and velocity.
+    """Observer of the force on a moving mass from the force and velocity of its drive.
 
-    The mass moves by m dv/dt = F_motor - F_friction - F. The disturbance observer (Murakami, Yu,
-    Ohnishi: Torque sensorless control in multidegree-of-freedom manipulator, IEEE Trans.
-    Industrial Electronics 40(2), 1993) has F without a derivative,
+    The equation of motion is m dv/dt = F_motor - F_friction - F. The disturbance observer
+    (Murakami, Yu, Ohnishi: Torque sensorless control in multidegree-of-freedom manipulator, IEEE
+    Trans. Industrial Electronics 40(2), 1993) estimates F without a derivative,
 
         F_hat = LPF(F_motor - F_friction + g m v) - g m v,    LPF = g / (s + g),
 
-    which is LPF(F_motor - F_friction - m dv/dt): the force behind a first-order lag. Between two
-    samples the mean of the forces and of the acceleration is held, so that
+    which equals LPF(F_motor - F_friction - m dv/dt), the force after a first-order lag. Between
+    two samples the means of force and acceleration are used, so that
 
         F_hat' = F_hat + (1 - exp(-g dt)) (mean(F_motor - F_friction) - m (v' - v) / dt - F_hat)
 
-    is exact under constant forces, at any dt.
+    is exact for constant forces and every dt.
 
-    Its signal is `force` [N], positive where it pushes against the drive's positive direction.
-    Nothing of it is measured at the contact: an error of the mass shows as a force in proportion
-    to the acceleration, friction that is not modelled shows whole, and at standstill static
-    friction hides forces up to its size. A sample has the time of the drive's sample; that its
-    value is late by `lag` besides is for the channel's `lag_ms`.
+    The signal is `force` [N], positive if it acts against the positive direction of the drive. It
+    is not measured at the contact. An error of the mass causes a force error proportional to the
+    acceleration. Friction that is not modelled is fully included in the estimate. At standstill,
+    static friction hides forces up to its size. The time of a sample is that of the drive's
+    sample. Its value has an additional delay of `lag`, which belongs in `lag_ms` of the channel.
     """
 
     Settings = ReactionForceSettings
     settings: ReactionForceSettings
     estimated: ClassVar[bool] = True
-    """Its signals are estimated, not measured."""
+    """Whether the signals are estimated instead of measured."""
 
     def __init__(self, name: str, settings: ReactionForceSettings) -> None:
         super().__init__(name, settings)
         self.rate = 2 * math.pi * settings.bandwidth_hz
-        """g [1/s]."""
+        """Bandwidth g [1/s]."""
         self._drive: Device | None = None
         self._force = self._velocity = NO_SAMPLE
-        """What the latest estimate comes from."""
+        """Samples of the drive that the latest estimate used."""
         self._driven = math.nan
-        """Motor's force less friction at that time [N]."""
+        """Motor force minus friction at that time [N]."""
 
     @property
     def lag(self) -> float:
-        """How late the estimate is [s], at frequencies well below the bandwidth."""
+        """Delay of the estimate [s], for frequencies well below the bandwidth."""
         return 1.0 / self.rate
 
     def signals(self) -> dict[str, str]:
-        """The estimate."""
+        """Return the unit of the estimated force."""
         return {"force": "N"}
 
     def start(self, devices: Mapping[str, Device]) -> None:
-        """Find the drive.
+        """Look up the drive.
 
         Raises
         ------
         RigError
-            There is none of that name with a force and a velocity in SI units.
+            There is no device of this name with a force and a velocity in SI units.
         """
         fitting = [
             name for name, device in devices.items() if NEEDED.items() <= device.signals().items()
@@ -94,7 +94,7 @@ class ReactionForceObserver(DerivedDevice):
         self._drive = devices[self.settings.drive]
 
     def update(self, now: float) -> None:
-        """Go on to the drive's latest samples, once both are new."""
+        """Update the estimate if both samples of the drive are new."""
         if not self._drive:
             return
         force, velocity = self._drive.samples["force"], self._drive.samples["velocity"]
@@ -120,7 +120,7 @@ class ReactionForceObserver(DerivedDevice):
         self.samples["force"] = Sample(estimate, time)
 
     def _driving(self, force: float, velocity: float) -> float:
-        """The motor's force less friction [N]."""
+        """Return motor force minus friction [N]."""
         s = self.settings
         coulomb = math.copysign(s.coulomb_friction_n, velocity) if velocity else 0.0
         return force - coulomb - s.viscous_friction_n_s_per_m * velocity

@@ -1,12 +1,12 @@
-// A board of one force channel, one encoder and one axis. Copy teleop_board.h and .c beside it.
-// What stands in capitals is yours: the pins, the converter, the encoder and the motor.
+// Board with one force channel, one encoder and one axis. Copy teleop_board.h and .c to this folder.
+// Replace the names in capitals: the pins, the converter, the encoder and the motor.
 #include "teleop_board.h"
 
 teleop_board board;
 
 void setup() {
-  Serial.begin(921600);  // on a board with USB of its own any number will do
-  pinMode(EMERGENCY_STOP_PIN, INPUT_PULLUP);  // closed to ground: a broken wire stops, too
+  Serial.begin(921600);  // a board with native USB ignores the baud rate
+  pinMode(EMERGENCY_STOP_PIN, INPUT_PULLUP);  // closed to ground: a broken wire stops too
   pinMode(DRIVE_FAULT_PIN, INPUT_PULLUP);
   teleop_identity identity = {};
   identity.firmware_major = 1;

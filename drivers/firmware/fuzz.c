@@ -1,11 +1,11 @@
-/* Throws malformed input at the board, and holds what must hold whatever comes.
+/* Sends malformed input to the board, and checks invariants.
  *
  *     cc -std=c99 -g -O1 -fsanitize=address,undefined fuzz.c teleop_board.c -o fuzz
  *     ./fuzz [INPUTS [SEED]]
  *
- * An input is a run of random bytes, or a frame of the host's with bytes changed, left out, doubled
- * or cut off; one in eight stays whole, so that the board gets into all of its states. Prints how
- * many frames it took and in which states it was; aborts where an invariant is broken.
+ * An input is a sequence of random bytes, or a frame of the host with bytes changed, removed,
+ * duplicated or truncated. One in eight is unchanged, so that the board reaches all of its states.
+ * Prints the number of accepted frames and the states; aborts if an invariant is violated.
  */
 #include "teleop_board.h"
 

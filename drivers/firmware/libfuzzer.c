@@ -1,4 +1,4 @@
-/* The board under libFuzzer, which finds by itself which bytes lead where.
+/* Test of the board with libFuzzer, which searches for inputs by code coverage.
  *
  *     clang -g -O1 -fsanitize=fuzzer,address,undefined libfuzzer.c teleop_board.c -o fuzz
  *     ./fuzz -max_total_time=60

@@ -1,10 +1,10 @@
-/* A board in software behind a file descriptor, such as the master of a pseudo-terminal.
+/* A board in software on a file descriptor, for example the master of a pseudo-terminal.
  *
  *     posix_main FD
  *
- * One micrometre a count: the positions follow the velocities, the forces and analogue inputs are
- * 100 and 200, 10 to 40 counts. On standard input e toggles the emergency stop, f the drive
- * fault, r resets the board; it ends with standard input.
+ * One count is 1 um. The positions are integrals of the velocities. The forces are 100 and 200
+ * counts, the analogue inputs 10 to 40 counts. On standard input, e toggles the emergency stop, f
+ * toggles the drive fault, and r resets the board. The program ends at the end of standard input.
  */
 #define _POSIX_C_SOURCE 200809L
 #include "teleop_board.h"

@@ -64,7 +64,7 @@ static uint16_t checksum(const uint8_t *bytes, size_t length)
 
 /* ---- framing: COBS of fewer than 254 bytes, so that no code is 0xFF ---- */
 
-/* In place; 0 if it is malformed. */
+/* Decodes in place; returns the length, 0 if the frame is malformed. */
 static size_t cobs_decode(uint8_t *bytes, size_t length)
 {
     size_t from = 0, to = 0;
@@ -181,7 +181,7 @@ static void configure(teleop_board *board, const uint8_t *settings, uint32_t now
 
 /* ---- messages ---- */
 
-/* The payload's length of a type; -1 if there is no such type. */
+/* Returns the payload length of a message type; -1 for an unknown type. */
 static int payload_length(uint8_t type)
 {
     switch (type) {
@@ -199,7 +199,7 @@ static int payload_length(uint8_t type)
     }
 }
 
-/* Whether the board takes the message. */
+/* Processes a message; returns whether the board accepts it. */
 static bool take(teleop_board *board, const uint8_t *body, size_t length, uint32_t now_us)
 {
     uint8_t type = body[0];

@@ -1,11 +1,11 @@
-/* The board's side of docs/serial-protocol.md, for any microcontroller.
+/* Board part of the protocol in docs/serial-protocol.md, for any microcontroller.
  *
- * Portable C99 without heap, clock or operating system. In the main loop: hand it each byte that
- * came (teleop_board_receive), then what the inputs read (teleop_board_poll), send the frame
- * that it gives if any, and let the axes do as `enabled` and `velocity` say. example.ino shows it.
+ * Portable C99 without heap, clock or operating system. In the main loop, pass each received byte
+ * to teleop_board_receive, then pass the inputs to teleop_board_poll, send the frame that it
+ * returns, and set the axes according to `enabled` and `velocity`. See example.ino.
  *
- * Call teleop_board_poll at least ten times in the shortest watchdog time. One context only: not
- * from an interrupt and the main loop at once.
+ * Call teleop_board_poll at least ten times per shortest watchdog time. Do not call these functions
+ * from an interrupt and from the main loop.
  */
 #ifndef TELEOP_BOARD_H
 #define TELEOP_BOARD_H
@@ -23,44 +23,44 @@ enum {
     TELEOP_FORCES = 2,
     TELEOP_AXES = 2,
     TELEOP_ANALOGUES = 4,
-    TELEOP_FRAME_MAX = 64,   /* of a frame to the host, with its delimiter */
-    TELEOP_RECEIVE_MAX = 32  /* of an encoded frame from the host */
+    TELEOP_FRAME_MAX = 64,   /* largest length of a frame to the host, with its delimiter */
+    TELEOP_RECEIVE_MAX = 32  /* largest length of an encoded frame from the host */
 };
 
 typedef enum {
     TELEOP_IDLE = 0,
     TELEOP_ENABLED = 1,
-    TELEOP_WATCHDOG = 2,        /* no command came in time; latched until DISABLE, as are: */
+    TELEOP_WATCHDOG = 2,        /* no command in time; this and the next are latched until DISABLE */
     TELEOP_EMERGENCY_STOP = 3,
     TELEOP_DRIVE_FAULT = 4
 } teleop_state;
 
-/* What the board is. */
+/* Identity of the board. */
 typedef struct {
     uint8_t firmware_major;
     uint8_t firmware_minor;
-    uint32_t boot;      /* different after each start: a count kept in EEPROM, or random */
-    uint8_t forces;     /* how many of each are connected, the first ones */
+    uint32_t boot;      /* different after each start: a counter in EEPROM, or random */
+    uint8_t forces;     /* number of connected inputs or axes of each kind, from the first on */
     uint8_t encoders;
     uint8_t axes;
     uint8_t analogues;
     uint16_t max_sample_rate_hz;
 } teleop_identity;
 
-/* What the board reads, all at one instant. */
+/* Simultaneous readings of all inputs of the board. */
 typedef struct {
-    uint32_t time_us;  /* of the reading, on the clock that is handed to the functions below */
+    uint32_t time_us;  /* time of the readings, on the clock of now_us below */
     int32_t force[TELEOP_FORCES];
     int32_t position[TELEOP_AXES];
     int32_t velocity[TELEOP_AXES];
     int32_t analogue[TELEOP_ANALOGUES];
     bool emergency_stop;  /* the emergency-stop circuit is open */
-    bool drive_fault;     /* a drive says so */
+    bool drive_fault;     /* a drive reports a fault */
 } teleop_inputs;
 
 typedef struct {
-    /* What the axes have to do; all else is the protocol's own. */
-    bool enabled[TELEOP_AXES];     /* false: brake, or take the power off */
+    /* Commands for the axes. All fields after `state` are private to the protocol. */
+    bool enabled[TELEOP_AXES];     /* false: brake, or switch off the power */
     int32_t velocity[TELEOP_AXES]; /* [counts]; 0 unless enabled */
     teleop_state state;
 
@@ -83,14 +83,14 @@ typedef struct {
     bool drive_fault;
 } teleop_board;
 
-/* At start: the axes are idle, and the host is told who is here. */
+/* Call once at start. The axes are idle, and the identity is sent to the host. */
 void teleop_board_init(teleop_board *board, const teleop_identity *identity);
 
-/* Takes one byte from the host, whatever it is. now_us wraps at 2^32. */
+/* Processes one byte from the host, which may have any value. now_us wraps at 2^32. */
 void teleop_board_receive(teleop_board *board, uint8_t byte, uint32_t now_us);
 
-/* Acts on the inputs and on the watchdog, and gives the next frame that is due.
- * Returns the frame's length, 0 for none. Call again while it gives one. */
+/* Checks the inputs and the watchdog, and writes the next frame that is due.
+ * Returns the length of the frame, 0 for none. Call it again until it returns 0. */
 size_t teleop_board_poll(teleop_board *board, const teleop_inputs *inputs, uint32_t now_us,
                          uint8_t frame[TELEOP_FRAME_MAX]);
 

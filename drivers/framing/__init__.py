@@ -1,1 +1,1 @@
-"""Framing: where a frame begins and ends in a stream of bytes, and whether it is intact."""
+"""Framing: separation of a stream of bytes into frames, and checksums."""

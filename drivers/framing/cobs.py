@@ -1,7 +1,7 @@
-"""Frames on a stream of bytes by Consistent Overhead Byte Stuffing.
+"""Framing of a stream of bytes by Consistent Overhead Byte Stuffing (COBS).
 
-A frame is encoded into bytes without a zero, and a zero ends it; so a receiver that comes late, or
-that lost bytes, is in step again at the next zero.
+A frame is encoded into non-zero bytes and ends with a zero. So a receiver that starts late or
+loses bytes is synchronised again at the next zero.
 
 S. Cheshire and M. Baker, "Consistent Overhead Byte Stuffing", IEEE/ACM Transactions on
 Networking 7(2), 1999.
@@ -13,11 +13,14 @@ from collections import Counter
 
 DELIMITER = b"\0"
 RUN = 254
-"""Longest run of bytes without a zero behind one code byte."""
+"""Largest number of non-zero bytes after one code byte."""
 
 
 def encode(data: bytes) -> bytes:
-    """The bytes without a zero among them, longer by one and by one more for 254; no delimiter."""
+    """Encode data into non-zero bytes, without delimiter.
+
+    The result is longer by one byte, and by one more for each 254 bytes.
+    """
     parts = []
     runs = data.split(b"\0")
     for run in runs:
@@ -31,7 +34,9 @@ def encode(data: bytes) -> bytes:
 
 
 def decode(encoded: bytes) -> bytes:
-    """What was encoded: each code byte stands for a zero, but the first and those behind full runs.
+    """Decode the bytes of a frame.
+
+    Each code byte is replaced by a zero, except the first one and those after a run of 254.
 
     Raises
     ------
@@ -55,14 +60,14 @@ def decode(encoded: bytes) -> bytes:
 
 
 class CobsReader:
-    """Takes frames out of a stream.
+    """Decoder of the frames in a stream of bytes.
 
     Parameters
     ----------
     longest
-        Most bytes of an encoded frame; what is longer is no frame of this protocol.
+        Largest length of an encoded frame [bytes]. Longer frames are rejected.
     rejected
-        Where frames that are not taken are counted, as `length` or `framing`.
+        Counter of rejected frames, by the reason `length` or `framing`.
     """
 
     def __init__(self, longest: int, rejected: Counter[str]) -> None:
@@ -72,7 +77,7 @@ class CobsReader:
         self._skipping = False
 
     def feed(self, data: bytes) -> list[bytes]:
-        """The frames that are complete with these bytes, decoded; empty ones are fillers."""
+        """Process bytes; return the decoded frames that they complete, without empty ones."""
         *ended, begun = (self._begun + data).split(DELIMITER)
         frames = []
         for encoded in ended:

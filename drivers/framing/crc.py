@@ -1,7 +1,7 @@
-"""Check sums of frames: the 16-bit CRCs that our devices use.
+"""Checksums of frames: 16-bit CRCs.
 
-Both are fast enough for a kilohertz loop: the X.25 one runs in the standard library's C, byte by
-byte mirrored; the Modbus one is a look-up a byte.
+Both are fast enough for a loop at 1 kHz. The X.25 CRC uses C code of the standard library, with
+the bits of each byte reversed. The Modbus CRC uses one table look-up per byte.
 """
 
 from __future__ import annotations
@@ -9,21 +9,21 @@ from __future__ import annotations
 from binascii import crc_hqx
 
 MIRRORED = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
-"""Each byte with its bits in reverse."""
+"""Each byte value with its bits reversed."""
 
 
 def crc16_x25(data: bytes) -> int:
-    """CRC-16/IBM-SDLC, also called X.25: 0x906E for `123456789`.
+    """Return the CRC-16/IBM-SDLC, also called X.25: 0x906E for `123456789`.
 
-    Polynomial 0x1021, least significant bit first, initial value and final mask 0xFFFF
-    (ITU-T X.25, section 2.2.7.4). Two bytes behind the data, the low one first.
+    The polynomial is 0x1021, least significant bit first, with initial value and final mask
+    0xFFFF (ITU-T X.25, section 2.2.7.4). It follows the data as two bytes, the low byte first.
     """
     crc = crc_hqx(data.translate(MIRRORED), 0xFFFF)
     return (MIRRORED[crc & 0xFF] << 8 | MIRRORED[crc >> 8]) ^ 0xFFFF
 
 
 def modbus_step(byte: int) -> int:
-    """What a byte makes of an empty check sum."""
+    """Return the CRC of one byte with the initial value 0."""
     for _ in range(8):
         byte = byte >> 1 ^ (0xA001 if byte & 1 else 0)
     return byte
@@ -33,10 +33,10 @@ MODBUS_STEPS = tuple(modbus_step(byte) for byte in range(256))
 
 
 def crc16_modbus(data: bytes) -> int:
-    """CRC-16/MODBUS: 0x4B37 for `123456789`.
+    """Return the CRC-16/MODBUS: 0x4B37 for `123456789`.
 
-    Polynomial 0x8005, least significant bit first, initial value 0xFFFF (MODBUS over Serial
-    Line 1.02, section 6.2.2). Two bytes behind the data, the low one first.
+    The polynomial is 0x8005, least significant bit first, with the initial value 0xFFFF (MODBUS
+    over Serial Line 1.02, section 6.2.2). It follows the data as two bytes, the low byte first.
     """
     crc = 0xFFFF
     for byte in data:

@@ -1,4 +1,4 @@
-"""Frames of one length that begin with a header and end with a check sum."""
+"""Frames of fixed length that start with a header and end with a checksum."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ Frame = TypeVar("Frame")
 
 
 class FixedFrameParser(ABC, Generic[Frame]):
-    """Cuts a stream of bytes into frames, and finds the next header after noise.
+    """Base class of parsers of a stream of bytes into frames, which skip bytes between frames.
 
     Parameters
     ----------
     rejected
-        Where it counts bytes that belong to no frame: `checksum` for the first byte of a header
-        whose frame has a wrong check sum, `noise` for what lies between frames.
+        Counter: `checksum` counts frames with a wrong checksum, `noise` counts bytes between
+        frames.
     """
 
     header: ClassVar[bytes]
     size: ClassVar[int]
-    """Bytes of a frame, its header included."""
+    """Length of a frame, including its header [bytes]."""
 
     def __init__(self, rejected: Counter[str]) -> None:
         self.rejected = rejected
@@ -29,10 +29,10 @@ class FixedFrameParser(ABC, Generic[Frame]):
 
     @abstractmethod
     def decode(self, frame: bytes) -> Frame | None:
-        """What a frame tells; None if its check sum is wrong."""
+        """Decode a frame; return None if the checksum is wrong."""
 
     def feed(self, data: bytes) -> list[Frame]:
-        """The frames that these bytes complete, the oldest first."""
+        """Process bytes; return the frames that they complete, the oldest first."""
         frames: list[Frame] = []
         buffer, at = self._rest + data, 0
         while True:
@@ -51,7 +51,7 @@ class FixedFrameParser(ABC, Generic[Frame]):
                 at = start + self.size
 
     def _header_from(self, buffer: bytes, at: int) -> int:
-        """Where the next header is, or its beginning at the end; the end where there is none."""
+        """Return the index of the next header, of a partial header at the end, or the length."""
         found = buffer.find(self.header, at)
         if found >= 0:
             return found

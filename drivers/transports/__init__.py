@@ -1,1 +1,1 @@
-"""Transports: what carries the bytes and frames between the controller and the devices."""
+"""Transports: serial ports and CAN buses between the controller and the devices."""

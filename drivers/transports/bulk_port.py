@@ -1,4 +1,4 @@
-"""A serial port that is read in bulk: by the system's own calls, or by pyserial's where need be."""
+"""Serial port with fast reading of all waiting bytes, by system calls or by pyserial."""
 
 from __future__ import annotations
 
@@ -11,39 +11,44 @@ import time
 import serial
 
 CHUNK = 65_536
-"""Most bytes taken by one read: more than a kernel keeps of a port."""
-NAP = 1e-3
-"""Between two looks at a port that cannot be waited for [s]."""
+"""Largest number of bytes per read, more than the kernel's buffer of a port."""
+POLL_PERIOD = 1e-3
+"""Polling period of a port that has no blocking wait [s]."""
 
 
 class PortablePort:
-    """A serial port by the calls that pyserial has on every system and for every URL."""
+    """Serial port that uses only the functions of pyserial for all systems and URLs."""
 
     def __init__(self, port: serial.Serial) -> None:
         self._port = port
 
     def read(self, timeout: float | None) -> bytes:
-        """All bytes that have arrived; if there are none, wait for some [s], None for ever.
+        """Return all bytes that have arrived; if there are none, wait for some.
+
+        Parameters
+        ----------
+        timeout
+            Longest wait [s]; None for no limit.
 
         Raises
         ------
         OSError, ValueError
-            The port is gone or closed.
+            The port is disconnected or closed.
         """
         deadline = None if timeout is None else time.monotonic() + timeout
         while not (waiting := self._port.in_waiting):
             if deadline is not None and time.monotonic() >= deadline:
                 return b""
-            time.sleep(NAP)
+            time.sleep(POLL_PERIOD)
         return bytes(self._port.read(waiting))
 
     def write(self, data: bytes, timeout: float) -> int:
-        """Write what the port takes within a time [s]; how many bytes it took.
+        """Write as many bytes as the port accepts within a time [s]; return their number.
 
         Raises
         ------
         OSError, ValueError
-            The port is gone or closed.
+            The port is disconnected or closed.
         """
         taken = self._write_some(data)
         if taken < len(data):
@@ -54,7 +59,7 @@ class PortablePort:
         return taken
 
     def discard_input(self) -> None:
-        """Drop all bytes that have arrived."""
+        """Discard all bytes that have arrived."""
         self._port.reset_input_buffer()
 
     def close(self) -> None:
@@ -68,18 +73,18 @@ class PortablePort:
             return 0
 
     def _wait_for_room(self, seconds: float) -> None:
-        time.sleep(min(NAP, seconds))
+        time.sleep(min(POLL_PERIOD, seconds))
 
 
 class DescriptorPort(PortablePort):
-    """The same by POSIX calls on the file descriptor, at a fifth of the time."""
+    """Serial port that uses POSIX calls on its file descriptor, five times as fast."""
 
     def __init__(self, port: serial.Serial) -> None:
         super().__init__(port)
         self._descriptor: int = port.fileno()
 
     def read(self, timeout: float | None) -> bytes:
-        """All bytes that have arrived; if there are none, wait for some [s], None for ever."""
+        """Return all bytes that have arrived, as `PortablePort.read`."""
         if not select.select([self._descriptor], [], [], timeout)[0]:
             return b""
         data = os.read(self._descriptor, CHUNK)
@@ -88,7 +93,7 @@ class DescriptorPort(PortablePort):
         return data
 
     def close(self) -> None:
-        """Close the port; no use of it afterwards reaches another file."""
+        """Close the port, and invalidate the descriptor, which another file may get."""
         self._descriptor = -1
         super().close()
 
@@ -103,7 +108,7 @@ class DescriptorPort(PortablePort):
 
 
 def open_port(channel: str, baud: int) -> PortablePort:
-    """Open a serial port for this program alone, with the fastest calls and the least latency.
+    """Open a serial port for exclusive use, with the fastest functions and low latency.
 
     Parameters
     ----------
@@ -115,7 +120,7 @@ def open_port(channel: str, baud: int) -> PortablePort:
     Raises
     ------
     OSError, ValueError
-        It cannot be opened.
+        The port cannot be opened.
     """
     port = serial.serial_for_url(channel, baud, timeout=0, write_timeout=0, exclusive=True)
     with contextlib.suppress(AttributeError, NotImplementedError, ValueError, OSError):

@@ -1,4 +1,4 @@
-"""What serial ports and CAN buses have in common: they are drained once a tick."""
+"""Base class of serial ports and CAN buses, which are read once per tick."""
 
 from __future__ import annotations
 
@@ -6,56 +6,56 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 
-NAP = 0.5e-3
-"""Between two looks while waiting for an answer [s]."""
+POLL_PERIOD = 0.5e-3
+"""Polling period while waiting for an answer [s]."""
 
 
 class Bus(ABC):
-    """A port or bus.
+    """A serial port or CAN bus.
 
     Parameters
     ----------
     name
-        What the rig file calls it.
+        Name of the bus in the rig file.
     now
-        The controller's clock [s].
+        Function that returns the time of the controller's clock [s].
     """
 
     def __init__(self, name: str, now: Callable[[], float]) -> None:
         self.name = name
         self.now = now
         self.nap: Callable[[float], object] = time.sleep
-        """Lets time pass [s] between two looks."""
+        """Function that waits for a time [s] between two readings."""
         self.pump: Callable[[], object] = self.poll
-        """Drains this bus, and on a rig of several the others too: their devices are waiting."""
+        """Function that reads this bus, and on a rig with several buses also the others."""
 
     @abstractmethod
     def open(self) -> None:
-        """Connect; RigError if that fails."""
+        """Connect; raise RigError if this fails."""
 
     @abstractmethod
     def poll(self) -> None:
-        """Hand on all that has arrived, without waiting.
+        """Pass all received data to the devices, without waiting.
 
         Raises
         ------
         RigError
-            The port is gone, or the bus is off.
+            The port is disconnected, or the bus is off.
         """
 
     @abstractmethod
     def close(self) -> None:
-        """Disconnect; also after an `open` that failed."""
+        """Disconnect, also after an `open` that failed."""
 
     def wait_for(self, condition: Callable[[], object], seconds: float) -> bool:
-        """Go on polling until a condition holds, at most this long; whether it does.
+        """Poll until a condition is true or a time has passed; return whether it is true.
 
-        For the set-up before the loop; a tick never waits.
+        It is used for the set-up before the loop. A tick never waits.
         """
         end = self.now() + seconds
         while not condition():
             if self.now() > end:
                 return False
-            self.nap(NAP)
+            self.nap(POLL_PERIOD)
             self.pump()
         return True

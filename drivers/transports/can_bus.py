@@ -1,4 +1,4 @@
-"""A CAN bus, drained once a tick."""
+"""CAN bus that is read once per tick."""
 
 from __future__ import annotations
 
@@ -15,34 +15,34 @@ from drivers.transports.bus import Bus
 from drivers.transports.slcan import SlcanBus, StatusFlags
 
 LATEST = 1.0
-"""A time stamp that is older is another clock's, not the kernel's [s]."""
+"""Largest age of a time stamp of the kernel's clock [s]; older ones are of another clock."""
 STATUS_EVERY = 0.01
-"""Between two questions to an slcan adapter how it is [s]."""
+"""Period of the status requests to an slcan adapter [s]."""
 MOST = 4096
-"""Most frames that are taken at once."""
+"""Largest number of frames per reading."""
 BUS_OFF = 0x40
-"""Flag in the identifier of Linux's error frames: the controller has left the bus."""
+"""Flag in the identifier of Linux's error frames: the CAN controller is bus-off."""
 EXTENDED = 1 << 31
-"""Marks an identifier of 29 bits, as in DBC files."""
+"""Bit that marks a 29-bit identifier, as in DBC files."""
 
 
 class CanBus(Bus):
-    """A CAN bus; frames go to what is attached to their identifiers.
+    """A CAN bus that passes frames to functions by their identifiers.
 
     Parameters
     ----------
     name
-        What the rig file calls it.
+        Name of the bus in the rig file.
     now
-        The controller's clock [s].
+        Function that returns the time of the controller's clock [s].
     interface
-        python-can's name of the adapter's interface; `slcan` is our own bulk reader.
+        python-can's name of the interface of the adapter. For `slcan`, `SlcanBus` is used.
     channel
-        The interface's name of the bus, such as `can0` or `/dev/ttyACM0`.
+        Name of the bus in the interface, for example `can0` or `/dev/ttyACM0`.
     bitrate
-        Bit rate [bit/s]; None to leave it as it is set up.
+        Bit rate [bit/s]; None to leave it unchanged.
     options
-        What else python-can's interface wants to know.
+        Further arguments for python-can's interface.
     """
 
     def __init__(
@@ -65,16 +65,16 @@ class CanBus(Bus):
         self._polled = now()
         self._asked = -math.inf
         self.received = 0
-        """Frames so far."""
+        """Number of received frames."""
         self.errors = 0
-        """Error frames so far."""
+        """Number of received error frames."""
 
     def attach(
         self, identifiers: Iterable[int], receive: Callable[[can.Message, float], object]
     ) -> None:
-        """From now on call `receive` with each frame of these identifiers and its arrival [s].
+        """Register a function for identifiers, called with each frame and its arrival time [s].
 
-        Identifiers of 29 bits have bit 31 set in addition.
+        Bit 31 marks a 29-bit identifier.
         """
         self._routes.update(dict.fromkeys(identifiers, receive))
 
@@ -98,7 +98,7 @@ class CanBus(Bus):
         self._polled = self.now()
 
     def poll(self) -> None:
-        """Hand on each frame that has arrived, with its time of arrival."""
+        """Pass each received frame to its function, with its time of arrival."""
         try:
             frames = self._drain()
         except (can.CanError, OSError) as error:
@@ -125,11 +125,11 @@ class CanBus(Bus):
                 receive(frame, now - age if stamped else middle)
 
     def _watch_adapter(self, bus: SlcanBus) -> None:
-        """Ask an slcan adapter how it is: it hands on no error frames."""
+        """Check the status of an slcan adapter, which does not pass on error frames."""
         flags = bus.status()
         if flags and flags & StatusFlags.BUS_ERROR:
             raise RigError(
-                f"{self.name}: CAN bus {self.channel} is off: the adapter says bus error"
+                f"{self.name}: CAN bus {self.channel} is off: the adapter reports a bus error"
             )
         if flags and flags & (StatusFlags.ERROR_WARNING | StatusFlags.ERROR_PASSIVE):
             self.errors += 1
@@ -140,14 +140,14 @@ class CanBus(Bus):
         Raises
         ------
         RigError
-            The adapter is gone or takes no more.
+            The adapter is disconnected or its buffer is full.
         """
         self._put(
             can.Message(arbitration_id=identifier, data=data, is_extended_id=extended, check=False)
         )
 
     def request(self, identifier: int, length: int = 8) -> None:
-        """Send a remote frame, which asks for the data frame of that identifier."""
+        """Send a remote frame, which requests the data frame of this identifier."""
         self._put(
             can.Message(
                 arbitration_id=identifier, dlc=length, is_remote_frame=True, is_extended_id=False
@@ -174,7 +174,7 @@ class CanBus(Bus):
 
 
 def waiting(bus: can.BusABC) -> list[can.Message]:
-    """All frames that have arrived on any python-can bus."""
+    """Return all frames that have arrived on a python-can bus."""
     frames: list[can.Message] = []
     while len(frames) < MOST and (frame := bus.recv(0)) is not None:
         frames.append(frame)

@@ -1,4 +1,4 @@
-"""A serial port, drained once a tick."""
+"""Serial port that is read once per tick."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from drivers.transports.bulk_port import PortablePort, open_port
 from drivers.transports.bus import Bus
 
 BITS = 10
-"""Of a byte on the line."""
+"""Bits per byte on the line, with start and stop bit."""
 
 
 class SerialPort(Bus):
-    """A serial port; what arrives goes to what is attached.
+    """A serial port that passes received bytes to a function.
 
     Parameters
     ----------
     name
-        What the rig file calls it.
+        Name of the port in the rig file.
     now
-        The controller's clock [s].
+        Function that returns the time of the controller's clock [s].
     port
         Device file, COM port, or a pyserial URL.
     baud
@@ -33,17 +33,17 @@ class SerialPort(Bus):
         self.port = port
         self.baud = baud
         self.received = 0
-        """Bytes so far."""
+        """Number of received bytes."""
         self._receive: Callable[[bytes, float], object] | None = None
         self._opened: PortablePort | None = None
         self._polled = now()
 
     def attach(self, receive: Callable[[bytes, float], object]) -> None:
-        """From now on call `receive` with the bytes that have arrived, and with when [s]."""
+        """Register the function that is called with received bytes and their arrival time [s]."""
         self._receive = receive
 
     def open(self) -> None:
-        """Open the port and empty it."""
+        """Open the port and discard waiting bytes."""
         try:
             self._opened = open_port(self.port, self.baud)
             self._opened.discard_input()
@@ -55,7 +55,7 @@ class SerialPort(Bus):
         self._polled = self.now()
 
     def poll(self) -> None:
-        """Hand on all that has arrived, as of the middle of the time since."""
+        """Pass on all received bytes; their time is the mean of this and the previous reading."""
         data, now = self.drain(), self.now()
         if data and self._receive:
             self.received += len(data)
@@ -63,12 +63,12 @@ class SerialPort(Bus):
         self._polled = now
 
     def drain(self) -> bytes:
-        """All bytes that have arrived.
+        """Return all bytes that have arrived.
 
         Raises
         ------
         RigError
-            The port is gone.
+            The port is disconnected.
         """
         assert self._opened
         try:
@@ -82,28 +82,28 @@ class SerialPort(Bus):
         Raises
         ------
         RigError
-            The port is gone or takes no more: its buffer is full.
+            The port is disconnected, or its buffer is full.
         """
         assert self._opened
         try:
-            taken = self._opened.write(data, 0.0)
+            written = self._opened.write(data, 0.0)
         except (OSError, ValueError) as error:
             raise self._gone(error) from error
-        if taken != len(data):
-            raise RigError(f"{self.name}: port {self.port} takes no more, its buffer is full")
+        if written != len(data):
+            raise RigError(f"{self.name}: port {self.port} does not send: its buffer is full")
 
     def line_time(self, size: int) -> float:
-        """How long so many bytes take on the line [s]."""
+        """Return the transmission time of a number of bytes [s]."""
         return BITS * size / self.baud
 
-    def no_frame(self, seconds: float, device: str, baud: int) -> str:
-        """What to say of a device of which no frame has come in so many seconds."""
+    def no_frame_message(self, seconds: float, device: str, baud: int) -> str:
+        """Return the error message for a device that sent no frame for a time [s]."""
         where = f"no valid frame in {seconds:g} s on {self.name} ({self.port})"
         if not self.received:
-            return f"{where}, and no other byte: expected {device} that has power"
+            return f"{where}, and no other byte: expected {device} with power on"
         return (
-            f"{where}, but {self.received} bytes: expected {device} at {baud} baud: is the "
-            "baud rate right?"
+            f"{where}, but {self.received} bytes: expected {device} at {baud} baud, check the "
+            "baud rate"
         )
 
     def close(self) -> None:
@@ -114,4 +114,4 @@ class SerialPort(Bus):
         self._opened = None
 
     def _gone(self, error: Exception) -> RigError:
-        return RigError(f"{self.name}: port {self.port} is gone: {reason(error)}")
+        return RigError(f"{self.name}: port {self.port} is disconnected: {reason(error)}")

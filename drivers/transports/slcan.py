@@ -1,9 +1,10 @@
-"""An slcan (Lawicel) CAN adapter on a serial port, read in bulk for loops of 1 kHz and more.
+"""slcan (Lawicel) CAN adapter on a serial port, for loops at 1 kHz and more.
 
-The adapter's lines of text end with CR: `t1812A5B0` is a data frame with identifier 0x181 and two
-bytes, `T` one with a 29-bit identifier, `r` and `R` are remote frames. The adapter answers each
-frame that it takes with `z` or `Z` and CR, every other command with CR, and what it refuses with a
-bare BEL; frames from the bus come between the answers. Protocol: Lawicel, CANUSB Manual 1.0.
+The adapter sends and receives lines of text that end with CR. `t1812A5B0` is a data frame with
+identifier 0x181 and two bytes. `T` is a data frame with a 29-bit identifier, `r` and `R` are remote
+frames. The answer of the adapter is `z` or `Z` and CR for an accepted frame, CR for another
+accepted command, and BEL for a refused one. Frames from the bus may come between the answers.
+Protocol: Lawicel, CANUSB Manual 1.0.
 """
 
 from __future__ import annotations
@@ -24,23 +25,23 @@ CR, BEL = b"\r", b"\a"
 ACKNOWLEDGEMENTS = (b"", b"z", b"Z")
 FRAMES = (b"t", b"T", b"r", b"R")
 BARE = re.compile(rb"(?<![^\r\a])[\r\a]")
-"""CR or BEL that ends an empty line."""
+"""CR or BEL at the end of an empty line."""
 BITRATES = (10_000, 20_000, 50_000, 100_000, 125_000, 250_000, 500_000, 800_000, 1_000_000)
 """Bit rates [bit/s] of the commands S0 to S8."""
 LINE_LIMIT = 64
-"""Length kept of a line that does not end: twice the longest frame's."""
+"""Largest stored length of an incomplete line [bytes], twice that of the longest frame."""
 IN_FLIGHT_LIMIT = 1000
-"""Unanswered commands that are remembered."""
+"""Largest number of stored unanswered commands."""
 BOOT = 2.0
-"""Time that an adapter may take to boot, as many do when their port is opened [s]."""
+"""Longest boot time of an adapter [s]. Many adapters boot when their port is opened."""
 ANSWER = 0.25
-"""Time that an adapter may take to answer while it is set up [s]."""
+"""Longest answer time of an adapter during set-up [s]."""
 QUIET = 0.05
-"""Silence after which nothing of what came before is under way: USB delays by 16 ms [s]."""
+"""Time without bytes after which no earlier bytes are expected [s]; USB delays by 16 ms."""
 
 
 class StatusFlags(IntFlag):
-    """What an adapter reports of itself and of the bus."""
+    """Status of an adapter and of its bus."""
 
     RECEIVE_QUEUE_FULL = 0x01
     TRANSMIT_QUEUE_FULL = 0x02
@@ -52,30 +53,31 @@ class StatusFlags(IntFlag):
 
 
 class SlcanBus(can.BusABC):
-    """A CAN bus behind an slcan adapter.
+    """A CAN bus with an slcan adapter.
 
-    `recv` and `drain` take all that the port holds at once. Lines that are no slcan, such as
-    frames hit by noise, are counted and skipped. `send` does not wait for the adapter's answer:
-    the `recv` or `drain` that finds a frame refused raises CanOperationError, once, and what was
-    received meanwhile stays for the next call. Read about as often as you send: an adapter whose
-    answers nobody takes may come to a stop. It has no `fileno`, since frames may be waiting here
-    when nothing is at the port; python-can's Notifier then reads from a thread.
+    `recv` and `drain` read all waiting bytes of the port. Invalid lines, for example frames
+    changed by noise, are counted and skipped. `send` does not wait for the adapter's answer. If a
+    frame was refused, the `recv` or `drain` that reads this answer raises CanOperationError once;
+    the frames that it received are returned by the next call. Read about as often as you send,
+    because an adapter may stop if its answers are not read. There is no `fileno`, because frames
+    may be waiting in this object while the port is empty. python-can's Notifier then uses a
+    thread.
 
     Parameters
     ----------
     channel
-        Serial port, such as `/dev/ttyACM0` or `COM8`, or a pyserial URL.
+        Serial port, for example `/dev/ttyACM0` or `COM8`, or a pyserial URL.
     bitrate
-        Bit rate of the bus [bit/s]; None for what the adapter was set to before.
+        Bit rate of the bus [bit/s]; None for the present setting of the adapter.
     tty_baudrate
-        Line rate [bit/s]; adapters on USB ignore it. At 115200 bit/s, 500 frames pass a second.
+        Line rate [bit/s]; USB adapters ignore it. 115200 bit/s are enough for 500 frames/s.
     can_filters
-        python-can's filters of what is received.
+        python-can's filters of received frames.
 
     Raises
     ------
     ValueError
-        The protocol has no such bit rate.
+        The protocol does not support the bit rate.
     can.CanInitializationError
         The port cannot be opened, or the adapter does not acknowledge a command.
     """
@@ -88,19 +90,19 @@ class SlcanBus(can.BusABC):
         can_filters: can.typechecking.CanFilters | None = None,
     ) -> None:
         if bitrate is not None and bitrate not in BITRATES:
-            offered = ", ".join(map(str, BITRATES))
-            raise ValueError(f"{channel}: slcan has no bit rate {bitrate}, choose one of {offered}")
+            rates = ", ".join(map(str, BITRATES))
+            raise ValueError(f"{channel}: slcan bit rate {bitrate}: expected one of {rates}")
         self.channel_info = f"slcan adapter on {channel}"
         self.flags: StatusFlags | None = None
-        """The adapter's flags as of its last answer to `status`."""
+        """Flags in the adapter's last answer to `status`."""
         self.acknowledged = 0
-        """Commands that the adapter took."""
+        """Number of commands that the adapter accepted."""
         self.refused = 0
-        """Commands that it refused."""
+        """Number of commands that the adapter refused."""
         self.unassigned = 0
-        """Acknowledgements and refusals that answer nothing that was sent."""
+        """Number of answers without a command."""
         self.malformed = 0
-        """Lines that are no slcan."""
+        """Number of invalid lines."""
         self._received: deque[can.Message] = deque()
         self._in_flight: deque[bytes] = deque(maxlen=IN_FLIGHT_LIMIT)
         self._rest = b""
@@ -121,16 +123,16 @@ class SlcanBus(can.BusABC):
 
     @property
     def unanswered(self) -> int:
-        """Commands that the adapter has neither taken nor refused yet, at most 1000."""
+        """Number of commands without an answer, at most 1000."""
         return len(self._in_flight)
 
     def drain(self) -> list[can.Message]:
-        """All frames received, without waiting.
+        """Return all received frames, without waiting.
 
         Raises
         ------
         can.CanOperationError
-            The adapter refused a frame, or its port is gone.
+            The adapter refused a frame, or its port is disconnected.
         """
         self._fetch(0.0)
         frames = list(self._received)
@@ -138,37 +140,37 @@ class SlcanBus(can.BusABC):
         return [f for f in frames if self._matches_filters(f)] if self._filters else frames
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
-        """Hand a frame to the adapter, without waiting for its answer.
+        """Send a frame to the adapter, without waiting for its answer.
 
         Parameters
         ----------
         msg
-            Classical data or remote frame.
+            Classical data frame or remote frame.
         timeout
-            How long to wait for room in the port [s]; None not to wait.
+            Longest wait for space in the port's buffer [s]; None for no wait.
 
         Raises
         ------
         ValueError
-            Not a classical frame, or one with too large an identifier or the wrong length.
+            The frame is not classical, or its identifier or length is invalid.
         can.CanOperationError
-            The port is full or gone; the frame is lost.
+            The port's buffer is full or the port is disconnected. The frame is lost.
         """
         self._write(encode(msg), timeout or 0.0)
 
     def status(self) -> StatusFlags | None:
-        """Ask the adapter for its flags, and return those last known, None before any.
+        """Request the adapter's flags; return the last received ones, None before the first.
 
         Raises
         ------
         can.CanOperationError
-            The port is full or gone.
+            The port's buffer is full or the port is disconnected.
         """
         self._write(b"F\r", 0.0)
         return self.flags
 
     def shutdown(self) -> None:
-        """Close the adapter's channel and the port; may be repeated."""
+        """Close the adapter's channel and the port; may be called repeatedly."""
         if not self._is_shutdown:
             super().shutdown()
             with contextlib.suppress(can.CanOperationError):
@@ -181,7 +183,7 @@ class SlcanBus(can.BusABC):
         return (self._received.popleft() if self._received else None), False
 
     def _open_channel(self, bitrate: int | None) -> None:
-        """Close what another program left open, set the bit rate, and open."""
+        """Close a channel that another program left open, set the bit rate, and open."""
         deadline = time.monotonic() + BOOT
         while not self._ask(b"\rC"):
             if time.monotonic() > deadline:
@@ -207,7 +209,7 @@ class SlcanBus(can.BusABC):
             )
 
     def _ask(self, command: bytes) -> bytes:
-        """The bare CR or BEL that answers a command, empty if none came in time."""
+        """Send a command; return the answer, CR or BEL, or empty for no answer in time."""
         self._port.write(command + CR, ANSWER)
         deadline = time.monotonic() + ANSWER
         text = b""
@@ -221,18 +223,18 @@ class SlcanBus(can.BusABC):
     def _write(self, line: bytes, timeout: float) -> None:
         data = self._cut + line
         try:
-            taken = self._port.write(data, timeout)
+            written = self._port.write(data, timeout)
         except (OSError, ValueError) as error:
             raise self._gone(error) from error
         self._in_flight.append(line)
-        self._cut = b"" if taken == len(data) else CR
+        self._cut = b"" if written == len(data) else CR
         if self._cut:
             raise can.CanOperationError(
-                f"{self.channel_info}: the port takes no more, has the adapter come to a stop?"
+                f"{self.channel_info}: the port's buffer is full: expected a running adapter"
             )
 
     def _fetch(self, timeout: float | None) -> None:
-        """Take all that the port holds, and tell of a frame that was refused."""
+        """Read all waiting bytes of the port; raise if a frame was refused."""
         try:
             data = self._port.read(timeout)
         except (OSError, ValueError) as error:
@@ -253,27 +255,27 @@ class SlcanBus(can.BusABC):
         for line in lines:
             try:
                 if line[-1:] == BEL:
-                    self._take_refusal(line)
+                    self._process_refusal(line)
                 elif line[:1] in FRAMES:
                     self._received.append(decode(line, now))
                 else:
-                    self._take_answer(line)
+                    self._process_answer(line)
             except ValueError:
                 self.malformed += 1
 
-    def _take_answer(self, line: bytes) -> None:
+    def _process_answer(self, line: bytes) -> None:
         if line[:1] == b"F" and len(line) == 3:
             self.flags = StatusFlags(unhexlify(line[1:])[0])
         elif line not in ACKNOWLEDGEMENTS:
-            raise ValueError("no slcan")
+            raise ValueError("invalid slcan line")
         if self._in_flight:
             self._in_flight.popleft()
             self.acknowledged += 1
         else:
             self.unassigned += 1
 
-    def _take_refusal(self, line: bytes) -> None:
-        """Of the oldest command without an answer: adapters answer in order."""
+    def _process_refusal(self, line: bytes) -> None:
+        """Process the refusal of the oldest unanswered command; adapters answer in order."""
         if not self._in_flight:
             self.unassigned += 1
         else:
@@ -282,9 +284,7 @@ class SlcanBus(can.BusABC):
             if command[:1] in FRAMES:
                 self._refusal = command
         if line != BEL:
-            raise ValueError("no slcan before the refusal")
+            raise ValueError("invalid slcan line before the refusal")
 
     def _gone(self, error: Exception) -> can.CanOperationError:
-        return can.CanOperationError(
-            f"{self.channel_info}: the port is gone, was it unplugged? ({error})"
-        )
+        return can.CanOperationError(f"{self.channel_info}: the port is disconnected: {error}")

@@ -1,4 +1,4 @@
-"""CAN frames as slcan's lines of text, and back."""
+"""Conversion of CAN frames to slcan's lines of text, and back."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import can
 
 
 def encode(msg: can.Message) -> bytes:
-    """A frame as a line; ValueError for one that slcan cannot carry."""
+    """Return a frame as a line; raise ValueError for a frame that slcan does not support."""
     length = 0 if msg.is_remote_frame else msg.dlc
     limit = 1 << 29 if msg.is_extended_id else 1 << 11
     if (
@@ -18,7 +18,7 @@ def encode(msg: can.Message) -> bytes:
         or len(msg.data) != length
         or not 0 <= msg.arbitration_id < limit
     ):
-        raise ValueError(f"slcan carries classical data and remote frames, not {msg!r}")
+        raise ValueError(f"slcan frame {msg!r}: expected a classical data or remote frame")
     kind = "r" if msg.is_remote_frame else "t"
     if msg.is_extended_id:
         head = f"{kind.upper()}{msg.arbitration_id:08X}{msg.dlc}"
@@ -28,14 +28,20 @@ def encode(msg: can.Message) -> bytes:
 
 
 def decode(line: bytes, timestamp: float) -> can.Message:
-    """The frame of a line, which may end with the adapter's time stamp; ValueError if none."""
+    """Return the frame of a line, ignoring a time stamp at its end.
+
+    Raises
+    ------
+    ValueError
+        The line is not a valid frame.
+    """
     extended, remote = line[:1] in b"TR", line[:1] in b"rR"
     place = 9 if extended else 4
     identifier = int.from_bytes(unhexlify(line[1:9] if extended else b"0" + line[1:4]), "big")
     length = b"012345678".index(line[place : place + 1])
     stop = place + 1 + (0 if remote else 2 * length)
     if len(line) not in (stop, stop + 4) or identifier >= 1 << (29 if extended else 11):
-        raise ValueError("no frame")
+        raise ValueError("invalid frame")
     data = unhexlify(line[place + 1 :])
     return can.Message(
         timestamp=timestamp,

@@ -13,7 +13,7 @@ from estimation.step import Matrix, Regressors, State, Vector, below, diagonal, 
 
 SINGULAR = 1e-10
 """Smallest fraction of a regressor that must be linearly independent of the other regressors."""
-NOTHING = 1e-60
+SMALLEST_SQUARES = 1e-60
 """Sum of squares below which a regressor counts as zero."""
 LONGEST = 1_000_000
 """Largest number of samples in a window."""
@@ -139,7 +139,7 @@ def factorise(state: WindowState) -> bool:
             row[j] = part
             total -= part * value
         row[i] = total
-        if i < m and not total > SINGULAR * peak[i] + NOTHING:
+        if i < m and not total > SINGULAR * peak[i] + SMALLEST_SQUARES:
             return False
     return True
 

@@ -51,7 +51,7 @@ def multiply_out(parameters: PassiveParameters, state: PassiveState) -> None:
             P[j][i] = total
 
 
-def worst(parameters: PassiveParameters, state: PassiveState) -> int:
+def most_negative(parameters: PassiveParameters, state: PassiveState) -> int:
     """Return the index of the parameter most standard deviations below zero; -1 for none."""
     theta, P = state.theta, state.P
     found = -1
@@ -65,7 +65,7 @@ def worst(parameters: PassiveParameters, state: PassiveState) -> int:
     return found
 
 
-def put_at_zero(state: PassiveState, n: int) -> None:
+def fix_at_zero(state: PassiveState, n: int) -> None:
     """Fix parameter n at zero, and set the others to their conditional expectation.
 
     theta <- theta - P e theta_n / P_nn,    P <- P - P e e' P / P_nn,    e the n-th unit vector
@@ -105,10 +105,10 @@ def step(
             outside = True
     if outside:
         multiply_out(parameters, state)
-        n = worst(parameters, state)
+        n = most_negative(parameters, state)
         while n >= 0:
-            put_at_zero(state, n)
-            n = worst(parameters, state)
+            fix_at_zero(state, n)
+            n = most_negative(parameters, state)
 
 
 class PassiveLeastSquares(FactoredEstimator):

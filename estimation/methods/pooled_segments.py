@@ -11,7 +11,7 @@ from estimation.step import B, K, Regressors, State
 
 SIGNIFICANT = 3.090232306167813
 """99.9 % quantile of the standard normal distribution."""
-TELLING = 0.1
+SMALLEST_REPORTED = 0.1
 """Smallest reported standard deviation between segments, relative to their root mean square."""
 FEWEST = 8
 """Smallest number of samples in a segment."""
@@ -227,7 +227,7 @@ class PooledSegments(Estimator):
             if disagree(pool):
                 between = math.sqrt(spread(pool))
                 share = between / math.hypot(pool.mean, between)
-                if share > TELLING:
+                if share > SMALLEST_REPORTED:
                     found[name] = share
         return found
 

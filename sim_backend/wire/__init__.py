@@ -1,1 +1,1 @@
-"""The wire: emulated devices and adapters that speak byte for byte what the real ones do."""
+"""Emulated devices and adapters, with the same protocols as the real ones, byte by byte."""

@@ -1,4 +1,4 @@
-"""A CAN bus between emulated devices and a host: over an slcan adapter, or any interface."""
+"""CAN buses between emulated devices and a host, with an slcan adapter or another interface."""
 
 from __future__ import annotations
 
@@ -16,39 +16,39 @@ from sim_backend.wire.slcan_adapter import SlcanAdapter
 from sim_backend.wire.wire import Wire
 
 MOST = 1000
-"""Most CAN frames that are read at once."""
+"""Largest number of CAN frames per reading."""
 BUS_OFF = 0x40
-"""Linux's flag of an error frame that tells that a controller has left the bus."""
+"""Flag of Linux's error frames for a controller that is bus-off."""
 ERROR_WARNING, BUS_ERROR = 0x04, 0x80
-"""An slcan adapter's flags; it hands on no error frames."""
+"""Status flags of an slcan adapter, which does not pass on error frames."""
 
 
 class CanWire(Wire):
-    """Devices that share a CAN bus, and what takes frames to the host."""
+    """Base class of CAN buses with emulated devices and a host."""
 
     def __init__(self, devices: Sequence[EmulatedCanDevice]) -> None:
         self.devices = list(devices)
 
     def exchange(self, old: EmulatedDevice, new: EmulatedDevice) -> None:
-        """Put the new device on the bus."""
+        """Replace the old device on the bus by the new one."""
         if old in self.devices:
             assert isinstance(new, EmulatedCanDevice)
             self.devices = [new if device is old else device for device in self.devices]
 
     @abstractmethod
     def from_host(self) -> list[can.Message]:
-        """The frames that the host has sent."""
+        """Return the frames that the host has sent."""
 
     @abstractmethod
     def to_host(self, frames: list[can.Message]) -> None:
         """Send frames to the host."""
 
     def due(self) -> float:
-        """When the first of the devices sends next [s]."""
+        """Return the earliest time at which a device sends its next frame [s]."""
         return min((device.due() for device in self.devices), default=math.inf)
 
     def serve(self, now: float) -> None:
-        """Hand the devices the host's frames and each other's, and the host theirs."""
+        """Exchange the frames between the host and the devices, and between the devices."""
         for frame in self.from_host():
             for device in self.devices:
                 device.receive(frame, now)
@@ -66,7 +66,7 @@ class CanWire(Wire):
 
 
 class SlcanWire(CanWire):
-    """A CAN bus behind an slcan adapter on a pseudo-terminal."""
+    """A CAN bus with an slcan adapter on a pseudo-terminal."""
 
     def __init__(self, path: Path, devices: Sequence[EmulatedCanDevice]) -> None:
         super().__init__(devices)
@@ -74,15 +74,15 @@ class SlcanWire(CanWire):
         self.adapter = SlcanAdapter()
 
     def open(self) -> None:
-        """Plug the adapter in."""
+        """Connect the adapter."""
         self.port.open()
 
     def from_host(self) -> list[can.Message]:
-        """The frames that the adapter is told to send."""
+        """Return the frames that the host has sent to the adapter."""
         return self.adapter.receive(self.port.read())
 
     def to_host(self, frames: list[can.Message]) -> None:
-        """The adapter's answers, then what it hears on the bus."""
+        """Send the adapter's answers, followed by the frames from the bus."""
         for error in [frame for frame in frames if frame.is_error_frame]:
             self.adapter.flags |= BUS_ERROR if error.arbitration_id & BUS_OFF else ERROR_WARNING
         if self.adapter.flags & BUS_ERROR:
@@ -94,17 +94,17 @@ class SlcanWire(CanWire):
         self.port.write(data)
 
     def close(self) -> None:
-        """Unplug the adapter; it forgets its settings."""
+        """Disconnect the adapter, which loses its settings."""
         self.port.close()
         self.adapter = SlcanAdapter()
 
     def filenos(self) -> list[int]:
-        """The pseudo-terminal."""
+        """Return the file descriptor of the pseudo-terminal."""
         return self.port.filenos()
 
 
 class InterfaceWire(CanWire):
-    """A CAN bus behind any interface of python-can, such as SocketCAN."""
+    """A CAN bus with any interface of python-can, for example SocketCAN."""
 
     def __init__(self, interface: str, channel: str, devices: Sequence[EmulatedCanDevice]) -> None:
         super().__init__(devices)
@@ -112,33 +112,33 @@ class InterfaceWire(CanWire):
         self._bus: can.BusABC | None = None
 
     def open(self) -> None:
-        """Join the bus; OSError if there is none."""
+        """Connect to the bus; raise OSError if it does not exist."""
         try:
             self._bus = can.Bus(interface=self._interface, channel=self._channel)
         except can.CanError as error:
             raise OSError(str(error)) from error
 
     def from_host(self) -> list[can.Message]:
-        """The frames of everybody else on the bus."""
+        """Return the frames of all other nodes on the bus."""
         frames: list[can.Message] = []
         while self._bus and len(frames) < MOST and (frame := self._bus.recv(0)):
             frames.append(frame)
         return frames
 
     def to_host(self, frames: list[can.Message]) -> None:
-        """Put frames on the bus; those that it does not take are lost."""
+        """Send frames to the bus; frames that it does not accept are lost."""
         assert self._bus
         for frame in frames:
             with contextlib.suppress(can.CanError, OSError):
                 self._bus.send(frame)
 
     def close(self) -> None:
-        """Leave the bus."""
+        """Disconnect from the bus."""
         if self._bus:
             self._bus.shutdown()
         self._bus = None
 
     def filenos(self) -> list[int]:
-        """The bus, where its interface is a file."""
+        """Return the file descriptor of the bus, if its interface has one."""
         number = self._bus.fileno() if self._bus else -1
         return [number] if number >= 0 else []

@@ -1,4 +1,4 @@
-"""What an emulated device is: the plant on one side of it, a wire on the other."""
+"""Base classes of emulated devices, which connect the simulated plant to a wire."""
 
 from __future__ import annotations
 
@@ -11,43 +11,44 @@ if TYPE_CHECKING:
 
 
 class Mount(ABC):
-    """Where a device is mounted on the emulated telemanipulator.
+    """Interface of an emulated device to the simulated telemanipulator.
 
     Attributes
     ----------
     rate
-        At which devices that stream by themselves have been set up to do so [Hz].
+        Sample rate that is set on devices that send unrequested samples [Hz].
     """
 
     rate: float = 1000.0
 
     @abstractmethod
     def sense(self, signal: str) -> float:
-        """What the device's signal reads now [SI unit, or the sensor's own]; 0 if not in use."""
+        """Return the present value of a signal, in its unit; 0 if the signal is not used."""
 
     @abstractmethod
     def drive(self, name: str, velocity: float) -> None:
-        """Let a drive of the device go at a velocity [m/s], in its own direction."""
+        """Move a drive of the device at a velocity [m/s], in the direction of the drive."""
 
     @abstractmethod
     def brake(self, name: str) -> None:
-        """Hold that drive: it is idle."""
+        """Hold a drive of the device, which is idle."""
 
 
 class EmulatedDevice(ABC):  # noqa: B024
-    """A device in software, true to the wire.
+    """Base class of devices in software with the protocol of the real device.
 
-    It has the same settings as its driver and shares no other code with it, so that each tests
-    the other. Its watchdogs are its own: it is called often, with the present time.
+    It has the same settings as its driver but shares no other code with it, so that driver and
+    emulation test each other. It has its own watchdogs, so it must be called often, with the
+    present time.
 
     Parameters
     ----------
     name
-        What the rig file calls it.
+        Name of the device in the rig file.
     settings
-        The device's section of the rig file.
+        Section of the device in the rig file.
     mount
-        What it is mounted on.
+        Interface to the simulated telemanipulator.
     """
 
     def __init__(self, name: str, settings: Any, mount: Mount) -> None:
@@ -56,29 +57,29 @@ class EmulatedDevice(ABC):  # noqa: B024
         self.mount = mount
 
     def due(self) -> float:
-        """When `emit` has something by itself [s]; infinite where it is asked for it."""
+        """Return the time of the next unrequested frame of `emit` [s]; infinite for none."""
         return math.inf
 
 
 class EmulatedSerialDevice(EmulatedDevice):
-    """A device behind a serial port of its own."""
+    """Base class of devices on a serial port."""
 
     @abstractmethod
     def receive(self, data: bytes, now: float) -> None:
-        """Take in bytes from the host, cut anywhere."""
+        """Process bytes from the host, which may start and end within a frame."""
 
     @abstractmethod
     def emit(self, now: float) -> list[bytes]:
-        """The frames that are due by now [s]: answers, and what is sent by itself."""
+        """Return the frames that are due at time `now` [s]: answers and unrequested frames."""
 
 
 class EmulatedCanDevice(EmulatedDevice):
-    """A device on a CAN bus; it sees every frame."""
+    """Base class of devices on a CAN bus, which receive all frames of the bus."""
 
     @abstractmethod
     def receive(self, frame: can.Message, now: float) -> None:
-        """Take in a frame from the bus."""
+        """Process a frame from the bus."""
 
     @abstractmethod
     def emit(self, now: float) -> list[can.Message]:
-        """The frames that are due by now [s]."""
+        """Return the frames that are due at time `now` [s]."""

@@ -1,4 +1,4 @@
-"""The emulator: a rig file's devices in software, on wires that a host can connect to."""
+"""Emulator of all devices of a rig file, on ports and buses that a host can open."""
 
 from __future__ import annotations
 
@@ -23,44 +23,45 @@ from sim_backend.wire.wire_faults import FAULTS
 
 
 class PlannedFault(NamedTuple):
-    """A fault that is to set in."""
+    """A fault and its time."""
 
     kind: str
-    """One of `FAULTS`, or of `ACTIONS`."""
+    """One of `FAULTS` or `ACTIONS`."""
     where: str
-    """A bus, or for a reset a device."""
+    """Name of a bus; for a reset, name of a device."""
     at: float
-    """After a drive was first enabled [s]."""
+    """Time after a drive was first enabled [s]."""
 
 
 LATEST = 0.1
-"""How far behind its rate the emulator may fall [s] before it leaves steps out."""
+"""Largest delay of the emulator [s]; with a larger delay it skips steps."""
 ACTIONS = ("unplug", "replug", "reset")
-"""Faults that are no change of what is sent."""
+"""Faults that do not change frames or bytes."""
 
 
 class Emulator:
-    """Emulated devices on a mechanism, each bus of the rig file a wire; a context manager.
+    """Emulated devices with one wire per bus of the rig file; a context manager.
 
-    Serial ports and slcan adapters are pseudo-terminals, other CAN interfaces are joined.
+    Serial ports and slcan adapters are pseudo-terminals. For other CAN interfaces, the emulator
+    connects to the bus.
 
     Parameters
     ----------
     file
-        The rig.
+        The rig file.
     make_rig
-        Makes the simulated telemanipulator on a clock [s].
+        Function that makes the simulated telemanipulator, with a clock [s] as argument.
     folder
-        Where the pseudo-terminals stand, each under the name of its bus.
+        Folder of the pseudo-terminals, each with the name of its bus.
     faults
-        Faults to come.
+        Planned faults.
     now
-        The clock [s].
+        Function that returns the time of the clock [s].
 
     Raises
     ------
     ValueError
-        A kind of device cannot be emulated.
+        There is no emulation of a kind of device.
     """
 
     def __init__(
@@ -80,7 +81,7 @@ class Emulator:
         self.wires = {name: self._wire(name, folder) for name in file.sections.buses}
 
     def _emulated(self) -> list[tuple[str, EmulatedDevice]]:
-        """The devices that are on a bus, emulated."""
+        """Return the emulations of all devices that are on a bus, by name."""
         found = []
         for name, settings in self.file.devices.items():
             if not hasattr(settings, "bus"):
@@ -90,7 +91,7 @@ class Emulator:
             except KeyError:
                 raise ValueError(
                     f"devices.{name}: there is no emulated {settings.kind}: expected a package "
-                    "that offers one"
+                    "that provides one"
                 ) from None
             found.append((name, kind(name, settings, self.mechanism.mounts[name])))
         return found
@@ -111,7 +112,7 @@ class Emulator:
         return InterfaceWire(settings.interface, settings.channel, devices)
 
     def reset(self, name: str) -> None:
-        """Let a device start anew, as after a loss of power."""
+        """Restart a device, as after a loss of power."""
         old = self.devices[name]
         new = type(old)(name, old.settings, old.mount)
         self.devices[name] = new
@@ -119,7 +120,7 @@ class Emulator:
             wire.exchange(old, new)
 
     def inject(self, fault: PlannedFault) -> None:
-        """Let a fault set in now."""
+        """Activate a fault now."""
         if fault.kind == "reset":
             self.reset(fault.where)
         elif fault.kind == "unplug":
@@ -130,12 +131,12 @@ class Emulator:
             self.wires[fault.where].fault = FAULTS[fault.kind]()
 
     def step(self, wires: Iterable[Wire] | None = None) -> None:
-        """Let the telemanipulator and the devices catch up with the clock.
+        """Advance the telemanipulator and the devices to the present time.
 
         Parameters
         ----------
         wires
-            The wires that are served; None for all.
+            Wires whose devices are advanced; None for all.
         """
         self.mechanism.advance()
         now = self._now()
@@ -147,9 +148,9 @@ class Emulator:
             wire.serve(now)
 
     def serve(self, stopped: Callable[[], bool]) -> None:
-        """Serve each wire when something is due or the host has sent, until told to stop.
+        """Process each wire when a frame is due or the host has sent, until `stopped` is True.
 
-        All are served at the rig's rate besides: watchdogs run out by themselves.
+        All wires are also processed at the rate of the rig, so that watchdogs can expire.
         """
         period = 1.0 / self.file.sections.rate_hz
         wires = list(self.wires.values())
@@ -157,14 +158,14 @@ class Emulator:
         while not stopped():
             files = {number: wire for wire in wires for number in wire.filenos()}
             wake = min(round_due, *(wire.due() for wire in wires))
-            asked, _, _ = select.select(files, (), (), max(wake - self._now(), 0.0))
+            readable, _, _ = select.select(files, (), (), max(wake - self._now(), 0.0))
             now = self._now()
             if now >= round_due:
                 round_due = max(round_due + period, now - LATEST)
                 self.step()
             else:
-                called = {files[number] for number in asked}
-                self.step([wire for wire in wires if wire in called or wire.due() <= now])
+                received = {files[number] for number in readable}
+                self.step([wire for wire in wires if wire in received or wire.due() <= now])
 
     def __enter__(self) -> Self:
         try:
@@ -186,7 +187,7 @@ class Emulator:
 
 
 def host_ports(file: RigFile, folder: Path) -> dict[str, str]:
-    """Where a host finds each bus: serial lines are pseudo-terminals, other buses are joined."""
+    """Return the port or channel of each bus for a host, by name of the bus."""
     return {
         name: bus.channel
         if isinstance(bus, CanSettings) and bus.interface != "slcan"
@@ -196,7 +197,7 @@ def host_ports(file: RigFile, folder: Path) -> dict[str, str]:
 
 
 def host_file(file: RigFile, folder: Path) -> str:
-    """The rig file to run against the emulator: pseudo-terminals for ports, paths made whole."""
+    """Return the rig file for a host, with the ports of the emulator and absolute paths."""
     import tomlkit
 
     document = tomlkit.parse(file.text)

@@ -1,4 +1,4 @@
-"""The simulated telemanipulator that emulated devices are mounted on."""
+"""Simulated telemanipulator that emulated devices measure and move."""
 
 from __future__ import annotations
 
@@ -13,33 +13,35 @@ from sim_backend.simulated_rig import SimulatedRig
 from sim_backend.wire.emulated_device import Mount
 
 PUT_BACK = 1.2
-"""Time after which a telemanipulator whose drives are idle is put back to its start [s]."""
+"""Time after which the telemanipulator with idle drives is reset to its initial state [s]."""
 NEVER = 1e9
-"""Watchdog of the simulated drives [s]: the emulated devices have their own."""
+"""Watchdog time of the simulated drives [s]; the emulated devices have their own watchdogs."""
 
 
 class Source(NamedTuple):
-    """What a device's signal reads of a channel: (value - offset) / gain."""
+    """Source of a device's signal: (value of the channel - offset) / gain."""
 
     channel: str
     gain: float
+    """SI unit of the channel per unit of the signal."""
     offset: float
+    """Offset, in the SI unit of the channel."""
 
 
 class Mechanism:
-    """The simulated telemanipulator, and where each emulated device is mounted on it.
+    """Simulated telemanipulator with the mounts of all emulated devices.
 
-    Once its drives have been idle for a while it is put back to its start, as a person would
-    between trials.
+    When its drives have been idle for `PUT_BACK`, it is reset to its initial state, as a person
+    would do between trials.
 
     Parameters
     ----------
     file
-        Which device is mounted where.
+        The rig file, which assigns channels and drives to devices.
     make_rig
-        Makes the telemanipulator at its start, on a clock [s].
+        Function that makes the telemanipulator in its initial state, with a clock as argument.
     now
-        The clock [s].
+        Function that returns the time of the clock [s].
     """
 
     def __init__(
@@ -52,7 +54,7 @@ class Mechanism:
         self._now = now
         self._velocities = dict.fromkeys(AXES, 0.0)
         self.driven: set[str] = set()
-        """The axes that are not held."""
+        """Names of the axes that are in operation."""
         self._idle_since = math.inf
         self.rig = self._fresh()
         self.measurement = self.rig.read()
@@ -71,7 +73,7 @@ class Mechanism:
         return rig
 
     def advance(self) -> Measurement:
-        """Let the telemanipulator catch up with the clock; what a perfect reading gives."""
+        """Advance the telemanipulator to the present time; return its measurement."""
         now = self._now()
         if now - self._idle_since > PUT_BACK:
             self.rig, self._idle_since = self._fresh(), math.inf
@@ -81,7 +83,7 @@ class Mechanism:
         return self.measurement
 
     def drive(self, axis: str, velocity: float) -> None:
-        """Let an axis go at a velocity [m/s]."""
+        """Move an axis at a velocity [m/s]."""
         if not self.driven:
             self.rig.enable()
             self._idle_since = math.inf
@@ -97,7 +99,7 @@ class Mechanism:
         self.driven.discard(axis)
 
     def state(self, axis: str, signal: str) -> float:
-        """Position [m], velocity [m/s] or motor force [N] of an axis, as its own encoder has it."""
+        """Return the exact position [m], velocity [m/s] or motor force [N] of an axis."""
         plant = self.rig.plant
         body = plant.slave if axis == "slave" else plant.handle
         if signal == "force":
@@ -106,18 +108,18 @@ class Mechanism:
 
 
 class DeviceMount(Mount):
-    """Where one device is mounted on the mechanism."""
+    """Mount of one device on the mechanism."""
 
     def __init__(self, mechanism: Mechanism, rate: float) -> None:
         self.rate = rate
         self._mechanism = mechanism
         self.sources: dict[str, Source] = {}
-        """The channels that it measures, by signal."""
+        """Sources of the signals that are used as channels, by signal."""
         self.axes: dict[str, tuple[str, int]] = {}
-        """The axes that it drives and their signs, by drive."""
+        """Axis and sign of each drive, by drive."""
 
     def sense(self, signal: str) -> float:
-        """What the signal reads: of the channel that it is for, or of the axis that it drives."""
+        """Return the value of a signal, from its channel or from the axis of the device."""
         if source := self.sources.get(signal):
             value: float = getattr(self._mechanism.measurement, source.channel)
             return (value - source.offset) / source.gain
@@ -126,12 +128,12 @@ class DeviceMount(Mount):
         return 0.0
 
     def drive(self, name: str, velocity: float) -> None:
-        """Let the axis behind a drive go."""
+        """Move the axis of a drive at a velocity [m/s]."""
         if name in self.axes:
             axis, sign = self.axes[name]
             self._mechanism.drive(axis, sign * velocity)
 
     def brake(self, name: str) -> None:
-        """Hold that axis."""
+        """Hold the axis of a drive."""
         if name in self.axes:
             self._mechanism.brake(self.axes[name][0])

@@ -1,4 +1,4 @@
-"""A pseudo-terminal that stands for a serial port."""
+"""Pseudo-terminal that a host uses as a serial port."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ import os
 from pathlib import Path
 
 CHUNK = 1 << 16
-"""Most bytes that are read at once."""
+"""Largest number of bytes per reading."""
 
 
 class PseudoTerminal:
-    """A pseudo-terminal under a path that stays the same, which a host opens like a port.
+    """A pseudo-terminal with a fixed path, which a host opens like a serial port.
 
     Parameters
     ----------
     path
-        Where the port stands, a symbolic link.
+        Path of the port, a symbolic link.
     """
 
     def __init__(self, path: Path) -> None:
@@ -24,12 +24,12 @@ class PseudoTerminal:
         self._ends: tuple[int, ...] = ()
 
     def open(self) -> None:
-        """Plug it in.
+        """Connect the port.
 
         Raises
         ------
         NotImplementedError
-            The system has no pseudo-terminals.
+            The system does not support pseudo-terminals.
         """
         try:
             import pty
@@ -44,23 +44,23 @@ class PseudoTerminal:
         self.path.symlink_to(os.ttyname(host))
 
     def filenos(self) -> list[int]:
-        """The device's end, while it is plugged in."""
+        """Return the file descriptor of the device's end, if the port is connected."""
         return list(self._ends[:1])
 
     def read(self) -> bytes:
-        """What the host has sent."""
+        """Return the bytes that the host has sent, without waiting."""
         with contextlib.suppress(BlockingIOError, OSError, IndexError):
             return os.read(self._ends[0], CHUNK)
         return b""
 
     def write(self, data: bytes) -> None:
-        """Send to the host; what nobody takes is lost, as on a wire."""
+        """Send bytes to the host; bytes that are not read are lost, as on a real line."""
         if data:
             with contextlib.suppress(BlockingIOError, OSError, IndexError):
                 os.write(self._ends[0], data)
 
     def close(self) -> None:
-        """Unplug it."""
+        """Disconnect the port."""
         for end in self._ends:
             os.close(end)
         self._ends = ()

@@ -1,4 +1,4 @@
-"""Emulated devices by the name of their kind, ours and those of installed packages."""
+"""Registry of emulated devices by kind: those of this package and of other installed packages."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from importlib.metadata import entry_points
 from sim_backend.wire.emulated_device import EmulatedDevice
 
 GROUP = "teleop.emulators"
-"""Entry points under which other packages offer emulated devices."""
+"""Group of the entry points with which other packages register emulated devices."""
 BUILT_IN = {
     "board": "sim_backend.wire.devices.board:EmulatedBoard",
     "bota": "sim_backend.wire.devices.bota:EmulatedBota",
@@ -20,7 +20,7 @@ BUILT_IN = {
 
 
 def emulated_class(kind: str) -> type[EmulatedDevice]:
-    """The class of a kind; KeyError if there is none."""
+    """Return the class of a kind of device; raise KeyError if the kind is unknown."""
     if kind in BUILT_IN:
         module, _, name = BUILT_IN[kind].partition(":")
         found: type[EmulatedDevice] = getattr(import_module(module), name)

@@ -1,4 +1,4 @@
-"""A serial line between an emulated device and a host."""
+"""Serial line between an emulated device and a host."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from sim_backend.wire.pseudo_terminal import PseudoTerminal
 from sim_backend.wire.wire import Wire
 
 BITS = 10
-"""Of a byte on a serial line."""
+"""Bits per byte on the line, with start and stop bit."""
 
 
 class SerialWire(Wire):
-    """A device behind a pseudo-terminal; its frames take their time on the line.
+    """A device on a pseudo-terminal, with the transmission time of its frames.
 
     Parameters
     ----------
     path
-        Where the port stands.
+        Path of the port.
     device
-        The device.
+        The emulated device.
     baud
         Line rate [bit/s].
     """
@@ -33,14 +33,14 @@ class SerialWire(Wire):
         self._byte_time = BITS / baud
         self._line: deque[tuple[float, bytes]] = deque()
         self._free = 0.0
-        """When the line has sent what was put on it [s]."""
+        """Time at which the line is free again [s]."""
 
     def open(self) -> None:
-        """Plug it in."""
+        """Connect the port."""
         self.port.open()
 
     def serve(self, now: float) -> None:
-        """Hand the device what the host sent, and the host what has come through the line."""
+        """Pass the bytes of the host to the device, and transmitted frames to the host."""
         if data := self.port.read():
             self.device.receive(data, now)
         frames = self.device.emit(now)
@@ -56,21 +56,21 @@ class SerialWire(Wire):
         self.port.write(data)
 
     def exchange(self, old: EmulatedDevice, new: EmulatedDevice) -> None:
-        """Put the new device behind the port."""
+        """Replace the old device on the port by the new one."""
         if old is self.device:
             assert isinstance(new, EmulatedSerialDevice)
             self.device = new
 
     def close(self) -> None:
-        """Unplug it."""
+        """Disconnect the port."""
         self.port.close()
         self._line.clear()
 
     def filenos(self) -> list[int]:
-        """The pseudo-terminal."""
+        """Return the file descriptor of the pseudo-terminal."""
         return self.port.filenos()
 
     def due(self) -> float:
-        """When the device sends next, or the next frame has come through the line [s]."""
+        """Return the earliest time of the device's next frame or of the next arrival [s]."""
         arrival = self._line[0][0] if self._line else math.inf
         return min(self.device.due(), arrival)

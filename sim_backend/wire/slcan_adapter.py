@@ -1,4 +1,4 @@
-"""The adapter's end of slcan: what a Lawicel CANUSB does with a host's bytes, without its port."""
+"""Protocol of an slcan adapter (Lawicel CANUSB), without a port."""
 
 from __future__ import annotations
 
@@ -22,27 +22,27 @@ EXTENDED = re.compile("([TR])([01][0-9A-Fa-f]{7})([0-8])([0-9A-Fa-f]*)")
 DONE, REFUSED = "\r", "\a"
 TRANSMIT_QUEUE_FULL = 0x02
 LONGEST = 40
-"""Characters of a line that are kept, more than any command has."""
+"""Largest stored length of a line [characters], more than that of any command."""
 
 
 class SlcanAdapter:
-    """An adapter between a host and a CAN bus, both of which are the caller's.
+    """An adapter between a host and a CAN bus. The caller transports bytes and frames.
 
-    It is closed and has no bit rate at first. Like Lawicel's it answers frames with `z` or `Z`
-    (auto poll), refuses frames while closed and settings while open, and refuses to close or open
-    what is closed or open.
+    Initially it is closed and has no bit rate. Like Lawicel's adapter, it answers frames with `z`
+    or `Z` (auto poll). It refuses frames while it is closed and settings while it is open, and
+    it refuses to close or open twice.
 
     Attributes
     ----------
     is_open
         Whether the channel is open.
     bitrate
-        Bit rate of the bus [bit/s], None before the host chose one.
+        Bit rate of the bus [bit/s]; None until the host sets it.
     flags
-        Status flags, which the host may ask for; frames are refused while bit 1, transmit queue
+        Status flags, which the host can request. Frames are refused while bit 1, transmit queue
         full, is set.
     stamps
-        Whether frames for the host carry a time stamp [ms], as the host chose by `Z1`.
+        Whether frames for the host have a time stamp [ms], set by the host with `Z1`.
     """
 
     def __init__(self) -> None:
@@ -54,7 +54,7 @@ class SlcanAdapter:
         self._replies = ""
 
     def receive(self, data: bytes) -> list[can.Message]:
-        """Take bytes from the host, cut anywhere; the frames that it wants sent on the bus."""
+        """Process bytes of the host; return the frames that it sends to the bus."""
         frames = []
         for character in data.decode("latin-1"):
             if character != "\r":
@@ -68,12 +68,12 @@ class SlcanAdapter:
         return frames
 
     def pending(self) -> bytes:
-        """The answers that the host is to be sent, each once."""
+        """Return the answers to the host since the last call."""
         replies, self._replies = self._replies, ""
         return replies.encode("latin-1")
 
     def encode(self, message: can.Message) -> bytes:
-        """A frame from the bus as the host gets it; nothing while the channel is closed."""
+        """Return a frame of the bus as a line for the host; empty while the channel is closed."""
         if not self.is_open:
             return b""
         kind = "r" if message.is_remote_frame else "t"
@@ -102,7 +102,7 @@ class SlcanAdapter:
         )
 
     def _reply(self, line: str, frame: can.Message | None) -> str:
-        """The answer to a command, which takes effect."""
+        """Execute a command; return its answer."""
         if frame:
             return "Z\r" if frame.is_extended_id else "z\r"
         if line == "":

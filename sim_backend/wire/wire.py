@@ -1,4 +1,4 @@
-"""What lies between the emulated devices of one bus and a host."""
+"""Base class of wires between the emulated devices of a bus and a host."""
 
 from __future__ import annotations
 
@@ -9,36 +9,36 @@ from sim_backend.wire.wire_faults import WireFault
 
 
 class Wire(ABC):
-    """What lies between the devices of one bus and the host.
+    """Connection between the devices of one bus and the host.
 
     Attributes
     ----------
     fault
-        What befalls everything on its way to the host; None for nothing.
+        Fault that changes the data to the host; None for none.
     """
 
     fault: WireFault | None = None
 
     @abstractmethod
     def open(self) -> None:
-        """Let hosts connect."""
+        """Make the port or bus available to hosts."""
 
     @abstractmethod
     def serve(self, now: float) -> None:
-        """Hand the devices what the host sent, and the host what is due by now [s]."""
+        """Transfer the data of the host to the devices, and data due at `now` [s] to the host."""
 
     @abstractmethod
     def exchange(self, old: EmulatedDevice, new: EmulatedDevice) -> None:
-        """Put a device in the place of another, if that is on this wire."""
+        """Replace a device by another, if it is on this wire."""
 
     @abstractmethod
     def close(self) -> None:
-        """Take the wire away; a host that is connected finds its port gone."""
+        """Remove the port or bus; a connected host finds its port disconnected."""
 
     @abstractmethod
     def filenos(self) -> list[int]:
-        """What becomes readable when the host sends something."""
+        """Return the file descriptors that become readable when the host sends data."""
 
     @abstractmethod
     def due(self) -> float:
-        """When a device has something to send by itself, or something under way arrives [s]."""
+        """Return the time of the next unrequested frame, or of the next arrival [s]."""

@@ -1,4 +1,4 @@
-"""Faults of a wire, between emulated devices and the host."""
+"""Communication faults on a wire from emulated devices to the host."""
 
 from __future__ import annotations
 
@@ -13,42 +13,42 @@ Frame = TypeVar("Frame")
 
 
 class WireFault:
-    """What befalls frames and bytes on their way to the host; by itself nothing."""
+    """Base class of faults of frames and bytes to the host. By default it has no effect."""
 
     def frames(self, frames: list[Frame], now: float) -> list[Frame]:
-        """What becomes of the frames of this moment [s]."""
+        """Return the frames that arrive at time `now` [s], instead of the sent frames."""
         return frames
 
     def octets(self, data: bytes) -> bytes:
-        """What becomes of the bytes of a serial line."""
+        """Return the received bytes of a serial line, instead of the sent bytes."""
         return data
 
     def frame(self, frame: can.Message) -> can.Message:
-        """What becomes of a CAN frame."""
+        """Return the received CAN frame, instead of the sent frame."""
         return frame
 
     def noise(self) -> bytes:
-        """Bytes that nobody sent."""
+        """Return additional bytes that no device sent."""
         return b""
 
 
 class Random(WireFault):
-    """A fault that befalls this share of all frames.
+    """Base class of faults that affect random frames.
 
     Parameters
     ----------
     share
-        Between 0 and 1.
+        Probability that a frame is affected, from 0 to 1.
     seed
-        Of the choice.
+        Seed of the random choice.
     """
 
     def __init__(self, share: float = 1.0, seed: int = 0) -> None:
         self._share = share
         self._random = random.Random(seed)
 
-    def strikes(self) -> bool:
-        """Whether it befalls the next frame."""
+    def is_affected(self) -> bool:
+        """Return whether the next frame is affected."""
         return self._random.random() < self._share
 
 
@@ -56,30 +56,30 @@ class Dropped(Random):
     """Frames are lost."""
 
     def frames(self, frames: list[Frame], now: float) -> list[Frame]:
-        """The others."""
-        return [frame for frame in frames if not self.strikes()]
+        """Return the frames that are not lost."""
+        return [frame for frame in frames if not self.is_affected()]
 
 
 class Doubled(Random):
-    """Frames come twice."""
+    """Frames are received twice."""
 
     def frames(self, frames: list[Frame], now: float) -> list[Frame]:
-        """Each once or twice."""
-        return [frame for frame in frames for _ in range(1 + self.strikes())]
+        """Return each frame once or twice."""
+        return [frame for frame in frames for _ in range(1 + self.is_affected())]
 
 
 class Reordered(Random):
-    """A frame comes after the one that was sent after it."""
+    """A frame is received after the next one."""
 
     def __init__(self, share: float = 1.0, seed: int = 0) -> None:
         super().__init__(share, seed)
         self._held: list[object] = []
 
     def frames(self, frames: list[Frame], now: float) -> list[Frame]:
-        """The others, then those that were held back."""
+        """Return the frames with some in exchanged order."""
         out: list[Frame] = []
         for frame in frames:
-            if not self._held and self.strikes():
+            if not self._held and self.is_affected():
                 self._held.append(frame)
             else:
                 out += [frame, *self._held]  # type: ignore[list-item]
@@ -88,12 +88,12 @@ class Reordered(Random):
 
 
 class Delayed(WireFault):
-    """Frames come late.
+    """Frames are delayed.
 
     Parameters
     ----------
     delay
-        By this much [s].
+        Delay [s].
     """
 
     def __init__(self, delay: float) -> None:
@@ -101,7 +101,7 @@ class Delayed(WireFault):
         self._queue: list[tuple[float, object]] = []
 
     def frames(self, frames: list[Frame], now: float) -> list[Frame]:
-        """Those whose time has come."""
+        """Return the frames whose delay has passed."""
         self._queue += [(now + self._delay, frame) for frame in frames]
         due = [frame for time, frame in self._queue if time <= now]
         self._queue = [(time, frame) for time, frame in self._queue if time > now]
@@ -109,7 +109,7 @@ class Delayed(WireFault):
 
 
 class Burst(WireFault):
-    """Frames are held back, and come all at once.
+    """Frames are collected and received in bursts.
 
     Parameters
     ----------
@@ -123,7 +123,7 @@ class Burst(WireFault):
         self._queue: list[object] = []
 
     def frames(self, frames: list[Frame], now: float) -> list[Frame]:
-        """Nothing, or all."""
+        """Return all collected frames if a burst is due, otherwise none."""
         self._queue += frames
         if now < self._next:
             return []
@@ -133,37 +133,37 @@ class Burst(WireFault):
 
 
 class Truncated(Random):
-    """Frames end too early."""
+    """Frames are truncated."""
 
     def octets(self, data: bytes) -> bytes:
-        """The head of them."""
-        return data[: len(data) // 2] if data and self.strikes() else data
+        """Return the first half of the bytes."""
+        return data[: len(data) // 2] if data and self.is_affected() else data
 
     def frame(self, frame: can.Message) -> can.Message:
-        """The head of its data."""
-        return with_data(frame, frame.data[: len(frame.data) // 2]) if self.strikes() else frame
+        """Return the frame with the first half of its data."""
+        return with_data(frame, frame.data[: len(frame.data) // 2]) if self.is_affected() else frame
 
 
 class WrongLength(Random):
-    """Frames have bytes too many."""
+    """Frames have a wrong length."""
 
     def octets(self, data: bytes) -> bytes:
-        """With three more."""
-        return data[:-1] + b"\x55\x55\x55" + data[-1:] if data and self.strikes() else data
+        """Return the bytes with three more before the last one."""
+        return data[:-1] + b"\x55\x55\x55" + data[-1:] if data and self.is_affected() else data
 
     def frame(self, frame: can.Message) -> can.Message:
-        """With a byte more, or less where there are eight."""
-        if not self.strikes():
+        """Return the frame with one more byte, or one less if it has eight."""
+        if not self.is_affected():
             return frame
         return with_data(frame, (frame.data + b"\x55") if len(frame.data) < 8 else frame.data[:7])
 
 
 class Corrupted(Random):
-    """A bit of a serial frame is flipped; on a CAN bus the controllers drop such a frame."""
+    """A bit of a serial frame is inverted. CAN controllers discard such frames themselves."""
 
     def octets(self, data: bytes) -> bytes:
-        """With one bit flipped."""
-        if not data or not self.strikes():
+        """Return the bytes with one bit inverted."""
+        if not data or not self.is_affected():
             return data
         flipped = bytearray(data)
         flipped[self._random.randrange(len(data))] ^= 1 << self._random.randrange(8)
@@ -171,45 +171,45 @@ class Corrupted(Random):
 
 
 class Noise(Random):
-    """Bytes that nobody sent come between the frames."""
+    """Random bytes are received between the frames."""
 
     def noise(self) -> bytes:
-        """Up to 20 of them."""
-        return self._random.randbytes(self._random.randrange(1, 20)) if self.strikes() else b""
+        """Return up to 19 random bytes."""
+        return self._random.randbytes(self._random.randrange(1, 20)) if self.is_affected() else b""
 
 
 class BaudMismatch(WireFault):
-    """The host listens at half the rate: each byte that it sees is made of two."""
+    """The line rate of the host is half that of the device: two bytes become one."""
 
     def octets(self, data: bytes) -> bytes:
-        """Half as many, all wrong."""
+        """Return half as many bytes, with wrong values."""
         return bytes(
             (a << 4 | b >> 4) & 0xFF | 0x80 for a, b in zip(data[::2], data[1::2], strict=False)
         )
 
 
 class Silent(WireFault):
-    """Nothing comes any more, though the port is there: a wire is cut behind the adapter."""
+    """No frames are received, but the port exists, as with a broken cable to the device."""
 
     def frames(self, frames: list[Frame], now: float) -> list[Frame]:
-        """None."""
+        """Return no frames."""
         return []
 
 
 class ErrorFrames(WireFault):
-    """The bus is disturbed: error frames come among the frames.
+    """Error frames are received between the frames, as on a disturbed bus.
 
     Parameters
     ----------
     identifier
-        Linux's flags of the error, such as 0x40 for bus off and 0x4 for a controller problem.
+        Linux's error flags, for example 0x40 for bus-off and 0x4 for a controller problem.
     """
 
     def __init__(self, identifier: int) -> None:
         self._identifier = identifier
 
     def frames(self, frames: list[Frame], now: float) -> list[Frame]:
-        """An error frame first."""
+        """Return an error frame, followed by the frames."""
         error = can.Message(
             arbitration_id=self._identifier, is_error_frame=True, is_extended_id=False, dlc=8
         )
@@ -233,13 +233,13 @@ FAULTS: dict[str, Callable[[], WireFault]] = {
 }
 """Faults of a bus by name."""
 ON_CAN = ("error-frames", "bus-off")
-"""Those of a CAN bus."""
+"""Faults that exist only on CAN buses."""
 ON_SERIAL_LINES = ("corrupt", "noise", "baud", "unplug", "replug")
-"""Those of a serial line, that of an slcan adapter too."""
+"""Faults that exist only on serial lines, including that of an slcan adapter."""
 
 
 def with_data(frame: can.Message, data: bytes | bytearray) -> can.Message:
-    """The frame with other data."""
+    """Return a copy of a frame with other data."""
     return can.Message(
         arbitration_id=frame.arbitration_id,
         is_extended_id=frame.is_extended_id,

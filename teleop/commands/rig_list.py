@@ -17,10 +17,10 @@ def list_(*, json: Annotated[bool, Parameter(negative="")] = False) -> int:
     json
         Print one JSON document instead of a table.
     """
-    from drivers.ports import found
+    from drivers.ports import available_ports
     from teleop.output import console, rig_tables
 
-    ports = found()
+    ports = available_ports()
     if json:
         console.print_json({"ports": [port._asdict() for port in ports]})
     else:

@@ -1,4 +1,4 @@
-"""The device clock against simulated deliveries: latency, drains, stalls, drift, and the wrap."""
+"""The device clock with simulated data: latency, periodic reading, delays, drift and wrap."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ TICK = 1e-3
 
 
 def run(seed=1, *, seconds=2.0, drift=0.0, start=0, latency=0.2e-3, jitter=0.0, stalls=(), slow=()):
-    """Errors of the newest sample's time at each drain [s]: mapped minus true.
+    """Return the errors of the newest sample's time at each reading [s]: converted minus true.
 
     `stalls` are times at which the controller sleeps for 60 ms, and the device for the first 55 of
     them; `slow` is a span in which all deliveries take 30 ms more.

@@ -1,4 +1,4 @@
-"""Reading a rig file: what is right is kept, what is wrong is told, all of it at once."""
+"""Reading of a rig file: all problems are reported together."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def test_units_become_si(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "told"),
+    ("old", "new", "message"),
     [
         ('name = "serial board"', "", "name: field required"),
         ("rate_hz = 1000\n\n", "rate_hz = 5\n\n", "rate_hz"),
@@ -66,7 +66,7 @@ def test_units_become_si(tmp_path):
         ('signal = "force_1"', 'signal = "force_9"', "channels.contact_force.signal: 'force_9'"),
         ('signal = "force_1"', 'signal = "analogue_0"', "channels.contact_force.scale: missing"),
         ('drive = "axis_1"', 'drive = "axis_7"', "drives.slave.drive: 'axis_7'"),
-        ('drive = "axis_1"', "", "expected one of those of the device: axis_0, axis_1"),
+        ('drive = "axis_1"', "", "expected a drive of the device: axis_0, axis_1"),
         ('bus = "usb"', 'bus = "can"', "devices.board.bus: 'can': expected a serial bus"),
         ('kind = "board"', 'kind = "bored"', "devices.board.kind: 'bored': expected one of board"),
         ('kind = "board"', "", "devices.board.kind: None: expected one of board"),
@@ -74,21 +74,21 @@ def test_units_become_si(tmp_path):
         ("range_n = [-500, 500]", "range_n = [-500, nan]", "range_n.1"),
     ],
 )
-def test_what_is_wrong_is_told_with_its_path(tmp_path, old, new, told):
+def test_a_problem_is_reported_with_its_key(tmp_path, old, new, message):
     assert old in BOARD
-    assert any(told in line for line in problems(tmp_path, BOARD.replace(old, new)))
+    assert any(message in line for line in problems(tmp_path, BOARD.replace(old, new)))
 
 
-def test_all_that_is_wrong_is_told_at_once(tmp_path):
+def test_all_problems_are_reported_together(tmp_path):
     text = BOARD.replace("baud_bps = 921600", "baud_bps = -1")
     text = text.replace('signal = "force_1"', 'signal = "force_9"')
     text = text.replace("soft_force_n = 200", "soft = 1")
     found = "\n".join(problems(tmp_path, text))
-    for told in ("baud_bps", "force_9", "limits.soft:", "limits.soft_force_n"):
-        assert told in found
+    for message in ("baud_bps", "force_9", "limits.soft:", "limits.soft_force_n"):
+        assert message in found
 
 
-def test_a_device_that_is_wrong_is_not_told_again_where_it_is_used(tmp_path):
+def test_an_invalid_device_is_not_reported_again_where_it_is_used(tmp_path):
     found = problems(tmp_path, BOARD.replace("watchdog_ms = 50", "watchdog = 50"))
     assert len(found) == 1
 
@@ -101,11 +101,13 @@ def test_hard_limits_inside_soft_ones_are_refused(tmp_path):
 
 def test_two_devices_on_one_port_are_refused(tmp_path):
     text = BOARD + '\n[devices.other]\nkind = "bota"\nbus = "usb"\n'
-    assert problems(tmp_path, text) == ["devices.other.bus: port 'usb' is that of board already"]
+    assert problems(tmp_path, text) == [
+        "devices.other.bus: port 'usb' is already used by device board"
+    ]
 
 
 @pytest.mark.parametrize("content", [b"\xff\xfe", b"name =", b"[a]\n[a]\n", b"a = 1\x00"])
-def test_what_is_no_toml_is_one_line(tmp_path, content):
+def test_an_invalid_toml_file_is_reported_in_one_line(tmp_path, content):
     path = tmp_path / "rig.toml"
     path.write_bytes(content)
     with pytest.raises(RigFileError, match="not a TOML file"):
@@ -131,7 +133,7 @@ def test_any_value_anywhere_is_read_or_refused(tmp_path, data):
 
 @pytest.mark.parametrize("section", ["buses", "devices", "channels", "drives", "limits"])
 @pytest.mark.parametrize("value", ["3", "[]", '"x"', "{}", "{ a = 1 }"])
-def test_a_section_that_is_none_is_told(tmp_path, section, value):
+def test_an_invalid_section_is_reported(tmp_path, section, value):
     kept, skip = [f"{section} = {value}"], False
     for line in BOARD.splitlines():
         if line.startswith("["):
@@ -144,7 +146,7 @@ def test_a_section_that_is_none_is_told(tmp_path, section, value):
 @pytest.mark.parametrize(
     "text", ["a = " + "1" * 5000, "a = " + "[" * 100_000, 'a = "' + "x" * (17 << 20) + '"']
 )
-def test_a_file_that_asks_too_much_of_a_reader_is_refused(tmp_path, text):
+def test_a_file_that_is_too_large_or_nested_too_deeply_is_refused(tmp_path, text):
     path = tmp_path / "rig.toml"
     path.write_text(text)
     with pytest.raises((RigFileError, OSError)):

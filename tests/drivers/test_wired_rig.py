@@ -1,4 +1,4 @@
-"""A rig put together from devices: channels, drives, and what becomes of failures."""
+"""A rig of devices: channels, drives and failures."""
 
 from __future__ import annotations
 
@@ -109,7 +109,7 @@ class FakeBus(Bus):
 
 
 class Time:
-    """A clock that goes on by a millisecond with each nap."""
+    """A clock that advances by 1 ms with each wait."""
 
     def __init__(self):
         self.now = 5.0
@@ -170,7 +170,7 @@ def test_errors_and_emergency_stops_of_devices_reach_the_measurement(rig, device
     assert rig.read().emergency_stop
 
 
-def test_commands_are_clipped_and_signed_and_what_the_drives_make_of_them_is_told(rig, device):
+def test_commands_are_limited_and_signed_and_the_applied_command_is_returned(rig, device):
     assert rig.enable()
     applied = rig.write(Command(0.02, 0.3))
     assert device.drives["a"].calls[-1] == 0.02
@@ -179,13 +179,13 @@ def test_commands_are_clipped_and_signed_and_what_the_drives_make_of_them_is_tol
     assert device.transmitted == 1
 
 
-def test_drives_that_are_not_enabled_are_told_to_stand_still(rig, device):
+def test_drives_that_are_not_enabled_get_zero_velocity(rig, device):
     assert rig.write(Command(0.02, 0.02)) == STANDSTILL
     assert device.drives["b"].calls == [0.0]
 
 
 @pytest.mark.parametrize("wrong", [math.nan, math.inf])
-def test_a_command_that_is_not_finite_commands_nothing(rig, device, wrong):
+def test_a_command_that_is_not_finite_is_not_sent(rig, device, wrong):
     rig.enable()
     with pytest.raises(ValueError, match="finite"):
         rig.write(Command(0.0, wrong))

@@ -1,4 +1,4 @@
-"""Compile every estimator, so that the tests find it in numba's cache."""
+"""Compile all estimators into numba's cache, which the tests use."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Signals that the estimators' tests share."""
+"""Common signals for the tests of the estimators."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def palpation(
     jitter: float = 0.0,
     seed: int = 0,
 ) -> Signals:
-    """Two sines about a depth on a linear Kelvin-Voigt plant, at 1 kHz."""
+    """Return two sines about a depth on a linear Kelvin-Voigt plant, at 1 kHz."""
     rng = np.random.default_rng(seed)
     n = round(seconds * 1000)
     dt = 1e-3 * (1.0 + jitter * rng.uniform(-1.0, 1.0, n))

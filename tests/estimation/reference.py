@@ -1,9 +1,9 @@
-"""Estimates kept as test data: `python tests/estimation/reference.py` writes them anew.
+"""Reference estimates for tests: `python tests/estimation/reference.py` writes the data file.
 
-They were computed before the estimators' states got names, by the code of commit dcad2fa. Write
-them anew only for a change of an estimator's numbers that is intended, and say so in its commit.
-The standard deviations of the methods of `linear_gain` on signals with uneven periods were written
-anew when the noise variance came to count each sample once, however long the time before it.
+They were computed by the code of commit dcad2fa, before the fields of states had names. Write the
+data anew only for an intended change of the numbers of an estimator, and state this in the commit.
+The standard deviations of the methods of `linear_gain` on signals with uneven periods were
+recomputed when the weight of a sample in the noise variance became independent of its period.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from estimation import METHODS, MODELS, Estimates, paper_preset
 FILE = Path(__file__).parents[1] / "data" / "estimates" / "estimates.npz"
 SAMPLES = 400
 KEPT = {"kelvin-voigt": 25}
-"""Every so many samples of an estimate are kept, by model."""
+"""Number of samples per stored sample of an estimate, by model."""
 KEPT_OTHERWISE = 100
 
 Signals = tuple[NDArray[np.float64], ...]
@@ -28,7 +28,7 @@ Signals = tuple[NDArray[np.float64], ...]
 
 
 def sequences() -> dict[str, Signals]:
-    """The signals by name."""
+    """Return the signals by name."""
     rng = np.random.default_rng(7)
     period = np.full(SAMPLES, 1e-3)
     t = np.cumsum(period)
@@ -70,7 +70,7 @@ def sequences() -> dict[str, Signals]:
 
 
 def regressor(model: str, signals: Signals) -> NDArray[np.float64] | None:
-    """The model's regressor besides v and x, shape (n, 1); None if it has none."""
+    """Return the regressor of the model besides v and x, shape (n, 1); None if it has none."""
     x, v, f, _ = signals
     further = {
         "kelvin-voigt": None,
@@ -83,13 +83,13 @@ def regressor(model: str, signals: Signals) -> NDArray[np.float64] | None:
 
 
 def columns(estimates: Estimates) -> NDArray[np.float64]:
-    """All of an answer, shape (n, columns)."""
+    """Return all columns of the estimates, shape (n, columns)."""
     further = estimates.further.values()
     return np.column_stack((*estimates[:5], *(s.value for s in further), *(s.std for s in further)))
 
 
 def runs() -> Iterator[tuple[str, NDArray[np.float64]]]:
-    """Name and answer of every estimator with every model that it takes on every sequence."""
+    """Yield name and estimates of each estimator for each supported model and each sequence."""
     for cube in ("soft", "hard"):
         for model in MODELS.values():
             preset = replace(paper_preset(cube), model=model)
@@ -102,7 +102,7 @@ def runs() -> Iterator[tuple[str, NDArray[np.float64]]]:
 
 
 def kept(key: str, answer: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The samples of an answer that are kept."""
+    """Return the samples of the estimates that are stored."""
     every = KEPT.get(key.split("/")[1], KEPT_OTHERWISE)
     return answer[every - 1 :: every]
 

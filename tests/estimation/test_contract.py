@@ -1,4 +1,4 @@
-"""What every estimator keeps to: `estimation.testing`, and what needs hypothesis or the plant."""
+"""Contract of all estimators: `estimation.testing`, and checks with hypothesis or the plant."""
 
 from __future__ import annotations
 
@@ -108,7 +108,7 @@ def test_an_estimator_that_breaks_the_contract_fails_it(step, expected):
 
 @settings(max_examples=200, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), size=st.integers(-6, 3), name=st.sampled_from([*ESTIMATORS]))
-def test_is_finite_whatever_the_signals(seed, size, name):
+def test_is_finite_for_all_signals(seed, size, name):
     rng = np.random.default_rng(seed)
     x, v, f = rng.normal(size=(3, 300)) * 10.0 ** rng.uniform(-6.0, size, (3, 1))
     x *= rng.integers(0, 2, 300)
@@ -145,7 +145,7 @@ def test_recovers_from_a_gap_in_the_data(seed, gap, name, at):
 
 @pytest.mark.parametrize("name", LINEAR)
 @pytest.mark.parametrize("model", [model for model in MODELS.values() if model.further])
-def test_a_linear_estimator_takes_any_model(name, model, palpation):
+def test_a_linear_estimator_supports_any_model(name, model, palpation):
     s = palpation(seconds=6.0)
     a, x3 = np.gradient(s.v, 1e-3), s.x**3
     signals = {"f0": np.ones_like(s.x), "m": a, "k3": x3, "tau": -np.gradient(s.f, 1e-3)}

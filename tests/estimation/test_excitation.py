@@ -40,7 +40,7 @@ def test_is_the_ratio_of_the_gram_matrix_eigenvalues():
     ],
     ids=["hold", "nothing", "exponential of Lemma 1"],
 )
-def test_motion_that_cannot_tell_damping_from_stiffness_has_none(x, v):
+def test_motion_that_does_not_separate_damping_and_stiffness_has_no_excitation(x, v):
     assert last(x, v) == pytest.approx(0.0, abs=1e-6)
 
 
@@ -56,7 +56,7 @@ def test_encoder_noise_alone_is_no_excitation():
     assert last(noise, OMEGA * noise[::-1]) < 0.02
 
 
-def test_forgets_what_left_the_window_even_after_a_large_motion():
+def test_samples_outside_of_the_window_have_no_effect_even_after_a_large_motion():
     x = np.concatenate((0.1 * np.sin(OMEGA * t), 0 * t))
     v = np.concatenate((0.1 * OMEGA * np.cos(OMEGA * t), 0 * t))
     assert last(x, v) < 0.05

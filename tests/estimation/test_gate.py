@@ -15,13 +15,13 @@ DT = 1e-3
 
 
 def samples(v, f) -> Samples:
-    """Samples of a velocity and a force that are constant or given for each."""
+    """Return samples of a velocity and a force, each constant or an array."""
     v, f = np.broadcast_arrays(np.asarray(v, dtype=float), np.asarray(f, dtype=float))
     return checked_samples(np.zeros(v.shape), v, f, DT)
 
 
 def steady(v: float, f: float) -> bool:
-    """Whether it is open once the same sample has come for ten windows."""
+    """Return whether the gate is open after a constant sample for ten windows."""
     return bool(Gate(SETTINGS).run(samples(np.full(200, v), f))[-1])
 
 
@@ -113,7 +113,7 @@ def test_a_setting_out_of_range_is_refused(settings):
 
 
 def palpation_with_air_and_rest(palpation, rest=True):
-    """Palpation, then rest in contact from 3 s unless left out, and from 4 s motion in the air."""
+    """Return a palpation, an optional rest in contact from 3 s, and motion in the air from 4 s."""
     x, v, f, dt = (channel.copy() for channel in palpation(seconds=6.0, noise=0.02))
     still, air = slice(3000, 4000), slice(4000, 6000)
     noise = np.random.default_rng(1).normal(0.0, 0.02, 6000)
@@ -125,7 +125,7 @@ def palpation_with_air_and_rest(palpation, rest=True):
     return x, v, f, dt
 
 
-def test_a_bank_holds_what_is_gated_and_says_so(palpation):
+def test_a_bank_holds_gated_estimators_and_sets_held(palpation):
     bank = replace(paper_preset("soft"), estimators=("rls", "kalman", "segments")).bank()
     assert [name for name, e in bank.items() if e.gated] == ["kalman", "segments"]
     signals = palpation_with_air_and_rest(palpation)
@@ -142,7 +142,7 @@ def test_a_bank_holds_what_is_gated_and_says_so(palpation):
     assert abs(rls.k[-1]) < 100.0
 
 
-def test_what_is_held_in_the_air_is_what_was_felt_in_contact(palpation):
+def test_the_estimate_held_in_the_air_is_that_of_the_contact(palpation):
     bank = replace(paper_preset("soft"), estimators=("kalman",)).bank()
     kalman = bank.run(*palpation_with_air_and_rest(palpation, rest=False))["kalman"]
     assert kalman.held[-1]
@@ -150,7 +150,7 @@ def test_what_is_held_in_the_air_is_what_was_felt_in_contact(palpation):
     assert kalman.k[-1] == pytest.approx(2100.0, rel=0.05)
 
 
-def test_a_bank_holds_sample_by_sample_as_at_once(palpation):
+def test_a_bank_holds_the_same_samples_in_update_and_run(palpation):
     preset = replace(paper_preset("soft"), estimators=("rls", "kalman"))
     online, batch = preset.bank(), preset.bank()
     signals = [channel[2900:4300] for channel in palpation_with_air_and_rest(palpation)]

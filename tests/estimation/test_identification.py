@@ -11,7 +11,7 @@ DT = 2e-3
 
 
 def recording(seconds=4.0, b=15.0, k=2100.0, noise=0.0, seed=0):
-    """Position and force of palpation at 500 Hz."""
+    """Return position and force of a palpation at 500 Hz."""
     t = np.arange(0.0, seconds, DT)
     x = 5e-3 - 3e-3 * np.cos(2 * np.pi * t) + 1e-3 * np.sin(2 * np.pi * 2.6 * t)
     force = k * x + b * np.gradient(x, DT)
@@ -56,14 +56,14 @@ def test_makes_up_for_the_lag_of_the_force_channel():
         assert found.estimates["rls"].b[-1] == pytest.approx(b, abs=1.5)
 
 
-def test_given_settings_are_taken():
+def test_given_settings_are_used():
     found = identify(*recording(), DT, ["me"], preset=paper_preset("soft"))
     assert found.preset.grid == paper_preset("soft").grid
     assert found.preset.estimators == ("me",)
     assert found.estimates["me"].k[-1] == 2100.0
 
 
-def test_takes_uneven_sampling():
+def test_accepts_uneven_sampling():
     rng = np.random.default_rng(0)
     dt = DT * (1.0 + 0.4 * rng.uniform(-1.0, 1.0, 2000))
     t = np.cumsum(dt)
@@ -73,7 +73,7 @@ def test_takes_uneven_sampling():
     np.testing.assert_allclose(found.t, t - t[0], atol=1e-12)
 
 
-def test_intervals_hold_the_truth_as_often_as_they_say():
+def test_intervals_have_their_nominal_coverage():
     inside = []
     for seed in range(30):
         found = identify(*recording(2.0, noise=0.1, seed=seed), DT, ["rls"], bandwidth=20.0)
@@ -134,7 +134,7 @@ SAMPLES = [
 
 
 def refused(message, *arguments, **settings):
-    """Whether it is refused with this one line."""
+    """Check that the data are refused with this message in one line."""
     with pytest.raises(ValueError, match=message) as caught:
         identify(*arguments, **settings)
     assert "\n" not in str(caught.value)
@@ -159,7 +159,7 @@ def test_a_bad_sample_is_named_without_a_bandwidth_too(samples, message):
         ((X, 0.0 * F, DT), "cannot estimate: the force is zero in all samples"),
     ],
 )
-def test_data_that_shows_nothing_is_refused(samples, message):
+def test_data_without_information_is_refused(samples, message):
     refused(message, *samples)
 
 

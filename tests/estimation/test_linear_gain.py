@@ -29,7 +29,7 @@ class GradientParameters(LinearGainParameters):
 
 
 class Gradient(LinearGainEstimator):
-    """A gain that is no Riccati equation's: a step along the regressors, normalised."""
+    """Estimator with a gain that does not follow from a Riccati equation: normalised gradient."""
 
     @staticmethod
     def step(parameters, state, phi, f, dt):
@@ -53,7 +53,7 @@ def gradient(rate=0.5, correlation=1.0, model=KELVIN_VOIGT):
 
 
 def gain_of(phi, rate=0.5):
-    """The gain of `Gradient`, in numpy."""
+    """Return the gain of `Gradient`, in numpy."""
     scaled = phi / np.array(SIZES[: len(phi)])
     return rate * scaled / np.array(SIZES[: len(phi)]) / (1.0 + scaled @ scaled)
 
@@ -66,7 +66,7 @@ def motion(seconds=4.0):
 
 @pytest.fixture(scope="module")
 def repeated():
-    """What repetitions with other noise end with: estimates, covariances, noise variances."""
+    """Return final estimates, covariances and noise variances of repetitions with new noise."""
     x, v = motion()
     found = []
     for seed in SEEDS:
@@ -79,15 +79,15 @@ def repeated():
 
 def test_covariance_is_the_spread_over_repetitions(repeated):
     estimates, covariances, _ = repeated
-    told = covariances.mean(axis=0)
+    reported = covariances.mean(axis=0)
     spread = np.cov(estimates.T)
-    np.testing.assert_allclose(np.sqrt(np.diag(told)), np.std(estimates, axis=0), rtol=0.12)
-    correlation = [c[0, 1] / np.sqrt(c[0, 0] * c[1, 1]) for c in (told, spread)]
+    np.testing.assert_allclose(np.sqrt(np.diag(reported)), np.std(estimates, axis=0), rtol=0.12)
+    correlation = [c[0, 1] / np.sqrt(c[0, 0] * c[1, 1]) for c in (reported, spread)]
     assert correlation[0] == pytest.approx(correlation[1], abs=0.2)
     np.testing.assert_allclose(estimates.mean(axis=0), (20.0, 2100.0), rtol=0.02)
 
 
-def test_intervals_hold_the_truth_as_often_as_they_say(repeated):
+def test_intervals_have_their_nominal_coverage(repeated):
     estimates, covariances, _ = repeated
     stds = np.sqrt(np.diagonal(covariances, axis1=1, axis2=2))
     inside = np.abs(estimates - (20.0, 2100.0)) < 1.96 * stds
@@ -138,7 +138,9 @@ def test_without_forgetting_it_is_ordinary_least_squares(palpation, monkeypatch)
 
 
 @pytest.mark.parametrize("beta", [1.0, 0.99])
-def test_of_recursive_least_squares_it_is_what_noise_and_first_guess_make_of_it(beta, palpation):
+def test_for_recursive_least_squares_it_is_the_covariance_due_to_noise_and_initial_guess(
+    beta, palpation
+):
     s = palpation(seconds=1.0, noise=NOISE)
     first = np.diag([1e5, 1e6])
     estimator = RecursiveLeastSquares(beta, tuple(np.diag(first)))
@@ -155,14 +157,14 @@ def test_of_recursive_least_squares_it_is_what_noise_and_first_guess_make_of_it(
 def test_noise_that_comes_in_runs_makes_intervals_wider_by_its_correlation():
     run = 8
     x, v = motion()
-    estimates, told = [], []
+    estimates, reported = [], []
     for seed in SEEDS[:150]:
         noise = np.repeat(np.random.default_rng(seed).normal(0.0, NOISE, x.size // run), run)
         estimator = gradient(0.05, float(run))
         estimator.run(x, v, 20.0 * v + 2100.0 * x + noise, DT)
         estimates.append(estimator.state.theta)
-        told.append(np.sqrt(np.diag(estimator.covariance)))
-    np.testing.assert_allclose(np.mean(told, axis=0), np.std(estimates, axis=0), rtol=0.2)
+        reported.append(np.sqrt(np.diag(estimator.covariance)))
+    np.testing.assert_allclose(np.mean(reported, axis=0), np.std(estimates, axis=0), rtol=0.2)
 
 
 def test_correlation_scales_variances_alone(palpation):
@@ -172,7 +174,7 @@ def test_correlation_scales_variances_alone(palpation):
     np.testing.assert_allclose(wide.k_std, 2.0 * plain.k_std, rtol=1e-12)
 
 
-def test_the_first_guess_is_not_taken_for_noise(palpation):
+def test_the_error_of_the_initial_guess_does_not_count_as_noise(palpation):
     signals = palpation(seconds=1.0, noise=NOISE)
     estimator = RecursiveLeastSquares(0.99, (1e8, 1e12))
     estimator.run(*signals)
@@ -189,7 +191,7 @@ def test_noise_variance_follows_noise_that_changes(palpation):
     assert estimator.state.noise == pytest.approx(0.4**2 + 0.05**2, rel=0.2)
 
 
-def test_a_sample_that_moves_nothing_tells_nothing_of_the_noise():
+def test_a_sample_with_zero_gain_does_not_change_the_noise():
     estimator = gradient()
     estimator.update(0.0, 0.0, 100.0, DT)
     assert estimator.state.noise == 0.0

@@ -20,7 +20,7 @@ def test_force_error_is_the_mean_of_the_absolute_error():
     assert force_error([1.0, -2.0, 3.0], [2.0, -2.0, 1.0]) == 1.0
 
 
-def test_estimated_force_takes_each_samples_own_estimate_and_prediction_the_one_before():
+def test_estimated_force_uses_the_present_estimate_and_prediction_the_previous_one():
     unknown = np.full(2, np.nan)
     estimates = Estimates(
         np.array([1.0, 2.0]), np.array([10.0, 20.0]), unknown, unknown, np.zeros(2, bool)
@@ -56,7 +56,7 @@ def test_least_squares_equals_the_normal_equations(palpation):
     assert fit.rms == pytest.approx(0.3, rel=0.1)
 
 
-def test_least_squares_of_a_hold_says_nothing_of_damping():
+def test_least_squares_of_a_hold_does_not_determine_damping():
     fit = least_squares(np.full(5, 2e-3), np.zeros(5), np.full(5, 4.0))
     assert fit.b == 0.0
     assert fit.k == pytest.approx(2000.0)

@@ -19,7 +19,7 @@ plants = st.builds(Candidate, st.floats(-450.0, 450.0), st.floats(1600.0, 39_000
 
 
 def exponential(rate):
-    """x and v of x_0 exp(-rate t), scaled to stay within a palpation."""
+    """Return x and v of x_0 exp(-rate t), scaled to the size of a palpation."""
     x = 5e-3 * np.exp(-rate * t + min(0.0, rate * t[-1]))
     return x, -rate * x
 
@@ -31,7 +31,7 @@ def sine(frequency):
 
 
 def monitoring(candidate, plant, x, v, rate=10.0):
-    """(11) of a candidate at every time, computed from its own error."""
+    """Return (11) of a candidate over time, computed from its force error."""
     e2 = ((candidate.b - plant.b) * v + (candidate.k - plant.k) * x) ** 2
     dt = t[1] - t[0]
     mu = np.zeros(len(t))
@@ -41,7 +41,7 @@ def monitoring(candidate, plant, x, v, rate=10.0):
 
 
 def same(gamma, epsilon, plant, x, v):
-    """Whether two candidates have the same monitoring signal at all times but for rounding."""
+    """Return whether two candidates have the same monitoring signal at all times."""
     a, b = monitoring(gamma, plant, x, v), monitoring(epsilon, plant, x, v)
     size = (abs(gamma.b - plant.b) + abs(epsilon.b - plant.b)) ** 2 * v**2 + (
         abs(gamma.k - plant.k) + abs(epsilon.k - plant.k)
@@ -50,7 +50,7 @@ def same(gamma, epsilon, plant, x, v):
 
 
 def moved(candidate):
-    """The candidate one grid step away."""
+    """Return a candidate at a distance of one grid step."""
     return Candidate(candidate.b, candidate.k + 200.0)
 
 

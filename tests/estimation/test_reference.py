@@ -1,4 +1,4 @@
-"""Estimators give the numbers that they gave before, whatever their inside looks like."""
+"""Estimates are equal to the stored reference estimates."""
 
 from __future__ import annotations
 

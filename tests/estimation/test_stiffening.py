@@ -12,7 +12,7 @@ B, K, K3 = 20.0, 15_000.0, 4e9
 
 
 def recording(lag, seconds=4.0, noise=0.0, frequency=2.0, b=B, k3=K3):
-    """Position and lagging force of a stiffening body; the lag solved by solve_ivp."""
+    """Return position and lagged force of a stiffening body, with the lag solved by solve_ivp."""
     t = np.arange(0.0, seconds, 1e-3)
     w = 2 * np.pi * frequency
 

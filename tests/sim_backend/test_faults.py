@@ -55,7 +55,7 @@ def test_a_replaced_and_a_shifted_channel_touch_no_other(rig):
     assert shifted == pytest.approx([0.1, 0.102, 0.104])
 
 
-def test_a_frozen_channel_repeats_and_ages_only_where_it_is_told(rig):
+def test_a_frozen_channel_repeats_and_ages_only_if_requested(rig):
     for ageing, ages in ((False, [0.0] * 4), (True, [0.0, 1e-3, 2e-3, 3e-3])):
         rig.inject(Frozen("contact_force", ageing))
         got = reads(rig, 4)

@@ -15,7 +15,7 @@ TICK = 1e-3
 
 
 def commands(n):
-    """A slave that goes in and out of the hard cube, a handle that swings."""
+    """Simulate a slave that enters and leaves the hard cube, and a handle that oscillates."""
     for i in range(n):
         t = i * TICK
         yield (
@@ -72,7 +72,7 @@ def test_equals_an_ode_solver_on_the_stated_equations():
     assert (worst < np.array([encoder, encoder, velocity, noise, noise]) / 10.0).all(), worst
 
 
-def test_half_the_step_changes_nothing_that_a_sensor_would_see():
+def test_half_the_step_changes_less_than_a_sensor_resolves():
     coarse = Plant(CUBES["hard"], PARAMETERS, ARM)
     fine = Plant(CUBES["hard"], PARAMETERS, ARM, max_step=MAX_STEP / 2.0)
     for command, intended in commands(2000):

@@ -52,7 +52,7 @@ def test_every_channel_is_fresh():
     assert palpate(0)[-1].age == (0.0,) * 5
 
 
-def test_applies_what_the_drives_can_do_and_says_so():
+def test_returns_the_command_as_limited_by_the_drives():
     rig = SimulatedRig(CUBES["soft"], HandClock(), max_velocity=0.1)
     rig.open()
     rig.enable()
@@ -133,7 +133,7 @@ def test_sensors_read_from_their_own_zeros():
     assert reading.slave_position == pytest.approx(3e-3)
 
 
-def test_reading_twice_at_one_time_moves_nothing():
+def test_reading_twice_at_the_same_time_causes_no_motion():
     clock = HandClock()
     rig = SimulatedRig(CUBES["soft"], clock)
     rig.open()

@@ -1,1 +1,1 @@
-"""Emulated devices, one a file: the other end of each driver's wire."""
+"""Emulated devices, one per file, for the drivers in `drivers.devices`."""

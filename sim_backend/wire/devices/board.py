@@ -1,4 +1,4 @@
-"""A microcontroller board in software, after docs/serial-protocol.md."""
+"""Emulated microcontroller board with the protocol of docs/serial-protocol.md."""
 
 from __future__ import annotations
 
@@ -16,27 +16,27 @@ if TYPE_CHECKING:
 HELLO, CONFIGURE, ENABLE, COMMAND, DISABLE = 1, 2, 3, 4, 5
 IDENTITY, CONFIGURED, SAMPLE = 0x81, 0x82, 0x83
 LENGTHS = {HELLO: 0, CONFIGURE: 4, ENABLE: 1, COMMAND: 8, DISABLE: 0}
-"""Of the payloads."""
+"""Lengths of the payloads [bytes]."""
 IDLE, ENABLED, WATCHDOG, EMERGENCY_STOP, DRIVE_FAULT = range(5)
 LONGEST = 32
 BACKLOG = 5
-"""Most samples that are sent behind time."""
+"""Largest number of samples that are sent late; older ones are omitted."""
 WIDEST = (1 << 31) - 1
 
 
 class EmulatedBoard(EmulatedSerialDevice):
-    """The board of the rig file: of each input and axis, as many as that has scales for.
+    """A board with all inputs and axes that have a scale in the rig file.
 
     Attributes
     ----------
     version
-        Of the protocol that it speaks.
+        Version of the protocol.
     boot
-        Another after each start.
+        Number that is different after each start.
     started
-        When its clock began [s].
+        Time at which the clock of the board started [s].
     emergency_stop, drive_fault
-        Its inputs, to be set by who emulates.
+        Digital inputs, which the caller may set.
     """
 
     def __init__(self, name: str, settings: BoardSettings, mount: Mount) -> None:
@@ -59,7 +59,7 @@ class EmulatedBoard(EmulatedSerialDevice):
         self.reset(0.0)
 
     def reset(self, now: float) -> None:
-        """Start anew, as after a loss of power."""
+        """Restart the board, as after a loss of power."""
         self.boot = (self.boot + 1) & 0xFFFFFFFF
         self.started = now
         self._begun = b""
@@ -81,14 +81,14 @@ class EmulatedBoard(EmulatedSerialDevice):
             self.mount.brake(f"axis_{i}")
 
     def receive(self, data: bytes, now: float) -> None:
-        """Take in frames; what is malformed, late or repeated is counted."""
+        """Process frames; malformed, late and repeated frames are counted."""
         *frames, self._begun = (self._begun + data).split(b"\0")
         self._begun = self._begun[: LONGEST + 1]
         for frame in frames:
-            if frame and not self._take(unstuffed(frame), now):
+            if frame and not self._process(unstuffed(frame), now):
                 self._rejected = (self._rejected + 1) & 0xFFFF
 
-    def _take(self, body: bytes, now: float) -> bool:
+    def _process(self, body: bytes, now: float) -> bool:
         if len(body) < 5 or check_sum(body[:-2]) != int.from_bytes(body[-2:], "little"):
             return False
         kind, sequence = struct.unpack_from("<BH", body)
@@ -146,7 +146,7 @@ class EmulatedBoard(EmulatedSerialDevice):
             self.mount.drive(f"axis_{i}", counts[i] * scale)
 
     def _watch(self, now: float) -> None:
-        """What takes the axes out of operation, whatever the host says."""
+        """Stop the axes on emergency stop, drive fault or an expired watchdog."""
         if self._state != ENABLED:
             return
         if self.emergency_stop:
@@ -157,11 +157,11 @@ class EmulatedBoard(EmulatedSerialDevice):
             self._halt(WATCHDOG)
 
     def due(self) -> float:
-        """When the next sample is taken [s]."""
+        """Return the time of the next sample [s]; infinite before the configuration."""
         return self._sample_due if self._configured else math.inf
 
     def emit(self, now: float) -> list[bytes]:
-        """Answers, and the samples that are due."""
+        """Return answers, followed by the samples that are due."""
         self._watch(now)
         frames = []
         if IDENTITY in self._due:
@@ -216,18 +216,18 @@ MIRROR = bytes(sum((b >> i & 1) << 7 - i for i in range(8)) for b in range(256))
 
 
 def check_sum(data: bytes) -> int:
-    """CRC-16/IBM-SDLC: the CCITT one of the mirrored bytes, mirrored."""
+    """Return the CRC-16/IBM-SDLC, computed as CRC-CCITT with all bits reversed."""
     high, low = (crc_hqx(data.translate(MIRROR), 0xFFFF) ^ 0xFFFF).to_bytes(2, "big")
     return MIRROR[low] << 8 | MIRROR[high]
 
 
 def stuffed(data: bytes) -> bytes:
-    """COBS of fewer than 254 bytes."""
+    """Encode fewer than 254 bytes by COBS."""
     return b"".join(bytes((len(run) + 1,)) + run for run in data.split(b"\0"))
 
 
 def unstuffed(frame: bytes) -> bytes:
-    """The bytes of a frame; empty if it is malformed."""
+    """Decode a frame; return no bytes if it is malformed."""
     if len(frame) > LONGEST:
         return b""
     runs = []

@@ -1,7 +1,7 @@
-"""A serial force-torque sensor of Bota Systems, as it is on the wire.
+"""Emulated serial force-torque sensor of Bota Systems.
 
-Written down from Bota Systems' Python example and their driver `rokubimini_serial`: it greets at
-power-up, streams by itself, `C` takes it to configuration mode and `R` back.
+Sources: Bota Systems' Python example and their driver `rokubimini_serial`. The sensor sends a
+message at power-up and then frames. `C` starts the configuration mode, `R` ends it.
 """
 
 from __future__ import annotations
@@ -16,18 +16,18 @@ if TYPE_CHECKING:
     from drivers.devices.bota import BotaSettings
 
 FASTEST = 51200 / 64
-"""Rate with its filter at 64 conversions [Hz]."""
+"""Sample rate with the filter set to 64 conversions [Hz]."""
 BACKLOG = 5
-"""Most frames that are sent late."""
+"""Largest number of frames that are sent late; older ones are omitted."""
 RANGES = {"fx": 500.0, "fy": 500.0, "fz": 1200.0, "mx": 15.0, "my": 15.0, "mz": 12.0}
-"""Of a Rokubi [N, N m]: beyond them it saturates, and says so."""
+"""Measuring ranges of a Rokubi [N, N m]. It reports saturation outside of them."""
 OVERRANGE = 2
 
 
 class EmulatedBota(EmulatedSerialDevice):
-    """A sensor that senses `fx`, `fy`, `fz`, `mx`, `my`, `mz` and `temperature`.
+    """A sensor with the signals `fx`, `fy`, `fz`, `mx`, `my`, `mz` and `temperature`.
 
-    Of the configuration mode it knows the way in and out alone.
+    Of the configuration mode, only its start and end are emulated.
     """
 
     def __init__(self, name: str, settings: BotaSettings, mount: Mount) -> None:
@@ -39,7 +39,7 @@ class EmulatedBota(EmulatedSerialDevice):
         self._answers: list[bytes] = []
 
     def receive(self, data: bytes, now: float) -> None:
-        """Change the mode."""
+        """Process the commands `C` and `R`."""
         for letter in data:
             if letter in b"CR":
                 self._configuring = letter == ord("C")
@@ -47,11 +47,11 @@ class EmulatedBota(EmulatedSerialDevice):
                 self._due = now + self._period
 
     def due(self) -> float:
-        """When the next frame is sent [s]."""
+        """Return the time of the next frame [s]; infinite in configuration mode."""
         return math.inf if self._configuring else self._due
 
     def emit(self, now: float) -> list[bytes]:
-        """The greeting, answers, and the frames that are due."""
+        """Return the message at power-up, answers, and the frames that are due."""
         if math.isnan(self._power_up):
             self._power_up, self._due = now, now
             self._answers.append(b"App Init\r\n")
@@ -77,7 +77,7 @@ class EmulatedBota(EmulatedSerialDevice):
 
 
 def shifted(byte: int) -> int:
-    """A byte through the register of CRC-16/X.25, bit by bit."""
+    """Return the CRC-16/X.25 register after one byte, bit by bit, from 0."""
     for _ in range(8):
         byte = byte >> 1 ^ 0x8408 * (byte & 1)
     return byte
@@ -87,7 +87,7 @@ TABLE = [shifted(byte) for byte in range(256)]
 
 
 def crc(data: bytes) -> int:
-    """CRC-16/X.25."""
+    """Return the CRC-16/X.25 of data."""
     register = 0xFFFF
     for byte in data:
         register = register >> 8 ^ TABLE[(register ^ byte) & 0xFF]

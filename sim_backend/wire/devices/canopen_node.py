@@ -1,4 +1,4 @@
-"""An emulated CANopen node, CiA 301: network management, heartbeat, emergencies, SDO and PDO."""
+"""Emulated CANopen node, CiA 301: network management, heartbeat, emergencies, SDO and PDO."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ from sim_backend.wire.emulated_device import EmulatedCanDevice, Mount
 
 INITIALISING, STOPPED, OPERATIONAL, PRE_OPERATIONAL = 0x00, 0x04, 0x05, 0x7F
 BOOTING = 20e-3
-"""From power-up or a reset to the boot-up message [s]."""
+"""Time from power-up or a reset to the boot-up message [s]."""
 BACKLOG = 5
-"""Most heartbeats that are caught up with."""
+"""Largest number of heartbeats that are sent late; older ones are omitted."""
 INVALID = 1 << 31
 MISSED_HEARTBEAT, PDO_TOO_SHORT, MISSED_PDO = 0x8130, 0x8210, 0x8250
 COMMUNICATION_ERROR = 0x11
@@ -36,18 +36,18 @@ COMMUNICATION_ERROR = 0x11
 
 
 class CanopenNode(EmulatedCanDevice):
-    """A node with four PDOs each way, of which those that it sends answer SYNC.
+    """A node with four PDOs in each direction. It sends its PDOs at SYNC.
 
     Parameters
     ----------
     name
-        What the rig file calls it.
+        Name of the device in the rig file.
     settings
-        The device's section of the rig file.
+        Section of the device in the rig file.
     mount
-        What it is mounted on.
+        Interface to the simulated telemanipulator.
     objects
-        The application's objects.
+        Objects of the application.
     """
 
     def __init__(self, name: str, settings: Any, mount: Mount, objects: ObjectDictionary) -> None:
@@ -69,19 +69,19 @@ class CanopenNode(EmulatedCanDevice):
 
     @abstractmethod
     def run(self, now: float) -> None:
-        """Let the application go on until now, and refresh the objects that it measures."""
+        """Advance the application to time `now` [s], and update its measured objects."""
 
     @abstractmethod
     def written(self, index: int) -> None:
-        """Take note that an object of the application was written."""
+        """React to the write of an object of the application."""
 
     @abstractmethod
     def connection_lost(self) -> None:
-        """Do what the application does without its master."""
+        """React to the loss of the master."""
 
     @abstractmethod
     def reset(self) -> None:
-        """Begin as after power-up."""
+        """Reset the application to its state at power-up."""
 
     def __getitem__(self, at: tuple[int, int]) -> int:
         value = self.objects[at].value
@@ -89,7 +89,7 @@ class CanopenNode(EmulatedCanDevice):
         return value
 
     def write(self, index: int, sub: int, value: int) -> None:
-        """Write an entry, or raise Abort."""
+        """Write an entry; raise Abort if it is refused."""
         self.check(index, sub, value)
         self.objects[index, sub].value = value
         if index == 0x1017:
@@ -100,7 +100,7 @@ class CanopenNode(EmulatedCanDevice):
             self.written(index)
 
     def check(self, index: int, sub: int, value: int) -> None:
-        """Refuse what CiA 301 7.5.2.35 to 38 refuses of PDOs in their present state."""
+        """Raise Abort for changes of PDOs that CiA 301 7.5.2.35 to 38 does not allow."""
         kind = index & 0xFE00
         if kind not in (0x1400, 0x1600, 0x1800, 0x1A00):
             return
@@ -135,7 +135,7 @@ class CanopenNode(EmulatedCanDevice):
         return entry
 
     def receive(self, frame: can.Message, now: float) -> None:
-        """Take in a frame from the bus."""
+        """Process a frame from the bus."""
         self._advance(now)
         identifier, data = frame.arbitration_id, bytes(frame.data)
         if frame.is_extended_id or frame.is_remote_frame or self.nmt == INITIALISING:
@@ -154,10 +154,10 @@ class CanopenNode(EmulatedCanDevice):
             if identifier == self[0x1005, 0]:
                 self._synchronise()
             else:
-                self._take_pdo(identifier, data)
+                self._process_pdo(identifier, data)
 
     def emit(self, now: float) -> list[can.Message]:
-        """The frames that are due by now [s]."""
+        """Return the frames that are due at time `now` [s]."""
         self._advance(now)
         out, self._out = self._out, []
         return out
@@ -193,7 +193,7 @@ class CanopenNode(EmulatedCanDevice):
         self.run(now)
 
     def _command(self, command: int) -> None:
-        """NMT command, CiA 301 7.2.8.2."""
+        """Execute an NMT command, CiA 301 7.2.8.2."""
         commands = {0x01: OPERATIONAL, 0x02: STOPPED, 0x80: PRE_OPERATIONAL, 0x81: 0, 0x82: 0}
         before, self.nmt = self.nmt, commands.get(command, self.nmt)
         if before == OPERATIONAL != self.nmt:
@@ -211,7 +211,7 @@ class CanopenNode(EmulatedCanDevice):
             self._errors.clear()
 
     def emergency(self, code: int, register: int) -> None:
-        """Send an EMCY frame, unless stopped; code 0 says that all errors are over."""
+        """Send an EMCY frame, unless stopped; code 0 reports the end of all errors."""
         self.objects[0x1001, 0].value = register
         if self.nmt in (PRE_OPERATIONAL, OPERATIONAL):
             self._send(
@@ -231,14 +231,14 @@ class CanopenNode(EmulatedCanDevice):
             self.emergency(0, 0)
 
     def _pdos(self, first: int) -> Iterator[tuple[int, int, list[tuple[int, int]]]]:
-        """Number, identifier and mapped entries of each valid PDO."""
+        """Yield number, identifier and mapped entries of each valid PDO."""
         for n in range(4):
             if not (identifier := self[first + n, 1]) & INVALID:
                 mapping = first + 0x200 + n
                 mapped = [self[mapping, i] for i in range(1, self[mapping, 0] + 1)]
                 yield n, identifier & 0x7FF, [(m >> 16, m >> 8 & 0xFF) for m in mapped]
 
-    def _take_pdo(self, identifier: int, data: bytes) -> None:
+    def _process_pdo(self, identifier: int, data: bytes) -> None:
         for n, own, mapped in self._pdos(0x1400):
             if identifier != own:
                 continue
@@ -271,7 +271,7 @@ class CanopenNode(EmulatedCanDevice):
 
 
 def communication_objects(node: int) -> ObjectDictionary:
-    """The objects of CiA 301 with their values at power-up."""
+    """Return the objects of CiA 301 with their values at power-up."""
     objects: ObjectDictionary = {
         (0x1001, 0): Entry("B"),
         (0x1005, 0): Entry("I", 0x80),

@@ -1,7 +1,7 @@
-"""The SDO server of an emulated CANopen node, CiA 301 7.2.4: what it holds and how it is asked.
+"""SDO server and object dictionary of an emulated CANopen node, CiA 301 7.2.4.
 
-Downloads are expedited, uploads expedited or segmented; block transfer and segmented download are
-refused, as small drives do.
+Downloads are expedited, uploads are expedited or segmented. Block transfer and segmented download
+are refused, as by small drives.
 """
 
 from __future__ import annotations
@@ -49,19 +49,19 @@ class Entry:
     mappable: bool = False
 
     def pack(self) -> bytes:
-        """As it goes over the wire."""
+        """Return the value as bytes of a message."""
         if isinstance(self.value, bytes):
             return self.value
         return struct.pack(f"<{self.kind}", self.value)
 
     def unpack(self, data: bytes) -> int:
-        """The number that came over the wire."""
+        """Return the number in bytes of a message."""
         number: int = struct.unpack(f"<{self.kind}", data)[0]
         return number
 
     @property
     def size(self) -> int:
-        """In bytes."""
+        """Length of the value [bytes]."""
         return len(self.pack())
 
 
@@ -70,14 +70,14 @@ ObjectDictionary = dict[tuple[int, int], Entry]
 
 
 class SdoServer:
-    """Answers requests about an object dictionary.
+    """Server that reads and writes an object dictionary.
 
     Parameters
     ----------
     objects
         The object dictionary.
     write
-        Writes a number to an entry, or raises `Abort`.
+        Function (index, sub-index, number) that writes an entry, or raises `Abort`.
     """
 
     def __init__(self, objects: ObjectDictionary, write: Callable[[int, int, int], None]) -> None:
@@ -87,7 +87,7 @@ class SdoServer:
         self._toggle = 0
 
     def answer(self, request: bytes) -> bytes | None:
-        """The answer to a request of 8 bytes; None to one that needs none."""
+        """Return the answer to a request of 8 bytes; None if it needs no answer."""
         command, index, sub = HEADER.unpack_from(request)
         try:
             match command >> 5:

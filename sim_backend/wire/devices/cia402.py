@@ -1,4 +1,4 @@
-"""A CiA 402 drive in software, true to the wire: state machine, csv mode, quick stop, faults."""
+"""Emulated CiA 402 drive: state machine, cyclic synchronous velocity, quick stop, faults."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from sim_backend.wire.emulated_device import Mount
 
 AXIS = "axis"
 RATED_TORQUE = 0.2
-"""[N m]"""
+"""Rated torque of the motor [N m]."""
 DECELERATION = 2.0
-"""On the quick stop ramp [m/s²]."""
+"""Deceleration on the quick stop ramp [m/s^2]."""
 CSV = 9
 PROFILE_VELOCITY = 3
 COUNTS_PER_SECOND, RPM = 0x00B50300, 0x00B44700
 
 
 class State(Enum):
-    """States with the bits of the statusword that tell them."""
+    """States of the drive, with their bits in the statusword."""
 
     SWITCH_ON_DISABLED = 0b100_0000
     READY_TO_SWITCH_ON = 0b010_0001
@@ -44,12 +44,12 @@ VOLTAGE_ENABLED, REMOTE, FOLLOWS_COMMAND = 1 << 4, 1 << 9, 1 << 12
 
 
 class EmulatedCia402(CanopenNode):
-    """A drive whose motor follows the commanded velocity at once.
+    """A drive whose motor follows the commanded velocity without delay.
 
     Attributes
     ----------
     state
-        The state of its power drive system.
+        State of the power drive system.
     """
 
     settings: Cia402Settings
@@ -64,19 +64,19 @@ class EmulatedCia402(CanopenNode):
         self._ran = math.inf
 
     def fault(self, code: int) -> None:
-        """Fail with an error code, as the drive's own monitoring would have it."""
+        """Enter the fault reaction with an error code, as after a detected fault."""
         if self.state not in (State.FAULT, State.FAULT_REACTION_ACTIVE):
             powered = self.state in (State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE)
             self.state = State.FAULT_REACTION_ACTIVE if powered else State.FAULT
             self.emergency(code, 0x01)
 
     def reset(self) -> None:
-        """Begin as after power-up, with the power stage off."""
+        """Reset to the state at power-up, with the power stage off."""
         self.state, self._controlword = State.SWITCH_ON_DISABLED, 0
         self._hold()
 
     def connection_lost(self) -> None:
-        """Do what 6007h, abort connection option code, says."""
+        """Apply the abort connection option code, 6007h."""
         match self[0x6007, 0]:
             case 1:
                 self.fault(0x8100)
@@ -86,7 +86,7 @@ class EmulatedCia402(CanopenNode):
                 self._obey(0x02)
 
     def check(self, index: int, sub: int, value: int) -> None:
-        """Refuse what the drive cannot do."""
+        """Raise Abort for values that the drive does not support."""
         super().check(index, sub, value)
         allowed = {
             0x6007: (0, 1, 2, 3),
@@ -100,12 +100,12 @@ class EmulatedCia402(CanopenNode):
             raise Abort(UNSUPPORTED_ACCESS)
 
     def written(self, index: int) -> None:
-        """Obey the controlword."""
+        """Apply a written controlword."""
         if index == 0x6040:
             self._obey(self[0x6040, 0])
 
     def _obey(self, controlword: int) -> None:
-        """Commands and transitions of CiA 402-2 table 26 and figure 3."""
+        """Apply the commands and transitions of CiA 402-2 table 26 and figure 3."""
         rising = controlword & ~self._controlword
         self._controlword = controlword
         state = self.state
@@ -135,7 +135,7 @@ class EmulatedCia402(CanopenNode):
             self.state = State.SWITCHED_ON
 
     def run(self, now: float) -> None:
-        """Move as the state says, and measure."""
+        """Move according to the state, and update the measured objects."""
         elapsed = max(0.0, now - self._ran)
         self._ran = now
         if self.state is State.OPERATION_ENABLED:
@@ -168,7 +168,7 @@ class EmulatedCia402(CanopenNode):
 
     @property
     def _velocity_units(self) -> float:
-        """Units of 60FFh for 1 m/s."""
+        """Units of 60FFh per 1 m/s."""
         if self[0x60A9, 0] == RPM:
             return 60.0 * self._turns_per_metre
         return self._counts_per_metre
@@ -191,13 +191,13 @@ class EmulatedCia402(CanopenNode):
 
 
 def wrapped(value: float, bits: int) -> int:
-    """The nearest integer in two's complement."""
+    """Return the nearest integer, wrapped to two's complement of this number of bits."""
     half = 1 << bits - 1
     return (round(value) + half) % (2 * half) - half
 
 
 def drive_objects(settings: Cia402Settings, counts_per_metre: float) -> ObjectDictionary:
-    """The objects of CiA 402 with their values at power-up, and those that name the drive."""
+    """Return the objects of CiA 402 and the identity objects, with their values at power-up."""
     unit = {"counts_per_s": COUNTS_PER_SECOND, "rpm": RPM}[settings.velocity_unit]
     return {
         (0x1000, 0): Entry("I", 0x0002_0192),

@@ -1,4 +1,4 @@
-"""Any device on a CAN bus that a DBC file describes, as it is on the wire."""
+"""Emulated device on a CAN bus that a DBC file describes."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ if TYPE_CHECKING:
     from drivers.devices.dbc import DbcSettings
 
 CYCLE = 1e-3
-"""Period of a message to which the DBC file gives no `GenMsgCycleTime` [s]."""
+"""Period of a message without `GenMsgCycleTime` in the DBC file [s]."""
 BACKLOG = 5
-"""Most frames of a message that are sent late."""
+"""Largest number of frames of a message that are sent late; older ones are omitted."""
 
 Selection = dict[str, int]
-"""Value of each multiplexer in a frame."""
+"""Value of each multiplexer in a frame, by name."""
 
 
 class EmulatedDbcDevice(EmulatedCanDevice):
-    """A device that sends its messages periodically, with what it senses by their signals' names.
+    """A device that sends its messages periodically, with the signals of its mount.
 
-    Every frame of a multiplexed message carries the next of its choices.
+    A multiplexed message cycles through all values of its multiplexers.
     """
 
     def __init__(self, name: str, settings: DbcSettings, mount: Mount) -> None:
@@ -41,26 +41,27 @@ class EmulatedDbcDevice(EmulatedCanDevice):
         self._senders = [Sender(message, every) for message in messages]
 
     def receive(self, frame: can.Message, now: float) -> None:
-        """It listens to nobody."""
+        """Ignore the frame."""
 
     def due(self) -> float:
-        """When the first of its messages is sent next [s]."""
+        """Return the time of the next message [s]."""
         return min(sender.next for sender in self._senders)
 
     def emit(self, now: float) -> list[can.Message]:
-        """The frames that are due."""
+        """Return the frames that are due."""
         return [frame for sender in self._senders for frame in sender.due(now, self.mount)]
 
 
 class Sender:
-    """Sends one message.
+    """Periodic sender of one message.
 
     Parameters
     ----------
     message
         The message.
     every
-        The names of all signals of the device; those that stand there twice need the message's.
+        Names of all signals of the device. If a name is there twice, the name of the message is
+        added to it.
     """
 
     def __init__(self, message: Message, every: Sequence[str]) -> None:
@@ -70,10 +71,10 @@ class Sender:
         self._period = (message.cycle_time or 0) * 1e-3 or CYCLE
         self._selections = cycle(list(selections(message.signal_tree)))
         self.next = math.nan
-        """When it sends next [s]."""
+        """Time of the next frame [s]."""
 
     def due(self, now: float, mount: Mount) -> Iterator[can.Message]:
-        """The frames that are due by now, a few of those that should have gone before."""
+        """Yield the frames that are due at time `now` [s], at most `BACKLOG`."""
         if math.isnan(self.next):
             self.next = now
         count = max(0, math.ceil((now - self.next) / self._period))
@@ -98,12 +99,12 @@ class Sender:
 
 
 def selections(tree: Sequence[Any]) -> Iterator[Selection]:
-    """Every choice of multiplexers that a frame can make; a single empty one if it has none.
+    """Yield all combinations of values of the multiplexers; a single empty one if there are none.
 
     Parameters
     ----------
     tree
-        cantools' `signal_tree`: names of signals, and for each multiplexer a mapping from its
+        `signal_tree` of cantools: names of signals, and for each multiplexer a mapping from its
         values to trees.
     """
     ways = [
@@ -121,7 +122,7 @@ def selections(tree: Sequence[Any]) -> Iterator[Selection]:
 
 
 def within(signal: Signal, value: float) -> float:
-    """The value, or the nearest that the signal's bits can hold."""
+    """Return the value, limited to the range of the signal's bits."""
     if signal.is_float:
         return value
     half = 1 << signal.length - 1

@@ -1,7 +1,7 @@
-"""Robotiq's FT 300 force-torque sensor, as it is on the wire.
+"""Emulated FT 300 force-torque sensor of Robotiq.
 
-Written down from its instruction manual, section 4.4: a Modbus RTU slave that streams once 0x0200
-is written to its register 410, until it is interrupted by bytes of 0xFF.
+Source: its instruction manual, section 4.4. The sensor is a Modbus RTU slave. A write of 0x0200 to
+register 410 starts the stream of frames, and bytes of 0xFF end it.
 """
 
 from __future__ import annotations
@@ -16,23 +16,23 @@ if TYPE_CHECKING:
     from drivers.devices.ft300 import Ft300Settings
 
 PERIOD = 10e-3
-"""Of frames [s]."""
+"""Period of frames [s]."""
 BACKLOG = 5
-"""Most frames that are sent late."""
+"""Largest number of frames that are sent late; older ones are omitted."""
 RANGES = {"fx": 300.0, "fy": 300.0, "fz": 300.0, "mx": 30.0, "my": 30.0, "mz": 30.0}
-"""Where it saturates [N, N m]."""
+"""Measuring ranges, at which the sensor saturates [N, N m]."""
 COUNTS = {"f": 100, "m": 1000}
-"""Of a newton and of a newton metre."""
+"""Counts per newton and per newton metre."""
 SLAVE, WRITE_REGISTERS = 9, 0x10
 REQUEST = bytes((SLAVE, WRITE_REGISTERS, 0x01, 0x9A, 0, 1, 2, 0x02, 0x00))
 INTERRUPTION = 10
-"""So many bytes of 0xFF in a row end the stream; the manual has the host send 50."""
+"""Number of consecutive bytes of 0xFF that end the stream. According to the manual, 50 are sent."""
 
 
 class EmulatedFt300(EmulatedSerialDevice):
-    """A sensor that senses `fx`, `fy`, `fz`, `mx`, `my` and `mz`.
+    """A sensor with the signals `fx`, `fy`, `fz`, `mx`, `my` and `mz`.
 
-    Of Modbus it knows the request to stream alone; it answers none while it streams.
+    Of Modbus, only the request that starts the stream is emulated. It is ignored during a stream.
     """
 
     def __init__(self, name: str, settings: Ft300Settings, mount: Mount) -> None:
@@ -43,7 +43,7 @@ class EmulatedFt300(EmulatedSerialDevice):
         self._answers: list[bytes] = []
 
     def receive(self, data: bytes, now: float) -> None:
-        """Begin the stream, or end it."""
+        """Start or end the stream."""
         request = REQUEST + pack("<H", crc(REQUEST))
         for byte in data:
             self._received = (self._received + bytes((byte,)))[-len(request) :]
@@ -55,11 +55,11 @@ class EmulatedFt300(EmulatedSerialDevice):
                 self._answers.append(answer + pack("<H", crc(answer)))
 
     def due(self) -> float:
-        """When the next frame is sent [s]."""
+        """Return the time of the next frame [s]; infinite without stream."""
         return self._due if self._streaming else math.inf
 
     def emit(self, now: float) -> list[bytes]:
-        """The answer, and the frames that are due."""
+        """Return the answer, followed by the frames that are due."""
         out, self._answers = self._answers, []
         if self._streaming:
             count = max(0, math.ceil((now - self._due) / PERIOD))
@@ -77,7 +77,7 @@ class EmulatedFt300(EmulatedSerialDevice):
 
 
 def crc(data: bytes) -> int:
-    """CRC-16/MODBUS, bit by bit."""
+    """Return the CRC-16/MODBUS of data, computed bit by bit."""
     register = 0xFFFF
     for byte in data:
         register ^= byte

@@ -1,8 +1,8 @@
-"""An axis of an ODrive, firmware 0.5 or 0.6, as it is on the CAN bus.
+"""Emulated axis of an ODrive on a CAN bus, firmware 0.5 or 0.6.
 
-Written down from ODrive's documentation ("CAN Protocol") and, for 0.5, from its firmware's
-`can_simple.cpp` and `axis.cpp`: the watchdog of 0.5 is fed by every frame to the axis and runs in
-every state, that of 0.6 is fed by set-points.
+Sources: ODrive's documentation ("CAN Protocol") and, for 0.5, `can_simple.cpp` and `axis.cpp` of
+the firmware. With firmware 0.5, every frame to the axis resets the watchdog timer, and the watchdog
+is active in every state. With firmware 0.6, only set-points reset it.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ if TYPE_CHECKING:
 
 HEARTBEAT_PERIOD = 10e-3
 BACKLOG = 5
-"""Most frames of a kind that are sent late."""
+"""Largest number of frames of a kind that are sent late; older ones are omitted."""
 BOOT = 0.3
-"""Silence after a reset [s]."""
+"""Time after a reset without frames [s]."""
 
 IDLE, CLOSED_LOOP = 1, 8
 VELOCITY_CONTROL, PASSTHROUGH = 2, 1
@@ -37,16 +37,17 @@ SET_POINTS = (0x0C, 0x0D, 0x0E)
 class EmulatedODrive(EmulatedCanDevice):
     """An axis of an ODrive that moves the drive `axis` of its mount.
 
-    It knows closed loop control of velocity in passthrough; in other modes it stands still.
+    It supports closed-loop velocity control with passthrough; in other modes it does not move.
 
     Parameters
     ----------
     name
-        What the rig file calls it.
+        Name of the device in the rig file.
     settings
-        The driver's settings.
+        Section of the device in the rig file.
     mount
-        Gives `position`, `velocity` and `force`, and takes the velocity.
+        Interface to the simulated telemanipulator, with the signals `position`, `velocity` and
+        `force`.
     """
 
     settings: ODriveSettings
@@ -59,10 +60,10 @@ class EmulatedODrive(EmulatedCanDevice):
         self._reset()
 
     def _reset(self) -> None:
-        """As at power-up."""
+        """Set the state at power-up."""
         self._state, self._result = IDLE, SUCCESS
         self._errors = 0
-        """Of 0.5 all, of 0.6 those that it disarmed for."""
+        """Error bits: with firmware 0.5 all, with 0.6 those that disarmed the axis."""
         self._mode = (3, PASSTHROUGH)
         self._input_vel, self._vel_limit = 0.0, 2.0
         self._fed = math.nan
@@ -70,7 +71,7 @@ class EmulatedODrive(EmulatedCanDevice):
         self._answers: list[can.Message] = []
 
     def receive(self, frame: can.Message, now: float) -> None:
-        """Obey a frame to this node; others are none of its business."""
+        """Process a frame to this node; other frames are ignored."""
         node, command = frame.arbitration_id >> 5, frame.arbitration_id & 0x1F
         if frame.is_extended_id or node != self.settings.node or now < self._awake:
             return
@@ -78,7 +79,7 @@ class EmulatedODrive(EmulatedCanDevice):
             self._fed = now
         data = bytes(frame.data)
         if frame.is_remote_frame:
-            answer = self._told(command, now)
+            answer = self._reported_data(command, now)
             if answer:
                 self._answers.append(self._frame(command, answer))
         elif command == 0x02:
@@ -102,7 +103,7 @@ class EmulatedODrive(EmulatedCanDevice):
             self._vel_limit = unpack("<f4x", data)[0]
 
     def _enter(self, state: int, now: float) -> None:
-        """Obey the request of a state: idle, or closed loop control if there is no error."""
+        """Apply a requested state: idle, or closed-loop control if there is no error."""
         if state == IDLE:
             self._state, self._result = IDLE, CANCELLED
         elif state != CLOSED_LOOP:
@@ -121,16 +122,16 @@ class EmulatedODrive(EmulatedCanDevice):
         return now - self._fed > self.settings.watchdog_ms * 1e-3
 
     def _shown_errors(self, now: float) -> int:
-        """What the heartbeat tells: on 0.6 an expired watchdog is an error for that long only."""
+        """Return the errors in the heartbeat; with 0.6, an expired watchdog is not latched."""
         active = WATCHDOG_EXPIRED["0.6"] if not self._old and self._expired(now) else 0
         return self._errors | active
 
     def due(self) -> float:
-        """When the next cyclic frame is sent [s]."""
+        """Return the time of the next periodic frame [s]."""
         return max(self._awake, min(self._due.values(), default=-math.inf))
 
     def emit(self, now: float) -> list[can.Message]:
-        """Answers, and what is sent in cycles; the watchdog and the motor's velocity besides."""
+        """Check the watchdog, move the motor, and return answers and periodic frames."""
         if now < self._awake:
             self.mount.brake("axis")
             return []
@@ -144,7 +145,7 @@ class EmulatedODrive(EmulatedCanDevice):
             due = self._due.get(command, now)
             due = max(due, now - (BACKLOG - 1) * period)
             while due <= now:
-                frames.append(self._frame(command, self._told(command, now)))
+                frames.append(self._frame(command, self._reported_data(command, now)))
                 due += period
             self._due[command] = due
         return frames
@@ -163,8 +164,8 @@ class EmulatedODrive(EmulatedCanDevice):
         turns = min(max(self._input_vel, -limit), limit) if follows else 0.0
         self.mount.drive("axis", turns * self._travel)
 
-    def _told(self, command: int, now: float) -> bytes:
-        """The data under a command; empty if the firmware does not tell any."""
+    def _reported_data(self, command: int, now: float) -> bytes:
+        """Return the data of a command; empty if the firmware does not report any."""
         if command == 0x01:
             errors = self._shown_errors(now)
             if self._old:

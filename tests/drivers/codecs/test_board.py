@@ -1,4 +1,4 @@
-"""The board's messages against the example in the documentation, and under malformed bytes."""
+"""Messages of the board: the example in the documentation, and malformed bytes."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def test_host_messages_are_those_of_the_documentation():
     assert codec.frame(codec.DISABLE, 4) == EXAMPLE["DISABLE"]
 
 
-def test_board_messages_are_read_as_the_documentation_says():
+def test_board_messages_are_decoded_as_documented():
     frames = EXAMPLE["IDENTITY"] + EXAMPLE["CONFIGURED"] + EXAMPLE["SAMPLE"]
     assert MessageReader().feed(frames) == [
         Identity(0, 1000, 1, (1, 0), 0x1234ABCD, 2, 2, 2, 4),
@@ -105,7 +105,7 @@ def test_velocities_in_counts_are_rounded_and_held_within_the_field(value, count
 
 
 @given(st.lists(st.binary(max_size=70), max_size=20))
-def test_whatever_comes_is_survived_and_the_next_message_read(chunks):
+def test_any_bytes_are_survived_and_the_next_message_is_decoded(chunks):
     reader = MessageReader()
     for chunk in chunks:
         reader.feed(chunk)

@@ -64,7 +64,7 @@ def test_a_header_in_noise_costs_no_frame():
     ("status", "words"),
     [(0, ""), (1, ""), (2, "overrange"), (4, "invalid"), (8, "raw"), (6, "overrange, invalid")],
 )
-def test_tells_the_fault_of_a_status(status, words):
+def test_reports_the_fault_of_a_status(status, words):
     assert fault(status).startswith(words)
     assert bool(fault(status)) == bool(words)
 
@@ -95,7 +95,7 @@ def test_every_frame_behind_noise_is_found(noise, values, stamp):
     assert rejected.total() == 2 * len(noise)
 
 
-def test_what_waits_for_the_rest_of_a_frame_is_bounded():
+def test_the_buffer_for_incomplete_frames_is_bounded():
     rejected: Counter[str] = Counter()
     parser = BotaParser(rejected)
     for _ in range(1000):

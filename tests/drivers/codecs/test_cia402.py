@@ -1,4 +1,4 @@
-"""The codec of CiA 402 against canopen's tables, and its laws."""
+"""Codec of CiA 402, compared with the tables of canopen, and its properties."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ UNITS = Units(10_000, 5e-3, "counts_per_s", rated_torque=0.5)
 
 
 @given(st.integers(0, 0xFFFF))
-def test_a_statusword_tells_the_state_that_canopen_reads_from_it(word):
+def test_the_state_of_a_statusword_is_the_same_as_in_canopen(word):
     theirs = {name for name, (mask, bits) in State402.SW_MASK.items() if word & mask == bits}
     ours = cia402.state_of(word)
     assert theirs == ({ours.words.upper()} if ours else set())
@@ -74,7 +74,7 @@ def test_a_turn_a_minute_is_a_sixtieth_of_the_travel_a_second():
     assert rpm.velocity_and_force(struct.pack("<ih", 60, 0))[0] == pytest.approx(6e-3)
 
 
-def test_the_force_of_a_drive_that_does_not_tell_its_rated_torque_is_unknown():
+def test_without_a_rated_torque_the_force_is_unknown():
     units = Units(10_000, 5e-3, "counts_per_s")
     assert math.isnan(units.velocity_and_force(bytes(6))[1])
 
@@ -92,21 +92,21 @@ def test_any_finite_velocity_fits_the_wire(velocity):
 
 
 @given(st.integers(0, 0xFFFF), st.integers(0, 255), st.binary(min_size=5, max_size=5))
-def test_every_emergency_is_told_in_words_and_its_end_is_none(code, register, more):
-    told = cia402.emergency(EMCY_STRUCT.pack(code, register, more))
-    assert bool(told) == (code >= 0x100)
-    assert not told or f"{code:04X}h" in told
+def test_every_emergency_has_a_text_and_its_end_has_none(code, register, more):
+    text = cia402.emergency(EMCY_STRUCT.pack(code, register, more))
+    assert bool(text) == (code >= 0x100)
+    assert not text or f"{code:04X}h" in text
 
 
 @pytest.mark.parametrize(
     ("code", "words"),
     [
-        (0x8130, "our heartbeat was missed"),
-        (0x8250, "our PDO was missed"),
+        (0x8130, "the controller's heartbeat was missed"),
+        (0x8250, "the controller's PDO was missed"),
         (0x2311, "continuous over-current at the output"),
         (0x3299, "voltage"),
         (0xA000, "unknown error"),
     ],
 )
-def test_an_emergency_is_told_as_exactly_as_its_code_is_known(code, words):
+def test_an_emergency_is_reported_by_its_code_or_its_group(code, words):
     assert cia402.emergency(EMCY_STRUCT.pack(code, 0, bytes(5))).startswith(words)

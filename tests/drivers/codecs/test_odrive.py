@@ -1,4 +1,4 @@
-"""Codec of ODrive CANSimple; the oracle is the vendor's DBC, as the package odrive-can ships it."""
+"""Codec of ODrive CANSimple, compared with the vendor's DBC file in the package odrive-can."""
 
 import struct
 
@@ -13,7 +13,7 @@ from drivers.codecs.odrive import AXIS_ERRORS, REFUSALS, AxisState, Command, Fir
 
 DBC = {"0.5": get_dbc("odrive-cansimple-0.5.6"), "0.6": get_dbc("odrive-cansimple-0.6.10")}
 NODES = range(8)
-"""Nodes that the DBC has."""
+"""Nodes in the DBC file."""
 
 ONLY_06 = (Command.GET_VERSION, Command.GET_TORQUES)
 
@@ -178,7 +178,7 @@ def test_knows_every_refusal_of_the_dbc() -> None:
 
 
 @firmwares
-def test_tells_errors_and_states_that_it_has_no_name_for(firmware: Firmware) -> None:
+def test_reports_unknown_errors_and_states_by_number(firmware: Firmware) -> None:
     heartbeat = codec.heartbeat(firmware, struct.pack("<IB3x", 1 << 31, 77))
     assert heartbeat.errors == ("error 0x80000000",)
     assert codec.state_name(heartbeat.state) == "state 77"

@@ -1,4 +1,4 @@
-"""A force sensor and its driver on one port, in virtual time and without a wire."""
+"""A force sensor and its driver on one port, in virtual time."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ TICK = 1e-3
 
 
 class SensorBench(SerialPort, Mount):
-    """The port, and what the sensor is mounted on; `garble` is what the line does to bytes."""
+    """The port and the mount of the sensor; `garble` changes the bytes on the line."""
 
     def __init__(
         self,
@@ -46,7 +46,7 @@ class SensorBench(SerialPort, Mount):
         self.sensor.receive(data, self.time)
 
     def run(self, seconds: float = TICK) -> None:
-        """Let time pass, and drain the port once, as of the middle of it."""
+        """Advance the time, and pass on the received bytes with the mean time of arrival."""
         self.time += seconds
         data = self.garble(b"".join(self.sensor.emit(self.time)))
         self.received += len(data)

@@ -1,6 +1,6 @@
-"""The driver against both boards, the emulated one and the firmware in C, in virtual time.
+"""The driver with both boards, the emulated one and the firmware in C, in virtual time.
 
-What is tested of both is the contract that docs/serial-protocol.md makes.
+Both boards are tested against docs/serial-protocol.md.
 """
 
 from __future__ import annotations
@@ -47,13 +47,13 @@ def settings(**changed) -> BoardSettings:
 
 
 class Bench(Mount):
-    """What the board senses, and what its axes do: a velocity [m/s], or None braked."""
+    """Mount of the board: its signals, and the velocity of each axis [m/s], None if braked."""
 
     def __init__(self):
         self.senses: dict[str, float] = {}
         self.axes: dict[str, float | None] = {}
         self.driven: set[str] = set()
-        """Axes that were ever let go."""
+        """Axes that have been in operation."""
 
     def sense(self, signal):
         return self.senses.get(signal, 0.0)
@@ -99,7 +99,7 @@ class FirmwareState(ctypes.Structure):
 
 
 class FirmwareBoard:
-    """The firmware in C behind the calls of an emulated device."""
+    """The firmware in C with the interface of an emulated device."""
 
     version = 1
 
@@ -172,7 +172,7 @@ def library(tmp_path_factory):
 
 
 class Wire:
-    """A port without a wire: the driver and a board, in virtual time from tick to tick."""
+    """A port that connects the driver and a board in virtual time."""
 
     port = "here"
 
@@ -190,7 +190,7 @@ class Wire:
             self.board.receive(data, self.time)
 
     def step(self, alter=lambda frames: frames):
-        """A tick: the board sends, the driver reads."""
+        """Run a tick: the board sends, the driver reads."""
         self.time += TICK
         data = b"".join(alter(self.board.emit(self.time)))
         if data:
@@ -207,7 +207,7 @@ class Wire:
         return True
 
     def run(self, ticks=5):
-        """Ticks in which the host commands what it did."""
+        """Run ticks with an unchanged command."""
         for _ in range(ticks):
             self.step()
             self.driver.transmit()
@@ -229,7 +229,7 @@ def bench():
 
 @pytest.fixture(params=["emulated", "firmware"])
 def make(request, bench):
-    """Makes a wire with a driver and, of the kind under test, a board; other settings on demand."""
+    """Return a function that makes a wire with a driver and a board of the tested kind."""
 
     def made(driver_settings=None, board_settings=None):
         driver_settings = driver_settings or settings()
@@ -303,11 +303,11 @@ def test_a_silent_port_is_refused_in_one_line(make):
     with pytest.raises(RigError) as refused:
         wire.driver.start(wire)
     assert str(refused.value) == (
-        "board: board on here: no answer in 4 s: expected its firmware to run"
+        "board: board on here: no answer in 4 s: expected a board with running firmware"
     )
 
 
-def test_a_wrong_baud_rate_is_told_by_what_comes_instead(make):
+def test_the_error_for_a_wrong_baud_rate_has_the_number_of_received_bytes(make):
     wire = make()
     wire.deaf = True
     wire.board.emit = lambda now: [random.Random(now).randbytes(40)]
@@ -321,7 +321,7 @@ def test_a_board_with_less_than_the_rig_file_wants_is_refused(make, key):
     with pytest.raises(RigError) as refused:
         wire.driver.start(wire)
     wanted = len(FULL[key])
-    assert str(refused.value).endswith(f"{key} has {wanted} entries, the board has 1 of these")
+    assert str(refused.value).endswith(f"{key} has {wanted} entries, expected at most 1")
     assert "\n" not in str(refused.value)
 
 
@@ -399,7 +399,7 @@ def test_an_axis_follows_once_it_is_enabled(wire, bench):
     assert bench.axes["axis_1"] == pytest.approx(0.012346)
 
 
-def test_idle_stops_all_axes_at_once_and_may_be_repeated(wire, bench):
+def test_idle_stops_all_axes_immediately_and_may_be_repeated(wire, bench):
     wire.enable("axis_0", "axis_1")
     wire.driver.drives["axis_1"].command(0.05)
     wire.run(3)
@@ -417,7 +417,7 @@ def test_an_idle_driver_sends_nothing(wire):
     assert wire.sent == []
 
 
-def test_enabled_is_what_the_board_says_since_it_was_asked(wire):
+def test_enabled_is_the_report_of_the_board_after_the_request(wire):
     assert wire.enable("axis_1")
     wire.driver.drives["axis_1"].idle()
     assert not wire.driver.drives["axis_1"].enable()
@@ -472,7 +472,7 @@ def test_the_watchdog_stops_the_axes_and_is_latched(wire, bench):
     assert not wire.driver.error
 
 
-def test_a_command_that_comes_after_the_watchdog_time_revives_nothing(wire, bench):
+def test_a_command_after_the_watchdog_time_has_no_effect(wire, bench):
     wire.enable("axis_1")
     wire.driver.drives["axis_1"].command(0.05)
     wire.time += 0.08
@@ -526,7 +526,7 @@ def test_a_drive_fault_stops_the_axes_and_its_error_outlasts_it(wire, bench):
     assert not wire.driver.error
 
 
-def test_a_drive_fault_of_an_idle_board_is_told_as_long_as_it_lasts(wire):
+def test_a_drive_fault_of_an_idle_board_is_reported_while_it_lasts(wire):
     wire.board.drive_fault = True
     wire.run(2)
     assert wire.driver.error == "drive fault input"
@@ -536,7 +536,7 @@ def test_a_drive_fault_of_an_idle_board_is_told_as_long_as_it_lasts(wire):
 
 
 @pytest.mark.parametrize("same_boot", [False, True])
-def test_a_board_that_was_reset_is_an_error_until_the_rig_is_opened_anew(wire, bench, same_boot):
+def test_a_board_reset_is_an_error_until_the_rig_is_opened_again(wire, bench, same_boot):
     wire.enable("axis_1")
     wire.run(50)
     if same_boot:
@@ -544,7 +544,7 @@ def test_a_board_that_was_reset_is_an_error_until_the_rig_is_opened_anew(wire, b
     wire.board.reset(wire.time)
     wire.run(5)
     assert bench.axes["axis_1"] is None
-    assert wire.driver.error.startswith("the board was reset, open the rig anew: ")
+    assert wire.driver.error.startswith("the board was reset, open the rig again: ")
     wire.driver.drives["axis_1"].idle()
     assert not wire.enable("axis_1")
     assert wire.driver.error.startswith("the board was reset")
@@ -565,7 +565,7 @@ def test_a_clock_that_goes_back_in_the_stream_is_a_reset():
     assert wire.enable("axis_1")
     board.started += 0.05
     wire.run(100)
-    assert wire.driver.error == ("the board was reset, open the rig anew: its clock went back")
+    assert wire.driver.error == ("the board was reset, open the rig again: its clock decreased")
 
 
 def test_a_board_that_somebody_else_stopped_has_left_operation(wire):
@@ -599,7 +599,7 @@ def test_goodbye_ends_the_stream(wire):
 # ---- what goes wrong on the wire ----
 
 
-def test_lost_repeated_late_and_damaged_samples_are_counted_and_not_taken(wire, bench):
+def test_lost_repeated_late_and_damaged_samples_are_counted_and_rejected(wire, bench):
     wire.run(5)
     old: list[bytes] = []
 
@@ -623,7 +623,7 @@ def test_lost_repeated_late_and_damaged_samples_are_counted_and_not_taken(wire, 
     assert not wire.driver.error
 
 
-def test_a_repeated_or_late_command_is_not_taken_and_the_host_is_told(wire, bench):
+def test_a_repeated_or_late_command_is_rejected_and_reported_to_the_host(wire, bench):
     wire.enable("axis_1")
     wire.driver.drives["axis_1"].command(0.01)
     wire.driver.transmit()
@@ -646,7 +646,7 @@ def test_a_repeated_command_does_not_keep_the_watchdog_at_bay(wire, bench):
     assert bench.axes["axis_1"] is None
 
 
-def test_the_board_survives_whatever_comes(wire, bench):
+def test_the_board_survives_any_bytes(wire, bench):
     random_ = random.Random(11)
     frames = [EXAMPLE[name] for name in ("CONFIGURE", "ENABLE", "COMMAND", "DISABLE")]
     for _ in range(5000):
@@ -665,7 +665,7 @@ def test_the_board_survives_whatever_comes(wire, bench):
     assert wire.enable("axis_1")
 
 
-def test_the_driver_survives_whatever_comes(wire):
+def test_the_driver_survives_any_bytes(wire):
     random_ = random.Random(12)
     for _ in range(3000):
         spoil = random_.random() < 0.5
@@ -691,6 +691,5 @@ def test_a_board_of_another_version_is_refused():
     with pytest.raises(RigError) as refused:
         driver.start(Wire(driver, board))
     assert str(refused.value) == (
-        "board: board on here: it speaks version 2 of the protocol, expected 1: "
-        "see docs/serial-protocol.md"
+        "board: board on here: protocol version 2, expected 1: see docs/serial-protocol.md"
     )

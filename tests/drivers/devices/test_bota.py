@@ -28,14 +28,14 @@ def started(bench):
     return bench
 
 
-def test_measures_what_the_sensor_senses(started):
+def test_measures_the_values_of_the_sensor(started):
     started.run(5e-3)
     values = {signal: sample.value for signal, sample in started.device.samples.items()}
     assert values == pytest.approx(started.loads)
     assert started.device.signals().keys() == values.keys()
 
 
-def test_what_came_before_the_first_frame_is_no_loss(started):
+def test_bytes_before_the_first_frame_are_not_counted_as_lost(started):
     assert not started.device.rejected
 
 
@@ -63,7 +63,7 @@ def test_overrange_is_an_error_and_no_sample(started):
     assert started.device.samples["fz"].value == 3.0
 
 
-def test_one_bad_frame_of_a_burst_is_told(started):
+def test_one_bad_frame_of_a_burst_is_reported(started):
     started.loads["fz"] = 2000.0
     bad = b"".join(started.sensor.emit(started.time + 2 * PERIOD))
     started.loads["fz"] = 4.0
@@ -73,7 +73,7 @@ def test_one_bad_frame_of_a_burst_is_told(started):
     assert started.device.samples["fz"].value == 4.0
 
 
-def test_the_error_goes_when_the_sensor_takes_it_back(started):
+def test_the_error_ends_when_the_sensor_clears_it(started):
     started.loads["fz"] = 2000.0
     started.run(5e-3)
     started.loads["fz"] = 4.0
@@ -83,7 +83,7 @@ def test_the_error_goes_when_the_sensor_takes_it_back(started):
 
 
 def with_status(data: bytes, status: int) -> bytes:
-    """The first frame of the data with another status."""
+    """Return the first frame of the data with another status."""
     frame = struct.pack("<H", status) + data[3:35]
     register = 0xFFFF
     for byte in frame:
@@ -117,12 +117,12 @@ def test_values_that_are_no_numbers_are_rejected(started):
     assert started.device.samples["mx"].value == pytest.approx(0.1)
 
 
-def test_a_sensor_that_was_started_anew_is_an_error_until_the_rig_is_opened_anew(started):
+def test_a_sensor_restart_is_an_error_until_the_rig_is_opened_again(started):
     started.run(5e-3)
     started.sensor = EmulatedBota("tip", SETTINGS, started)
     for _ in range(20):
         started.run()
-    assert "started anew" in started.device.error
+    assert "was restarted" in started.device.error
     started.device.start(started)
     started.run(5e-3)
     assert started.device.error == ""
@@ -138,7 +138,7 @@ def test_the_wrap_of_its_clock_is_no_restart(bench):
     assert bench.device.error == ""
 
 
-def test_a_sensor_left_in_configuration_mode_is_taken_out_of_it(bench):
+def test_the_configuration_mode_of_a_sensor_is_ended(bench):
     bench.sensor.receive(b"C", bench.time)
     bench.device.start(bench)
     assert bench.device.samples["fz"].value == 3.0
@@ -150,12 +150,12 @@ def test_a_wrong_baud_rate_is_guessed_from_noise(bench):
         bench.device.start(bench)
     assert str(refused.value) == (
         f"tip: no valid frame in 1 s on force (/dev/ttyUSB0), but {bench.received} bytes: "
-        "expected a Bota sensor at 460800 baud: is the baud rate right?"
+        "expected a Bota sensor at 460800 baud, check the baud rate"
     )
     assert bench.received > 1000
 
 
-def test_a_silent_port_is_told(bench):
+def test_a_silent_port_is_an_error(bench):
     bench.garble = lambda data: b""
-    with pytest.raises(RigError, match="and no other byte: expected a Bota sensor that has power"):
+    with pytest.raises(RigError, match="and no other byte: expected a Bota sensor with power on"):
         bench.device.start(bench)

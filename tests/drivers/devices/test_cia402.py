@@ -1,4 +1,4 @@
-"""The driver of CiA 402 drives: against the emulated drive, and against canopen's local node."""
+"""The driver of CiA 402 drives, with the emulated drive and with the local node of canopen."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def settings(**changes):
 
 
 class Carriage:
-    """What a drive moves."""
+    """Mount of a drive."""
 
     def __init__(self):
         self.velocity, self.position, self.force, self.braked = 0.0, 0.0, 0.0, True
@@ -58,7 +58,7 @@ class Carriage:
 
 
 class Wire:
-    """A bus in virtual time: drivers on one side, nodes on the other, nothing waits."""
+    """A bus in virtual time between drivers and nodes."""
 
     name = "can0"
 
@@ -114,7 +114,7 @@ class Bench:
         return self
 
     def tick(self, count=1, velocity=None, enabling=False, writes=True):
-        """A tick as the rig makes it: read, enable, command, transmit."""
+        """Run a tick of a rig: read, enable, command, transmit."""
         for _ in range(count):
             self.wire.time += TICK
             for mount in self.mounts:
@@ -174,7 +174,7 @@ def test_motion_is_reported_in_si_units(unit):
     assert bench.driver.samples["position"].value == pytest.approx(bench.mount.position, abs=21e-6)
 
 
-def test_the_drive_is_told_its_velocity_unit_if_it_has_another():
+def test_another_velocity_unit_of_the_drive_is_changed():
     bench = Bench(settings(velocity_unit="rpm"))
     bench.drive.objects[0x60A9, 0].value = 0x00B50300
     bench.enable()
@@ -199,7 +199,7 @@ def test_samples_bear_the_time_of_the_sync_that_they_answer():
     assert bench.driver.samples["velocity"].time == sent
 
 
-def test_samples_keep_coming_though_nobody_writes():
+def test_samples_continue_without_commands():
     bench = Bench().start()
     bench.tick(100, writes=False)
     assert bench.wire.time - bench.driver.samples["position"].time < 15e-3
@@ -291,7 +291,7 @@ def test_drives_do_not_watch_us_before_one_is_enabled():
     assert bench.arm()
 
 
-def test_a_bus_that_nobody_has_read_for_long_is_no_silence_of_the_drive():
+def test_a_bus_that_was_not_read_is_no_heartbeat_loss():
     bench = Bench().start()
     bench.wire.time += 5.0
     bench.driver.update(bench.wire.time)
@@ -334,7 +334,7 @@ def test_a_drive_whose_master_falls_silent_stops_by_itself(watchdog):
     assert bench.driver.error == "no heartbeat for 100 ms"
 
 
-def test_a_drive_that_lost_us_tells_so_and_stays_out_until_it_is_enabled_anew():
+def test_a_drive_that_lost_the_controller_reports_it_until_it_is_enabled_again():
     bench = Bench().enable()
     bench.tick(20, velocity=50e-3)
     bench.wire.wait_for(lambda: False, 0.3)
@@ -358,7 +358,7 @@ def test_a_drive_without_event_timer_is_watched_by_heartbeat_alone():
     bench.start()
 
 
-def test_a_fault_is_reported_and_reset_only_by_arming_anew():
+def test_a_fault_is_reported_and_reset_only_by_arming_again():
     bench = Bench().enable()
     bench.tick(20, velocity=50e-3)
     bench.drive.fault(0x2310)
@@ -414,10 +414,10 @@ def test_a_fault_that_a_reset_does_not_clear_is_reported():
     bench.tick(5)
     bench.driver.idle()
     bench.tick(600, enabling=True)
-    assert bench.driver.error == "its fault is not cleared by a reset"
+    assert bench.driver.error == "the fault is not cleared by a reset"
 
 
-def test_a_drive_that_leaves_operation_by_itself_is_reported_and_not_taken_back():
+def test_a_drive_that_leaves_operation_is_reported_and_not_enabled_again():
     bench = Bench().enable()
     bench.drive._obey(0x00)
     bench.tick(50, velocity=50e-3)
@@ -425,14 +425,14 @@ def test_a_drive_that_leaves_operation_by_itself_is_reported_and_not_taken_back(
     assert bench.mount.braked
 
 
-def test_a_reset_during_operation_is_an_error_that_takes_a_new_set_up():
+def test_a_reset_during_operation_is_an_error_until_a_new_set_up():
     bench = Bench().enable()
     bench.drive.receive(can.Message(data=[0x81, 5], is_extended_id=False), bench.wire.time)
     bench.tick(100, velocity=50e-3)
     assert bench.driver.error == "was reset during operation"
     assert bench.mount.braked
     bench.driver.idle()
-    with pytest.raises(RigError, match="drive0: was reset during operation: .* open the rig anew"):
+    with pytest.raises(RigError, match="drive0: was reset during operation: .* open the rig again"):
         bench.driver.enable()
     bench.enable()
     assert bench.drive.state is Truth.OPERATION_ENABLED
@@ -494,7 +494,7 @@ def test_another_device_is_refused_in_one_line(at, value, message):
         bench.start()
 
 
-def test_a_drive_that_does_not_take_the_mode_is_refused():
+def test_a_drive_that_does_not_accept_the_mode_is_refused():
     bench = Bench()
     measure = bench.drive._measure
 
@@ -528,14 +528,14 @@ def test_a_heartbeat_in_the_same_breath_does_not_hide_the_boot_up():
     bench.start()
 
 
-def test_a_missing_node_is_told_after_the_wait_for_its_boot_up():
+def test_a_missing_node_is_an_error_after_the_wait_for_its_boot_up():
     bench = Bench()
     bench.wire.nodes = []
     with pytest.raises(RigError, match="drive0: node 5 on can0: no boot-up message within 5 s"):
         bench.start()
 
 
-def test_a_node_that_does_not_answer_sdo_is_told():
+def test_a_node_that_does_not_answer_sdo_is_an_error():
     bench = Bench()
     bench.drive.sdo.answer = lambda request: None
     with pytest.raises(RigError, match=r"reading object 1000h:00: No SDO response|no answer"):
@@ -565,14 +565,14 @@ def test_malformed_frames_are_counted_and_never_raise(frames):
     assert driver.rejected["SDO"] == sum(i == 0x585 for i, _ in frames)
 
 
-def test_a_remote_frame_is_not_taken_for_data():
+def test_a_remote_frame_is_not_processed_as_data():
     driver = Cia402("drive", settings())
     driver.receive(can.Message(arbitration_id=0x185, is_remote_frame=True, dlc=6), 1.0)
     assert driver.rejected == {"remote": 1}
     assert driver.samples["position"] == NO_SAMPLE or math.isnan(driver.samples["position"].value)
 
 
-def test_a_statusword_that_the_profile_does_not_know_is_counted():
+def test_an_undefined_statusword_is_counted():
     driver = Cia402("drive", settings())
     driver.receive(can.Message(arbitration_id=0x185, data=struct.pack("<Hi", 0x4C, 0)), 1.0)
     assert driver.rejected == {"statusword": 1}
@@ -593,7 +593,7 @@ def test_only_a_rig_with_such_a_drive_imports_canopen():
 
 
 class LocalNodeNetwork(canopen.Network):
-    """canopen's own node on the far end of the wire; what it lacks of NMT is added here."""
+    """Local node of canopen on the bus, with the NMT functions that it lacks."""
 
     def __init__(self):
         super().__init__()

@@ -38,7 +38,7 @@ EXTENDED = 0x18FEF000
 
 
 class Bench(Mount):
-    """The device on a bus in virtual time."""
+    """A device on a bus in virtual time."""
 
     name, channel = "can", "can0"
 
@@ -154,7 +154,7 @@ def test_a_frame_that_is_not_as_described_is_rejected(device, frame, why):
     assert device.rejected == {why: 1}
 
 
-def test_measures_what_the_emulated_device_senses(bench):
+def test_measures_the_values_of_the_emulated_device(bench):
     bench.loads = {"Fz": -12.34, "Raw": 0.25, "Bridge": 1.5, "Position": 3.5, "Pages.Status": 7.0}
     bench.device.start(bench)
     bench.run(10e-3)
@@ -170,7 +170,7 @@ def test_only_the_messages_that_are_named_are_its_own(settings):
     assert list(device.identifiers()) == [291]
 
 
-def test_a_silent_device_is_told(settings):
+def test_a_silent_device_is_an_error(settings):
     bench = Bench(settings.model_copy(update={"messages": ("Force",), "timeout_ms": 50.0}))
     bench.mute = True
     with pytest.raises(RigError) as refused:
@@ -187,21 +187,21 @@ def test_the_file_is_seen_from_the_rig_files_folder(folder):
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "message"),
     [
         ({"file": "none.dbc"}, "none.dbc: no such file"),
         ({"file": "broken.dbc"}, "broken.dbc: not a DBC file: "),
-        ({"file": "empty.dbc"}, "empty.dbc: it describes no message"),
+        ({"file": "empty.dbc"}, "empty.dbc: no message in it"),
         ({"messages": ["Forse"]}, "messages: 'Forse': expected some of Force, Pages"),
         ({"timeout_ms": 0}, "timeout_ms"),
         ({"baud": 1}, "baud"),
     ],
 )
-def test_a_section_without_sense_is_refused(folder, change, told):
+def test_a_section_without_sense_is_refused(folder, change, message):
     (folder / "broken.dbc").write_text("BO_ nonsense")
     (folder / "empty.dbc").write_text('VERSION ""\nBS_:\nBU_: A\n')
     section = {"kind": "dbc", "bus": "can", "file": "tip.dbc"} | change
-    with pytest.raises(ValidationError, match=told):
+    with pytest.raises(ValidationError, match=message):
         TypeAdapter(DbcSettings).validate_python(section, context={"folder": folder})
 
 

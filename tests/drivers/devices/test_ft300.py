@@ -19,7 +19,7 @@ def bench(sensor_bench):
     return sensor_bench(Ft300, EmulatedFt300, SETTINGS, LOADS, "COM3", 19200)
 
 
-def test_has_the_sensor_stream_and_measures_what_it_senses(bench):
+def test_starts_the_stream_and_measures_the_sensed_values(bench):
     bench.device.start(bench)
     assert bench.written == [bytes.fromhex("0910019A0001020200CDCA")]
     values = {signal: sample.value for signal, sample in bench.device.samples.items()}
@@ -92,11 +92,11 @@ def test_a_wrong_baud_rate_is_guessed_from_noise(bench):
         bench.device.start(bench)
     assert str(refused.value) == (
         f"tip: no valid frame in 1 s on force (COM3), but {bench.received} bytes: "
-        "expected an FT 300 at 19200 baud: is the baud rate right?"
+        "expected an FT 300 at 19200 baud, check the baud rate"
     )
 
 
-def test_a_silent_port_is_told(bench):
+def test_a_silent_port_is_an_error(bench):
     bench.garble = lambda data: b""
-    with pytest.raises(RigError, match="and no other byte: expected an FT 300 that has power"):
+    with pytest.raises(RigError, match="and no other byte: expected an FT 300 with power on"):
         bench.device.start(bench)

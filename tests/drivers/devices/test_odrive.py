@@ -1,4 +1,4 @@
-"""The ODrive driver against the emulated axis, in virtual time, and against odrive-can's mock."""
+"""The ODrive driver with the emulated axis, in virtual time, and with the mock of odrive-can."""
 
 import asyncio
 import logging
@@ -23,7 +23,7 @@ from sim_backend.wire.emulated_device import Mount
 
 NODE = 3
 TRAVEL = 5e-3
-"""Of a turn [m]."""
+"""Displacement per turn [m]."""
 TICK = 1e-3
 firmwares = pytest.mark.parametrize("firmware", ["0.5", "0.6"])
 
@@ -46,7 +46,7 @@ def settings(firmware: str, /, **changes: object) -> ODriveSettings:
 
 
 class Carriage(Mount):
-    """What the emulated axis moves."""
+    """Mount of the emulated axis."""
 
     def __init__(self) -> None:
         self.readings = {"position": 0.0, "velocity": 0.0, "force": 0.0}
@@ -66,7 +66,7 @@ class Carriage(Mount):
 
 
 class Bench:
-    """A driver and an emulated axis on a bus in virtual time; it is the driver's bus itself."""
+    """A driver and an emulated axis in virtual time; it replaces the driver's bus."""
 
     name = "can"
 
@@ -109,7 +109,7 @@ class Bench:
         return bool(condition())
 
     def run(self, seconds: float, velocity: float | None = None) -> None:
-        """Go on as a rig does; without a velocity nothing is commanded."""
+        """Run a tick of a rig; without a velocity there is no command."""
         for _ in range(round(seconds / TICK)):
             self.tick()
             self.odrive.update(self.now)
@@ -118,7 +118,7 @@ class Bench:
                 self.odrive.transmit()
 
     def enable(self) -> bool:
-        """Ask for operation until it is there, at most for 0.2 s."""
+        """Request operation until the axis is in operation, at most for 0.2 s."""
         for _ in range(200):
             if self.odrive.enable():
                 return True
@@ -126,7 +126,7 @@ class Bench:
         return False
 
     def from_axis(self, command: int, data: bytes, remote: bool = False) -> None:
-        """Let a frame arrive at the driver that seems to be the axis's."""
+        """Pass a frame with the identifier of the axis to the driver."""
         dlc = 8 if remote else None
         frame = can.Message(
             arbitration_id=NODE << 5 | command,
@@ -156,7 +156,10 @@ def enabled(firmware: str, **changes: object) -> Bench:
 
 @pytest.mark.parametrize(
     ("expected", "there", "words"),
-    [("0.5", "0.6", "firmware 0.6.10: expected 0.5"), ("0.6", "0.5", "does not tell its firmware")],
+    [
+        ("0.5", "0.6", "firmware 0.6.10: expected 0.5"),
+        ("0.6", "0.5", "no firmware version reported"),
+    ],
 )
 def test_refuses_another_firmware(expected: str, there: str, words: str) -> None:
     bench = Bench(expected, there)
@@ -197,7 +200,7 @@ def test_reads_position_velocity_and_force_in_si_units(firmware: str) -> None:
 
 
 class Still(Carriage):
-    """A carriage whose readings stay whatever it is told."""
+    """A carriage with constant readings for all commands."""
 
     def __init__(self, readings: dict[str, float]) -> None:
         self.readings = dict(readings)
@@ -247,7 +250,7 @@ def test_clips_a_velocity_beyond_its_limit(firmware: str) -> None:
 
 
 @firmwares
-def test_idle_stops_at_once_and_may_be_repeated(firmware: str) -> None:
+def test_idle_stops_immediately_and_may_be_repeated(firmware: str) -> None:
     bench = enabled(firmware)
     bench.run(0.01, 0.02)
     for _ in range(3):
@@ -280,7 +283,7 @@ def test_the_watchdog_stops_an_axis_whose_host_is_silent(firmware: str) -> None:
 
 
 @firmwares
-def test_an_error_stays_until_enabled_anew_after_idle(firmware: str) -> None:
+def test_an_error_stays_until_enabled_again_after_idle(firmware: str) -> None:
     bench = enabled(firmware)
     bench.send(NODE << 5 | 0x02, b"")
     bench.run(0.02, 0.02)
@@ -333,7 +336,7 @@ def test_an_axis_that_was_reset_does_not_move_on(firmware: str) -> None:
     assert bench.velocity == 0.0
 
 
-def test_tells_why_closed_loop_control_is_refused() -> None:
+def test_reports_why_closed_loop_control_is_refused() -> None:
     bench = started("0.6")
     bench.odrive.enable()
     not_calibrated = bytes([0, 0, 0, 0, 1, 14, 0, 0])
@@ -362,7 +365,7 @@ def test_answers_a_ping(firmware: str) -> None:
 
 
 @firmwares
-def test_counts_what_it_does_not_take(firmware: str) -> None:
+def test_counts_rejected_frames(firmware: str) -> None:
     bench = started(firmware)
     before = dict(bench.odrive.samples)
     bench.from_axis(0x09, b"\0" * 7)
@@ -388,7 +391,7 @@ def test_no_frame_raises_or_gives_a_value_that_is_not_finite(
 
 
 FRAMES = {"estop": 0x02, "reset": 0x16}
-"""From another host on the bus."""
+"""Frames of another host on the bus."""
 ACTIONS = ["enable", "command", "idle", "silence", "wait", "sever", *FRAMES]
 
 
@@ -442,9 +445,9 @@ def test_settings_out_of_bounds_are_refused(changes: dict[str, object]) -> None:
 
 
 class ForeignMock(ODriveCANMock):
-    """odrive-can's mock that tells a version.
+    """Mock of odrive-can that also reports a version.
 
-    Left as it is it answers every request with zeros, so that its firmware is 0.0.0.
+    Without this, it answers every request with zeros, so that its firmware is 0.0.0.
     """
 
     def send_message(self, msg_name: str, msg_dict: dict | None = None, rtr: bool = False) -> None:
@@ -455,7 +458,7 @@ class ForeignMock(ODriveCANMock):
 
 @pytest.fixture
 def mocked(request: pytest.FixtureRequest) -> Iterator[tuple[CanBus, ODrive]]:
-    """Our driver and odrive-can's mock on a bus of python-can."""
+    """The driver and the mock of odrive-can on a bus of python-can."""
     logging.getLogger("odrive.mock.0").setLevel(logging.CRITICAL)
     channel = request.node.name
     running: dict[str, object] = {}
@@ -491,7 +494,7 @@ def mocked(request: pytest.FixtureRequest) -> Iterator[tuple[CanBus, ODrive]]:
 def ticking(
     bus: CanBus, odrive: ODrive, condition: Callable[[], object], velocity: float, seconds: float
 ) -> bool:
-    """Run a rig's ticks until a condition holds; whether it does."""
+    """Run ticks of a rig until a condition is true; return whether it is true."""
 
     def tick() -> object:
         odrive.update(bus.now())
@@ -522,7 +525,7 @@ def test_moves_the_mock_of_odrive_can(mocked: tuple[CanBus, ODrive]) -> None:
 
 
 @pytest.mark.parametrize("mocked", [ODriveCANMock], indirect=True)
-def test_refuses_the_mock_that_tells_no_version(mocked: tuple[CanBus, ODrive]) -> None:
+def test_refuses_the_mock_that_reports_no_version(mocked: tuple[CanBus, ODrive]) -> None:
     bus, odrive = mocked
     with pytest.raises(RigError, match=r"firmware 0\.0\.0: expected 0\.6"):
         odrive.start(bus)

@@ -88,7 +88,7 @@ def test_a_ramp_lags_by_the_lag_and_not_by_half_a_sample_besides():
 
 @pytest.mark.parametrize("friction", [0.0, 1.5])
 def test_follows_the_force_of_a_tissue_as_the_lag_does(friction):
-    """Oracle: scipy integrates the mass on a spring and damper, and the first-order lag."""
+    """Reference: integration of the mass on a spring and damper, and of the lag, by scipy."""
     stiffness, damping, viscous = 400.0, 5.0, 3.0
 
     def motor(t: float) -> float:
@@ -117,7 +117,7 @@ def test_follows_the_force_of_a_tissue_as_the_lag_does(friction):
 
 
 def test_is_that_of_murakami_yu_and_ohnishi():
-    """Their form LPF(F_motor + g m v) - g m v, in small steps, is the same."""
+    """The published form LPF(F_motor + g m v) - g m v, in small steps, gives the same force."""
     step, filtered, form = 1e-5, 0.0, []
     times = [n * step for n in range(5000)]
     for t in times:
@@ -129,7 +129,7 @@ def test_is_that_of_murakami_yu_and_ohnishi():
     assert found == pytest.approx(form, abs=0.01)
 
 
-def test_goes_on_only_at_new_samples_and_has_their_time():
+def test_updates_only_at_new_samples_and_has_their_time():
     drive = Drive()
     observer = observer_of(drive)
     observer.update(1.0)
@@ -170,7 +170,7 @@ def test_a_value_that_is_no_number_does_not_poison_it():
     assert observer.samples["force"] == Sample(2.0, 1.002)
 
 
-def test_at_standstill_no_friction_is_taken_off():
+def test_at_standstill_no_friction_is_subtracted():
     drive = Drive()
     observer = observer_of(drive, coulomb_friction_n=1.0)
     drive.tell(0.0, 2.0, 0.0)

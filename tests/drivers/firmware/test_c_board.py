@@ -1,4 +1,4 @@
-"""The firmware in C: compiled without a warning, fuzzed, and driven over a pseudo-terminal."""
+"""The firmware in C: compilation without warnings, fuzzing, and use over a pseudo-terminal."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ FIRMWARE = Path(__file__).parents[3] / "drivers" / "firmware"
 STRICT = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Werror"]
 SANITIZERS = ["-g", "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover"]
 FUZZED = 100_000
-"""Malformed inputs here; by itself fuzz.c takes a million."""
+"""Number of malformed inputs; the default of fuzz.c is a million."""
 SOON = 5.0
-"""Longest wait for what takes a few milliseconds [s]."""
+"""Longest wait for an event that normally takes a few milliseconds [s]."""
 
 
 @pytest.fixture(scope="session")
@@ -47,7 +47,7 @@ def posix_main(compiler, tmp_path_factory):
 
 
 @pytest.mark.parametrize("seed", [1, 2])
-def test_malformed_input_breaks_nothing(compiler, tmp_path, seed):
+def test_malformed_input_violates_no_invariant(compiler, tmp_path, seed):
     program = tmp_path / "fuzz"
     if build(compiler, program, *SANITIZERS).returncode:
         assert not (built := build(compiler, program)).returncode, built.stderr
@@ -89,7 +89,7 @@ void MOTOR_VELOCITY(int32_t) {}
 """
 
 
-def test_the_sketch_compiles_against_what_arduino_offers(compiler, tmp_path):
+def test_the_sketch_compiles_against_the_arduino_functions(compiler, tmp_path):
     cpp = shutil.which("c++") or shutil.which("g++")
     if not cpp:
         pytest.skip("no C++ compiler")
@@ -100,7 +100,7 @@ def test_the_sketch_compiles_against_what_arduino_offers(compiler, tmp_path):
 
 
 class Bench:
-    """The firmware in another process, and the driver at the other end of a pseudo-terminal."""
+    """The firmware in another process, connected to the driver by a pseudo-terminal."""
 
     def __init__(self, program, master, slave):
         self.process = subprocess.Popen(
@@ -126,7 +126,7 @@ class Bench:
         self.process.stdin.write(order)
 
     def until(self, condition):
-        """Run the loop until that holds; whether it does."""
+        """Run the loop until a condition is true; return whether it is true."""
         end = time.monotonic() + SOON
         while not condition():
             if time.monotonic() > end:
@@ -193,7 +193,7 @@ def test_over_a_pseudo_terminal_its_watchdog_stops_the_axis(bench):
     assert bench.port.wait_for(lambda: driver.samples["velocity_1"].value == 0.0, SOON)
 
 
-def test_over_a_pseudo_terminal_its_inputs_are_told(bench):
+def test_over_a_pseudo_terminal_its_inputs_are_reported(bench):
     driver = bench.driver
     assert bench.enable()
     bench.tell(b"e")
@@ -205,11 +205,11 @@ def test_over_a_pseudo_terminal_its_inputs_are_told(bench):
     assert driver.error == "drive fault input"
 
 
-def test_over_a_pseudo_terminal_a_reset_is_noticed(bench):
+def test_over_a_pseudo_terminal_a_reset_is_detected(bench):
     assert bench.enable()
     bench.tell(b"r")
     assert bench.until(lambda: bench.driver.error)
-    assert bench.driver.error.startswith("the board was reset, open the rig anew: boot 0xb0a2d001")
+    assert bench.driver.error.startswith("the board was reset, open the rig again: boot 0xb0a2d001")
 
 
 def test_over_a_pseudo_terminal_garbage_is_survived(bench):

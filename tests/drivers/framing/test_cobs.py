@@ -1,4 +1,4 @@
-"""COBS against the examples of its authors, and as laws over any bytes and any cut."""
+"""COBS compared with published examples, and its properties for any bytes in any pieces."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ EXAMPLES = [
     (UP_TO[1:].hex() + "ff 00", "ff" + UP_TO[1:].hex() + "ff 01 01"),
     (UP_TO[2:].hex() + "ff 00 01", "fe" + UP_TO[2:].hex() + "ff 02 01"),
 ]
-"""Of the article on COBS in Wikipedia, without delimiters."""
+"""Examples of the Wikipedia article on COBS, without delimiters."""
 
 
 @pytest.mark.parametrize(("plain", "encoded"), EXAMPLES)
@@ -49,7 +49,7 @@ def test_any_bytes_come_back_and_no_zero_is_on_the_wire(data):
 
 
 @given(st.binary(max_size=80))
-def test_decoding_takes_or_refuses_whatever_comes(data):
+def test_decoding_accepts_or_rejects_any_bytes(data):
     try:
         decoded = decode(data)
     except ValueError:

@@ -1,4 +1,4 @@
-"""Check sums against the catalogue's check values and against their definition, bit by bit."""
+"""Checksums compared with published check values and with a bitwise computation."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def test_x25_leaves_its_residue_on_a_frame_that_is_intact():
 
 
 def division(data: bytes, polynomial: int, mask: int) -> int:
-    """Remainder, one bit at a time, least significant first."""
+    """Return the remainder, computed bit by bit, least significant bit first."""
     crc = 0xFFFF
     for byte in data:
         crc ^= byte

@@ -1,4 +1,4 @@
-"""A SocketCAN interface, real but for its wire. Hosts without one run these by .ci/socketcan."""
+"""A virtual SocketCAN interface. Run these tests by .ci/socketcan on hosts without one."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Trials on emulated drives over the kernel's own CAN, slow enough for user-mode Linux."""
+"""Trials on emulated drives over SocketCAN, slow enough for user-mode Linux."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def teleop(*arguments):
 
 
 def on_socketcan(name, folder):
-    """An example rig on vcan0 at 50 Hz, patient with a guest that is slow.
+    """An example rig on vcan0 at 50 Hz, with long timeouts for a slow guest system.
 
     There a system call takes 0.1 ms, and controller and emulator share one processor.
     """
@@ -41,7 +41,7 @@ def on_socketcan(name, folder):
 
 
 def trial(rig):
-    """A short trial; the emulator has put the plant back by the time that it begins."""
+    """Run a short trial, after the emulator has reset the plant."""
     return subprocess.run(
         teleop("run", "--rig", rig, "--condition", "autonomous", "--duration", 4, "--json",
                "--no-record", "--realtime", "off"),

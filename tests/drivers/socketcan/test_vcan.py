@@ -35,7 +35,7 @@ def listeners(interface: str) -> int:
 
 
 @each_frame
-def test_candump_sees_what_we_send(vcan0: str, bus: can.BusABC, text: str, message: can.Message):
+def test_candump_sees_sent_frames(vcan0: str, bus: can.BusABC, text: str, message: can.Message):
     before = listeners(vcan0)
     command = ["candump", "-L", "-n", "1", f"{vcan0},0:0,#FFFFFFFF"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as candump:

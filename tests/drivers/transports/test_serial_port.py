@@ -1,4 +1,4 @@
-"""A serial port against a pseudo-terminal, by the system's calls and by pyserial's."""
+"""A serial port on a pseudo-terminal, with system calls and with pyserial."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ pytestmark = pytest.mark.skipif(os.name != "posix", reason="needs a pseudo-termi
 
 @pytest.fixture(params=["descriptor", "portable"])
 def calls(request):
-    """Which calls the port is read by."""
+    """Select the functions with which the port is read."""
     if request.param == "descriptor":
         yield
     else:
@@ -27,7 +27,7 @@ def calls(request):
 
 
 class Terminal:
-    """Both ends of a pseudo-terminal; the host's is a serial port."""
+    """Both ends of a pseudo-terminal, with a serial port on the host's end."""
 
     def __init__(self):
         import tty
@@ -56,7 +56,7 @@ def terminal():
 
 
 @pytest.mark.usefixtures("calls")
-def test_bytes_go_both_ways_and_what_came_before_the_opening_is_dropped(terminal):
+def test_bytes_go_both_ways_and_bytes_before_the_opening_are_discarded(terminal):
     os.write(terminal.leader, b"stale")
     received = []
     terminal.port.attach(lambda data, now: received.append(data))
@@ -77,7 +77,7 @@ def fill(port):
 def test_a_write_to_a_device_that_stopped_reading_is_refused_and_does_not_wait(terminal):
     terminal.port.open()
     for _ in range(2):
-        with pytest.raises(RigError, match="takes no more, its buffer is full"):
+        with pytest.raises(RigError, match="does not send: its buffer is full"):
             fill(terminal.port)
 
 
@@ -86,7 +86,9 @@ def test_a_port_that_is_unplugged_is_named_in_one_line(terminal):
     terminal.port.open()
     terminal.unplug()
     for use in (terminal.port.poll, lambda: terminal.port.write(b"command")):
-        with pytest.raises(RigError, match=rf"usb: port {terminal.path} is gone: ") as refused:
+        with pytest.raises(
+            RigError, match=rf"usb: port {terminal.path} is disconnected: "
+        ) as refused:
             use()
         assert "\n" not in str(refused.value)
 
@@ -106,9 +108,9 @@ def test_a_port_that_is_not_there_is_named(terminal):
     port.close()
 
 
-def test_a_port_without_a_descriptor_that_takes_nothing_is_full_and_not_gone():
+def test_a_port_without_a_descriptor_that_accepts_no_bytes_is_reported_as_full():
     port = SerialPort("usb", time.monotonic, "loop://", 9600)
     port.open()
-    with pytest.raises(RigError, match="takes no more, its buffer is full"):
+    with pytest.raises(RigError, match="does not send: its buffer is full"):
         port.write(b"command")
     port.close()

@@ -1,4 +1,4 @@
-"""The slcan bus against the emulated adapter, in memory."""
+"""The slcan bus with the emulated adapter, in memory."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def same(one, other):
 
 
 def pieces(data, lengths):
-    """Bytes cut at these lengths, again and again."""
+    """Return the bytes in pieces of these lengths, used cyclically."""
     out = []
     while data:
         for length in lengths:
@@ -47,7 +47,7 @@ def pieces(data, lengths):
 
 
 class MemoryPort:
-    """A port with the adapter in it, which hands out what is to be read piece by piece."""
+    """A port with an adapter, which returns the waiting bytes in pieces."""
 
     def __init__(self, adapter, on_bus=()):
         self.adapter = adapter
@@ -69,7 +69,7 @@ class MemoryPort:
 
 @contextlib.contextmanager
 def opened(adapter=None, bitrate=500_000, **options):
-    """A bus and its port, with an adapter behind them."""
+    """Yield a bus and its port, with an adapter."""
     port = MemoryPort(adapter or SlcanAdapter())
     with patch.object(slcan, "open_port", lambda *_: port):
         bus = SlcanBus("memory", bitrate, **options)
@@ -98,7 +98,7 @@ def test_any_frame_survives_the_way_out_and_back_however_the_bytes_are_cut(messa
 
 
 @given(st.lists(st.binary() | st.text("tTrRzZF0189Aa\r\a \n").map(str.encode)))
-def test_whatever_a_port_says_a_frame_after_it_is_received(noise):
+def test_a_frame_after_any_bytes_is_received(noise):
     with opened() as (bus, port):
         port.to_read = [chunk for chunk in noise if chunk] + [b"\r" + LINE]
         assert same(drained(bus, port)[-1], FRAME)
@@ -147,7 +147,7 @@ def test_a_time_stamp_of_the_adapter_is_left_out():
         assert same(bus.drain()[0], frame)
 
 
-def test_a_refused_frame_is_told_once_and_costs_no_other():
+def test_a_refused_frame_is_reported_once_and_no_other_frame_is_lost():
     with opened() as (bus, port):
         port.adapter.flags = 0x02
         bus.send(FRAME)
@@ -211,8 +211,13 @@ def test_drain_applies_the_filters_too():
         {"data": b"\x01", "dlc": 2},
     ],
 )
-def test_what_slcan_cannot_carry_is_not_sent(options):
-    with opened() as (bus, port), pytest.raises(ValueError, match="slcan carries"):
+def test_frames_that_slcan_does_not_support_are_not_sent(options):
+    with (
+        opened() as (bus, port),
+        pytest.raises(
+            ValueError, match="slcan frame .*: expected a classical data or remote frame"
+        ),
+    ):
         bus.send(can.Message(**options))
     assert port.sent == []
 
@@ -246,13 +251,13 @@ def test_a_frame_that_comes_with_the_last_acknowledgement_is_received():
         assert same(bus.recv(0.0), FRAME)
 
 
-def test_a_bit_rate_that_slcan_has_not_is_told():
-    with pytest.raises(ValueError, match="no bit rate 750000, choose one of 10000, .* 800000"):
+def test_an_unsupported_slcan_bit_rate_is_an_error():
+    with pytest.raises(ValueError, match="slcan bit rate 750000: expected one of 10000, .* 800000"):
         SlcanBus("memory", 750_000)
 
 
 class Answering(SlcanAdapter):
-    """Answers the command that begins with this otherwise."""
+    """An adapter with another answer to commands with a given start."""
 
     def __init__(self, command, answer):
         super().__init__()
@@ -268,7 +273,7 @@ class Answering(SlcanAdapter):
 
 
 @pytest.mark.parametrize(
-    ("command", "answer", "told"),
+    ("command", "answer", "message"),
     [
         (b"C", b"", "'C' .close. is not acknowledged: check that this is the port"),
         (b"C", b"$GPGGA,1*00\r\n", "'C' .close. is not acknowledged: check that this is the port"),
@@ -278,10 +283,10 @@ class Answering(SlcanAdapter):
         (b"O", b"\a", "'O' is refused: check"),
     ],
 )
-def test_a_command_that_is_not_acknowledged_at_the_start_is_told(command, answer, told):
+def test_an_unacknowledged_command_at_the_start_is_an_error(command, answer, message):
     with (
         patch.multiple(slcan, BOOT=0.03, ANSWER=0.01),
-        pytest.raises(can.CanInitializationError, match=f"slcan adapter on memory: {told}"),
+        pytest.raises(can.CanInitializationError, match=f"slcan adapter on memory: {message}"),
         opened(Answering(command, answer)),
     ):
         pass

@@ -1,4 +1,4 @@
-"""The slcan bus, and python-can's own, against the emulated adapter over a pseudo-terminal."""
+"""The slcan bus, and that of python-can, with the emulated adapter on a pseudo-terminal."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def same(one, other):
 
 
 class Line:
-    """An adapter in a thread on a pseudo-terminal; frames with identifier 7 come back."""
+    """An adapter in a thread on a pseudo-terminal, which returns frames with identifier 7."""
 
     def __init__(self):
         import tty
@@ -82,7 +82,7 @@ def stopped():
 
 
 def without_descriptor(port):
-    """Open the bus as where a port has no file descriptor."""
+    """Open the bus as on a system without file descriptors of ports."""
     with patch.object(serial.Serial, "fileno", side_effect=io.UnsupportedOperation):
         return SlcanBus(port, 500_000)
 
@@ -118,24 +118,24 @@ def test_an_empty_port_is_no_frame_and_no_fault(line):
 
 
 @pytest.mark.parametrize("make", [fast, without_descriptor])
-def test_an_adapter_that_is_unplugged_is_told_by_its_port(make):
+def test_the_error_for_an_unplugged_adapter_has_its_port(make):
     line = Line()
     line.start()
     with make(line.port) as bus:
         line.unplug()
-        with pytest.raises(can.CanOperationError, match=rf"{line.port}: the port is gone"):
+        with pytest.raises(can.CanOperationError, match=rf"{line.port}: the port is disconnected"):
             bus.recv(SOON)
-        with pytest.raises(can.CanOperationError, match=rf"{line.port}: the port is gone"):
+        with pytest.raises(can.CanOperationError, match=rf"{line.port}: the port is disconnected"):
             bus.send(FRAME)
 
 
-def test_a_bus_that_was_shut_down_says_so_and_touches_no_other_file(line):
+def test_a_bus_that_was_shut_down_raises_and_uses_no_other_file(line):
     bus = fast(line.port)
     bus.shutdown()
     bus.shutdown()
     other = os.open(os.devnull, os.O_RDWR)  # gets the number that the port had
     for use in (bus.drain, bus.status, lambda: bus.send(FRAME), lambda: bus.recv(0.0)):
-        with pytest.raises(can.CanOperationError, match="the port is gone"):
+        with pytest.raises(can.CanOperationError, match="the port is disconnected"):
             use()
     os.close(other)
 
@@ -146,17 +146,17 @@ def fill(bus):
 
 
 def received(bus):
-    """The next frame, though one before it was refused."""
+    """Return the next frame, also if an earlier one was refused."""
     try:
         return bus.recv(SOON)
     except can.CanOperationError:
         return bus.recv(SOON)
 
 
-def test_an_adapter_that_stops_reading_is_told_and_later_takes_whole_frames(line):
+def test_an_adapter_that_stops_reading_is_an_error_and_later_gets_whole_frames(line):
     with fast(line.port) as bus:
         line.stop()
-        with pytest.raises(can.CanOperationError, match="takes no more"):
+        with pytest.raises(can.CanOperationError, match="buffer is full"):
             fill(bus)
         line.start()
         last = can.Message(arbitration_id=7, data=b"last")
@@ -165,7 +165,7 @@ def test_an_adapter_that_stops_reading_is_told_and_later_takes_whole_frames(line
         assert all(same(frame, FRAME) for frame in line.sent[:-1])
 
 
-def test_a_port_without_an_adapter_is_told(stopped):
+def test_a_port_without_an_adapter_is_an_error(stopped):
     with (
         patch.multiple(slcan, BOOT=0.02, ANSWER=0.01),
         pytest.raises(can.CanInitializationError, match=rf"{stopped.port}: 'C'"),
@@ -173,6 +173,6 @@ def test_a_port_without_an_adapter_is_told(stopped):
         fast(stopped.port)
 
 
-def test_a_port_that_is_not_there_is_told():
+def test_a_missing_port_is_an_error():
     with pytest.raises(can.CanInitializationError, match="/dev/none cannot be opened"):
         fast("/dev/none")

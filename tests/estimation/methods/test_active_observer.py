@@ -46,7 +46,7 @@ def test_estimates_b_k_and_p():
     assert tuple(observer().values) == ("b", "k", "p")
 
 
-def test_active_state_takes_up_a_datum_that_is_off(palpation):
+def test_the_active_state_absorbs_a_datum_error(palpation):
     x, v, f, dt = palpation(seconds=5.0, noise=0.02)
     f = f + 1.0
     estimates = observer().run(x, v, f, dt)
@@ -63,7 +63,7 @@ def test_active_state_follows_a_force_that_changes(palpation):
     assert estimates.further["p"].value[-1] == pytest.approx(0.5, abs=0.2)
 
 
-def test_takes_the_regressors_of_a_larger_model(palpation):
+def test_uses_the_regressors_of_a_larger_model(palpation):
     x, v, f, dt = palpation(seconds=1.0)
     f = f + 1e7 * x**3
     estimator = ActiveObserver((*Q, 1e14, *QP), (*P0, 1e18, 1e6), None, STIFFENING)

@@ -15,7 +15,7 @@ SOFT = (2000.0, 1.2e5)
 
 
 def flow(theta, phi, f, gain):
-    """The adaptive law (8) as it stands in the paper."""
+    """Adaptive law (8) of the paper."""
     return -np.asarray(gain) * phi * (phi @ theta - f)
 
 
@@ -61,7 +61,7 @@ def test_the_limit_is_where_rk4_stops_contracting():
     assert growth(RK4_LIMIT - 1e-9) < 1.0 < growth(RK4_LIMIT + 1e-9)
 
 
-def test_the_papers_hard_cube_passes_the_limit_at_17_mm_and_is_taken_exactly_there():
+def test_the_papers_hard_cube_exceeds_the_limit_at_17_mm_and_the_exact_solution_is_used():
     gain = paper_preset("hard").adaptation_gain
     estimator = AdaptiveIdentification(gain, "rk4")
     estimator.update(0.0166, 0.0, 300.0, 1e-3)
@@ -76,7 +76,7 @@ def test_the_papers_hard_cube_passes_the_limit_at_17_mm_and_is_taken_exactly_the
     dt=st.floats(1e-5, 1.0),
     method=st.sampled_from(["rk4", "exact"]),
 )
-def test_never_diverges_whatever_the_gain_and_the_period(gain, dt, method):
+def test_never_diverges_for_any_gain_and_period(gain, dt, method):
     estimator = AdaptiveIdentification((gain, gain), method)
     error = math.inf
     for n in range(50):

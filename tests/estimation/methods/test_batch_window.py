@@ -70,7 +70,7 @@ def test_recovers_from_an_outlier_that_swallows_all_digits(palpation):
     assert estimates.k[-1] == pytest.approx(2100.0, rel=1e-6)
 
 
-def test_holds_while_the_window_does_not_tell_the_parameters_apart(palpation):
+def test_holds_while_the_window_does_not_determine_the_parameters(palpation):
     x, v, f, dt = palpation(seconds=0.2)
     estimator = BatchWindow(0.05, 1e-3)
     estimates = estimator.run(x, v, f, dt)

@@ -12,7 +12,7 @@ from estimation.methods.multi_estimator import MultiEstimator
 
 
 def weighted_fit(s, rate):
-    """numpy's least squares with weights that fall as (11)'s, and its deviations per noise."""
+    """Return numpy's least squares with the weights of (11), and its relative deviations."""
     weight = np.exp(-2.0 * rate * 1e-3 * np.arange(len(s.x))[::-1])
     rows, root = np.column_stack((s.v, s.x)), np.sqrt(weight)
     theta, *_ = np.linalg.lstsq(rows * root[:, None], s.f * root, rcond=None)
@@ -77,13 +77,13 @@ def test_the_grid_follows_a_jump_of_three_decades_within_a_third_of_a_second(pal
     np.testing.assert_allclose(back.k[-500:], 300.0, rtol=0.05)
 
 
-def test_a_damping_that_the_data_says_nothing_of_reads_as_zero():
+def test_a_damping_that_the_data_do_not_determine_is_zero():
     estimator = CoarseToFine(10.0)
     estimator.run(np.full(500, 4e-3), np.zeros(500), np.full(500, 8.4), 1e-3)
     assert estimator.estimate[:3] == (0.0, pytest.approx(2100.0, rel=1e-3), UNKNOWN)
 
 
-def test_the_interval_holds_the_environment_as_often_as_it_says(palpation):
+def test_the_interval_has_its_nominal_coverage_of_the_environment(palpation):
     ratios = []
     for seed in range(40):
         e = CoarseToFine(10.0).run(*palpation(seconds=1.0, noise=0.02, seed=seed))

@@ -42,7 +42,7 @@ def test_conditional_update_on_no_condition_is_least_squares(palpation):
     assert np.array_equal(conditional.run(*s)[:4], plain.run(*s)[:4])
 
 
-def test_conditional_update_without_news_changes_nothing_and_says_held(palpation):
+def test_conditional_update_holds_uninformative_samples(palpation):
     estimator = ConditionalUpdate(0.98, P0)
     estimator.run(*palpation())
     before = deepcopy(estimator.state)
@@ -83,7 +83,7 @@ def test_a_parameter_out_of_range_is_refused(arguments, word):
 
 
 @pytest.mark.parametrize("method", [RecursiveLeastSquares, ConditionalUpdate])
-def test_a_sample_taken_in_ends_a_hold(method):
+def test_a_processed_sample_ends_a_hold(method):
     estimator = method(0.98, P0)
     assert estimator.hold().held
     assert not estimator.update(5e-3, 0.02, 10.0, 1e-3).held
@@ -95,7 +95,7 @@ def test_a_sample_taken_in_ends_a_hold(method):
     size=st.floats(-6.0, 6.0),
     method=st.sampled_from([RecursiveLeastSquares, ConditionalUpdate]),
 )
-def test_covariance_stays_positive_and_bounded_whatever_the_signals(seed, size, method):
+def test_covariance_stays_positive_and_bounded_for_all_signals(seed, size, method):
     rng = np.random.default_rng(seed)
     x, v, f = rng.normal(size=(3, 200)) * 10.0 ** rng.uniform(-6.0, size, (3, 1))
     estimator = method(0.98, P0, 1e-3)

@@ -40,7 +40,7 @@ def test_equals_the_formula_of_astrom_and_wittenmark(palpation):
     trace=st.floats(1e-6, 1e3),
     ratio=st.floats(1.0, 1e8),
 )
-def test_trace_is_constant_whatever_the_signals(seed, size, trace, ratio):
+def test_trace_is_constant_for_all_signals(seed, size, trace, ratio):
     rng = np.random.default_rng(seed)
     x, v, f = rng.normal(size=(3, 200)) * 10.0 ** rng.uniform(-6.0, size, (3, 1))
     estimator = ConstantTrace(trace, P0, ratio)
@@ -61,7 +61,7 @@ def test_no_motion_leaves_the_estimate_and_the_trace(palpation):
     assert np.trace(estimator.scaled_covariance) == pytest.approx(1e-5 * 1.0002)
 
 
-def test_forgets_as_told_by_the_size_of_the_motion():
+def test_forgetting_depends_on_the_size_of_the_motion():
     t = np.arange(4000) * 1e-3
     x, v = 5e-3 * np.cos(200.0 * t), -25e-3 * np.sin(200.0 * t)
     k = np.where(t < 2.0, 2000.0, 3000.0)

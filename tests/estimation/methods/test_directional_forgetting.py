@@ -48,7 +48,7 @@ def test_information_across_the_sample_is_left_alone(angle, size, dt):
     np.testing.assert_allclose(after @ across, before @ across, rtol=1e-6, atol=1e-6)
 
 
-def test_no_motion_changes_nothing(palpation):
+def test_without_motion_the_estimate_does_not_change(palpation):
     estimator = DirectionalForgetting(0.98, P0)
     estimator.run(*palpation(noise=0.05))
     before, covariance = estimator.estimate, estimator.scaled_covariance
@@ -69,7 +69,7 @@ def test_follows_the_stiffness_while_the_damping_rests(palpation):
 
 @settings(max_examples=50, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), size=st.floats(-300.0, 6.0))
-def test_covariance_stays_positive_and_bounded_whatever_the_signals(seed, size):
+def test_covariance_stays_positive_and_bounded_for_all_signals(seed, size):
     rng = np.random.default_rng(seed)
     x, v, f = rng.normal(size=(3, 200)) * 10.0 ** rng.uniform(min(size, -6.0), size, (3, 1))
     estimator = DirectionalForgetting(0.5, P0, 1e-3)

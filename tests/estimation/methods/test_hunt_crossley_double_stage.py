@@ -11,7 +11,7 @@ from estimation.methods.hunt_crossley_double_stage import PRIOR, DoubleStage
 
 
 def pressed(stiffness=2e4, n=1.5, most=0.3, noise=0.0, seconds=3.0, seed=0):
-    """x, v, f of a Hunt-Crossley body; B v / K goes up to `most`. And its (K, B, n)."""
+    """Return x, v, f of a Hunt-Crossley body with B v / K up to `most`, and its (K, B, n)."""
     t = np.arange(round(seconds * 1000)) * 1e-3
     x = 5e-3 + 3e-3 * np.sin(8.0 * t) + 0.5e-3 * np.sin(31.0 * t)
     v = 24e-3 * np.cos(8.0 * t) + 15.5e-3 * np.cos(31.0 * t)
@@ -78,7 +78,7 @@ def test_there_is_no_interval():
 
 
 @pytest.mark.parametrize(("x", "f"), [(-1e-3, 5.0), (0.0, 5.0), (1e-3, 0.02), (1e-3, -1.0)])
-def test_a_sample_without_contact_is_not_taken_in(x, f):
+def test_a_sample_without_contact_is_not_processed(x, f):
     estimator = DoubleStage(memory=0.05)
     estimator.run(*pressed()[:3], 1e-3)
     before = [value for value, _ in estimator.values.values()]

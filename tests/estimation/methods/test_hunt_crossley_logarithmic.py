@@ -12,7 +12,7 @@ NAMES = ["K", "B", "n"]
 
 
 def pressed(stiffness=2e4, n=1.5, most=0.3, noise=0.0, seconds=1.0, seed=0):
-    """x, v, f of a Hunt-Crossley body; B v / K goes up to `most`. And its (K, B, n)."""
+    """Return x, v, f of a Hunt-Crossley body with B v / K up to `most`, and its (K, B, n)."""
     t = np.arange(round(seconds * 1000)) * 1e-3
     x = 5e-3 + 3e-3 * np.sin(8.0 * t) + 0.5e-3 * np.sin(31.0 * t)
     v = 24e-3 * np.cos(8.0 * t) + 15.5e-3 * np.cos(31.0 * t)
@@ -84,7 +84,7 @@ def test_b_and_k_give_the_model_s_force_at_the_present_displacement():
 
 
 @pytest.mark.parametrize(("x", "f"), [(-1e-3, 5.0), (0.0, 5.0), (1e-3, 0.02), (1e-3, -1.0)])
-def test_a_sample_without_contact_is_not_taken_in(x, f):
+def test_a_sample_without_contact_is_not_processed(x, f):
     estimator = Logarithmic(memory=0.05)
     estimator.run(*pressed()[:3], 1e-3)
     before = estimator.values
@@ -93,7 +93,7 @@ def test_a_sample_without_contact_is_not_taken_in(x, f):
     assert not estimator.update(1e-3, 0.01, 5.0, 1e-3).held
 
 
-def test_before_contact_nothing_is_known_and_a_hold_says_so_of_the_exponent():
+def test_before_contact_all_is_unknown_and_a_hold_does_not_determine_the_exponent():
     estimator = Logarithmic(memory=0.05)
     assert estimator.estimate.k_std == UNKNOWN
     estimator.run(np.full(300, 5e-3), np.zeros(300), np.full(300, 8.0), 1e-3)

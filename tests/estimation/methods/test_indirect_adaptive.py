@@ -16,7 +16,7 @@ FLOOR = 0.02
 
 
 def flow(theta, phi, f, rate):
-    """The normalised gradient law."""
+    """Return the derivative of theta by the normalised gradient law."""
     s = phi / SIZES
     return rate / (FLOOR + s @ s) * phi / SIZES**2 * (f - phi @ theta)
 
@@ -46,7 +46,7 @@ def test_equals_an_ode_solver_on_the_law(palpation):
     seed=st.integers(0, 1000),
     decades=st.floats(-6.0, 6.0),
 )
-def test_the_error_never_grows_whatever_the_rate_the_depths_and_the_periods(rate, seed, decades):
+def test_the_error_never_grows_for_any_rate_depth_and_period(rate, seed, decades):
     rng = np.random.default_rng(seed)
     estimator = IndirectAdaptive(rate, tuple(SIZES), FLOOR)
     error = math.inf
@@ -68,7 +68,7 @@ def test_one_rate_serves_all_cubes_and_depths(depth, k):
     assert estimates.k[-1] == pytest.approx(k, rel=0.05)
 
 
-def test_the_interval_holds_the_plant_as_often_as_it_says(palpation):
+def test_the_interval_has_its_nominal_coverage_of_the_plant(palpation):
     inside = []
     for seed in range(30):
         estimator = IndirectAdaptive(10.0, tuple(SIZES))
@@ -90,7 +90,7 @@ def test_with_a_datum_finds_where_the_surface_is(palpation):
     assert -f0 / k == pytest.approx(where, rel=0.02)
 
 
-def test_out_of_contact_nothing_is_learned():
+def test_out_of_contact_the_estimate_is_held():
     estimator = IndirectAdaptive(27.0, tuple(SIZES))
     for _ in range(1000):
         estimate = estimator.update(0.0, 0.0, 5.0, 1e-3)

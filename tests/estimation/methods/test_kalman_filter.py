@@ -15,7 +15,7 @@ CEILING = tuple(1.0 / size**2 for size in SIZES)
 
 
 def filtered(samples, q, p0):
-    """What filterpy makes of parameters that walk at random."""
+    """Return the estimates of filterpy for parameters that are random walks."""
     oracle = KalmanFilter(dim_x=len(q), dim_z=1)
     oracle.P, oracle.R = np.diag(p0), np.eye(1)
     estimates = []
@@ -57,7 +57,7 @@ def test_process_noise_has_the_time_constant_of_its_memory():
 
 @settings(max_examples=30)
 @given(st.floats(1e-5, 1e5), st.integers(1, 200))
-def test_a_variance_that_learns_nothing_stops_at_the_ceiling(dt, n):
+def test_a_variance_without_information_stops_at_the_ceiling(dt, n):
     estimator = RandomWalkKalman(Q, CEILING, tuple(4.0 * value for value in CEILING))
     estimator.run(np.zeros(n), np.zeros(n), np.ones(n), dt)
     p = np.diag(estimator.scaled_covariance)

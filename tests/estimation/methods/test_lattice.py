@@ -17,7 +17,7 @@ numbers = st.integers(-200, 200)
     ridge=st.sampled_from([1e-6, 1e-3, 1.0]),
     stretch=st.sampled_from([1e-3, 1.0, 30.0]),
 )
-def test_finds_what_a_look_at_every_point_finds(rows, i_last, j_last, ridge, stretch):
+def test_finds_the_same_minimum_as_an_exhaustive_search(rows, i_last, j_last, ridge, stretch):
     p, q, r = np.array(rows, dtype=float).T
     p = p * stretch
     a, b, c = float(p @ p) + ridge, float(p @ q), float(q @ q) + ridge

@@ -17,7 +17,7 @@ SMALL = Grid(b=Axis(-60.0, 60.0, 13), k=Axis(500.0, 4000.0, 36))
 
 @dataclass
 class PlainBank:
-    """(10)-(11) candidate by candidate, with the stated rule for ties."""
+    """Evaluate (10)-(11) for all candidates, with the documented rule for ties."""
 
     grid: Grid
     forgetting_rate: float
@@ -101,7 +101,7 @@ def test_picks_the_plain_banks_winner_of_degenerate_signals(name, rate):
     assert_same_winners(SMALL, rate, *DEGENERATE[name], 1e-3)
 
 
-def test_a_damping_that_the_data_says_nothing_of_reads_as_zero():
+def test_a_damping_that_the_data_do_not_determine_is_zero():
     estimator = MultiEstimator(PAPER, 10.0)
     estimator.run(np.full(500, 4e-3), np.zeros(500), np.full(500, 8.4), 1e-3)
     assert estimator.estimate[:2] == (0.0, 2100.0)
@@ -120,7 +120,7 @@ def test_a_hundred_million_candidates_resolve_what_7913_cannot(palpation):
     assert estimator.estimate.k == pytest.approx(2229.7, abs=fine.k.spacing)
 
 
-def test_says_on_which_edge_the_winner_lies(palpation):
+def test_the_note_names_the_edge_of_the_estimate(palpation):
     inside, edge, corner = (MultiEstimator(PAPER, 10.0) for _ in range(3))
     within = inside.run(*palpation())
     edge.run(*palpation(k=1000.0))
@@ -168,8 +168,8 @@ def test_monitoring_signal_is_the_integral_of_the_squared_error(palpation):
     ("make", "word"),
     [
         (lambda: Axis(0.0, 1.0, 1), "two candidates"),
-        (lambda: Axis(1.0, 1.0, 5), "rise"),
-        (lambda: Axis(0.0, math.nan, 5), "rise"),
+        (lambda: Axis(1.0, 1.0, 5), "must increase"),
+        (lambda: Axis(0.0, math.nan, 5), "must increase"),
         (lambda: MultiEstimator(PAPER, -1.0), "forgetting rate"),
         (lambda: MultiEstimator(PAPER, 10.0).ties(-0.1), "margin"),
     ],

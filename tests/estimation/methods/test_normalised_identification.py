@@ -59,7 +59,7 @@ def test_one_rate_serves_all_cubes_and_depths(depth, k):
 
 
 @given(rate=st.floats(1e-3, 1e9), dt=st.floats(1e-5, 1e5))
-def test_a_steady_motion_is_taken_without_divergence_whatever_the_rate_and_the_period(rate, dt):
+def test_a_steady_motion_is_stable_for_every_rate_and_period(rate, dt):
     estimator = NormalisedIdentification(rate, SIZES)
     x, v = 5e-3, 0.025  # mean squares stay as they are, and with them the metric of the law
     error = math.inf
@@ -71,7 +71,7 @@ def test_a_steady_motion_is_taken_without_divergence_whatever_the_rate_and_the_p
         error = after
 
 
-def test_the_interval_holds_the_plant_as_often_as_it_says(palpation):
+def test_the_interval_has_its_nominal_coverage_of_the_plant(palpation):
     inside = []
     for seed in range(30):
         estimator = NormalisedIdentification(20.0, SIZES)

@@ -12,7 +12,7 @@ BETA, P0 = 0.97, (1e8, 1e10)
 
 
 def constrained(phi, f, p0):
-    """The non-negative minimum by scipy, the first guess as rows of its own."""
+    """Return the non-negative minimum by scipy, with the initial guess as additional rows."""
     weights = np.sqrt(BETA) ** np.arange(len(f) - 1, -1, -1)
     first = np.diag(np.sqrt(BETA ** len(f) / np.array(p0)))
     rows = np.vstack((phi * weights[:, None], first))

@@ -15,7 +15,7 @@ DT = 1e-3
 
 
 def fits(signals, count, correlation=1.0):
-    """Value and variance of b and k of each segment of so many samples, by numpy."""
+    """Return value and variance of b and k of each segment of a number of samples, by numpy."""
     x, v, f = (channel[: len(channel) // count * count].reshape(-1, count) for channel in signals)
     found = []
     for segment in zip(x, v, f, strict=True):
@@ -27,7 +27,7 @@ def fits(signals, count, correlation=1.0):
 
 
 def changing(palpation, seed=0, seconds=10.0, spread=0.3):
-    """Palpation of a body whose b is another every half second."""
+    """Return a palpation of a body whose b changes every 0.5 s."""
     x, v, f, dt = palpation(seconds=seconds, noise=0.05, seed=seed)
     b = np.random.default_rng(seed + 100).normal(0.0, spread * 20.0, round(2 * seconds))
     return x, v, f + np.repeat(b, 500) * v, dt
@@ -123,7 +123,7 @@ def test_interval_holds_the_truth_of_a_linear_plant(palpation):
 
 
 def hysteretic(frequency, seconds, seed=0):
-    """A body that loses as much in a cycle whatever its frequency: b = 60 / frequency."""
+    """Return signals of a body with a constant loss per cycle: b = 60 / frequency."""
     t = np.arange(0.0, seconds, DT)
     w = 2.0 * np.pi * frequency
     x, v = 5e-3 + 3e-3 * np.sin(w * t), 3e-3 * w * np.cos(w * t)
@@ -156,14 +156,14 @@ def test_recordings_of_unlike_noise_are_pooled_with_the_correlation_of_each():
         pooled.correlation = 0.5
 
 
-def test_a_spread_that_is_small_is_not_told(palpation):
+def test_a_small_spread_is_not_reported(palpation):
     pooled = PooledSegments(0.5)
     pooled.run(*changing(palpation, spread=0.05))
     assert pooled_segments.disagree(pooled.state.b)
     assert not pooled.misfit
 
 
-def test_says_nothing_before_the_first_segment_and_then_once_a_segment(palpation):
+def test_holds_until_the_first_segment_and_then_updates_once_per_segment(palpation):
     estimates = PooledSegments(0.5).run(*palpation(seconds=2.0, noise=0.05))
     assert np.isnan(estimates.k_std[:498]).all()
     assert estimates.held[:498].all()

@@ -71,7 +71,7 @@ def test_a_nominal_period_forgets_by_beta():
     np.testing.assert_allclose(numbers(per_sample.state), numbers(per_time.state), rtol=1e-12)
 
 
-def test_ten_minutes_without_motion_leave_the_estimate_finite_and_say_so(palpation):
+def test_ten_minutes_without_motion_leave_the_estimate_finite_with_a_note(palpation):
     estimator = RecursiveLeastSquares(0.98, (100.0, 100.0))
     moving = estimator.run(*palpation())
     before = estimator.estimate
@@ -80,7 +80,7 @@ def test_ten_minutes_without_motion_leave_the_estimate_finite_and_say_so(palpati
     resting = estimator.run(np.zeros(n), np.zeros(n), np.zeros(n), 1e-3)
     assert estimator.estimate == before
     assert np.isfinite(numbers(estimator.state)).all()
-    assert "wound up" in estimator.note(resting)
+    assert "forgetting is suspended" in estimator.note(resting)
     estimator.run(*palpation(k=4400.0))
     assert estimator.estimate.k == pytest.approx(4400.0, rel=1e-4)
 

@@ -20,7 +20,7 @@ def regressors(t):
 
 
 def flow(t, y, rate, a):
-    """Lag behind the force, lag behind the model, and the law that their difference drives."""
+    """Derivatives of the lagged force, of the lagged model, and of theta."""
     reference, model, theta = y[0], y[1], y[2:]
     phi = regressors(t)
     n = math.sqrt(FLOOR + phi @ (phi / SIZES**2))

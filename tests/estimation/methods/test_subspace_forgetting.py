@@ -42,7 +42,7 @@ def test_that_never_forgets_is_least_squares(palpation):
     np.testing.assert_allclose(SubspaceForgetting(1.0, P0).run(*s)[:4], expected[:4], rtol=1e-6)
 
 
-def test_a_sample_too_small_to_count_changes_nothing_and_is_held(palpation):
+def test_a_sample_below_the_threshold_is_held(palpation):
     estimator = SubspaceForgetting(0.98, P0)
     estimator.run(*palpation(noise=0.05))
     before, covariance = estimator.estimate, estimator.scaled_covariance

@@ -16,7 +16,7 @@ FINE = Grid(b=Axis(-1200.0, 1200.0, 10_001), k=Axis(0.0, 60_000.0, 10_001))
 
 
 def plain_supervisor(grid, rate, hysteresis, dwell, x, v, f, dt):
-    """sigma after each sample: every candidate's signal integrated, then the switching logic."""
+    """Return sigma after each sample, by integration of all candidates' signals."""
     b, k = (a.ravel() for a in np.meshgrid(grid.b.values, grid.k.values, indexing="ij"))
     monitoring, force, since = np.zeros(b.size), 0.0, math.inf
     sigma = int(np.argmin(np.hypot(b, k)))
@@ -95,7 +95,7 @@ def test_two_switches_are_a_dwell_time_apart(palpation):
     assert np.diff(np.nonzero(moved)[0]).min() == 50
 
 
-def test_the_interval_covers_what_hysteresis_and_the_grid_leave(palpation):
+def test_the_interval_includes_the_error_of_hysteresis_and_grid(palpation):
     inside = 0
     for seed in range(40):
         s = palpation(seconds=0.5, b=12.0, k=2034.0, noise=0.02, seed=seed)

@@ -14,8 +14,8 @@ from estimation.methods.ud_factors import (
     add,
     add_variance,
     predicted_variance,
-    take_in,
     trace,
+    update_covariance,
     variance,
 )
 from estimation.records import numbers
@@ -59,14 +59,14 @@ def assert_close(got, expected):
 
 @settings(max_examples=100, deadline=None)
 @CASES
-def test_a_measurement_is_taken_in_as_by_the_plain_formula(m, seed, size):
+def test_the_covariance_update_equals_the_direct_formula(m, seed, size):
     u, d, z = factored(m, seed)
     z *= 10.0**size
     p, noise = u * d @ u.T, 0.7
     state = state_of(u, d, z)
     scaled = unscaled(m), state, z.tolist()
     assert predicted_variance(*scaled) == pytest.approx(z @ p @ z, rel=1e-9)
-    assert take_in(*scaled, noise) == pytest.approx(noise + z @ p @ z, rel=1e-9)
+    assert update_covariance(*scaled, noise) == pytest.approx(noise + z @ p @ z, rel=1e-9)
     assert_close(state.L, p @ z)
     u, d, z = exactly(u), exactly(d), exactly(z)
     p = u * d @ u.T
@@ -98,14 +98,14 @@ def test_a_variance_is_added_to_one_parameter_alone(m, seed, size):
 
 @settings(max_examples=100, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
-def test_stays_positive_whatever_is_taken_in_and_added(seed):
+def test_stays_positive_definite_for_all_updates(seed):
     rng = np.random.default_rng(seed)
     u, d, _ = factored(3, seed)
     state = state_of(u, d, np.zeros(3))
     for _ in range(60):
         z = rng.choice([-1.0, 0.0, 1.0], 3) * 10.0 ** rng.uniform(-30.0, 30.0, 3)
         state.D = [10.0 * value for value in state.D]
-        take_in(unscaled(3), state, z.tolist(), 1.0)
+        update_covariance(unscaled(3), state, z.tolist(), 1.0)
         state.y = rng.normal(size=3).tolist()
         add(state, 1e-9, 3)
         covariance_in(state)

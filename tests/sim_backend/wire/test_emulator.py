@@ -1,4 +1,4 @@
-"""The emulator: faults at their time, resets, and the plant put back between trials."""
+"""The emulator: planned faults, resets, and the reset of the plant between trials."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ RIGS = Path(__file__).parents[3] / "rigs"
 
 
 class Clock:
-    """Time that a test sets."""
+    """A clock that a test sets."""
 
     now = 0.0
 
@@ -33,7 +33,7 @@ def emulator(name, folder, clock, *faults):
 
 
 def run(emulated, clock, seconds):
-    """Steps of a millisecond, while something drives the slave."""
+    """Run steps of 1 ms while the slave is driven."""
     end = clock.now + seconds
     while clock.now < end:
         clock.now += 1e-3

@@ -1,4 +1,4 @@
-"""The emulated slcan adapter, with python-can's own slcan as the host."""
+"""The emulated slcan adapter, with slcan of python-can as host."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def answers(adapter, data):
 
 
 @given(st.lists(frames(), min_size=1, max_size=5), st.integers(1, 40))
-def test_it_reads_what_python_can_writes_however_it_is_cut(host, messages, length):
+def test_it_decodes_the_bytes_of_python_can_in_pieces_of_any_size(host, messages, length):
     host.flush()
     for message in messages:
         host.send(message)
@@ -70,7 +70,7 @@ def test_it_reads_what_python_can_writes_however_it_is_cut(host, messages, lengt
 
 
 @given(st.lists(frames(), min_size=1, max_size=5))
-def test_python_can_reads_what_it_writes(host, messages):
+def test_python_can_decodes_its_lines(host, messages):
     host.flush()
     adapter = opened()
     host.serialPortOrig.write(b"".join(map(adapter.encode, messages)))
@@ -78,7 +78,7 @@ def test_python_can_reads_what_it_writes(host, messages):
 
 
 @given(st.lists(st.binary() | st.text("tTrRzZFSOC0189Aa\r").map(str.encode)))
-def test_whatever_a_host_says_it_answers_once_a_line(noise):
+def test_it_answers_every_line_exactly_once(noise):
     adapter = opened()
     for data in noise:
         adapter.receive(data)
@@ -129,7 +129,7 @@ def test_a_full_queue_is_refused_and_flagged(adapter):
     assert answers(adapter, b"F\r") == b"\aF02\r"
 
 
-def test_it_tells_version_serial_number_and_flags(adapter):
+def test_it_reports_version_serial_number_and_flags(adapter):
     adapter.flags = 0xA4
     assert answers(adapter, b"V\rN\rF\r") == b"V1013\rNTELE\rFA4\r"
 

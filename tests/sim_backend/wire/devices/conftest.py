@@ -1,4 +1,4 @@
-"""What an emulated sensor is mounted on: loads that a test sets."""
+"""Mount of an emulated sensor, with loads that a test sets."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from sim_backend.wire.emulated_device import Mount
 
 
 class Loaded(Mount):
-    """Senses the loads by signal, and has nothing to drive."""
+    """A mount with a constant load per signal, and without drives."""
 
     def __init__(self, loads: dict[str, float]) -> None:
         self.loads = dict(loads)

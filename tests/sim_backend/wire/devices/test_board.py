@@ -1,4 +1,4 @@
-"""The emulated board by itself; what it shares with the firmware is tested with the driver."""
+"""The emulated board. Its common behaviour with the firmware is tested with the driver."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def test_check_value_and_stuffing():
 
 
 @pytest.mark.parametrize("late", [1, 3, BACKLOG, 50, 5000])
-def test_called_late_it_sends_what_was_due_but_few_frames(late):
+def test_called_late_it_sends_only_a_few_late_frames(late):
     board = streaming()
     samples = read(board.emit(1.0 + late * 1e-3))
     assert 1 <= len(samples) <= BACKLOG
@@ -80,7 +80,7 @@ def test_an_endless_frame_is_not_kept():
 
 
 @given(st.lists(st.binary(max_size=60), max_size=20))
-def test_whatever_comes_is_survived(chunks):
+def test_any_bytes_are_survived(chunks):
     board = streaming()
     for i, chunk in enumerate(chunks):
         board.receive(chunk, 1.0 + i * 1e-3)

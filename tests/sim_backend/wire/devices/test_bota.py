@@ -51,7 +51,7 @@ def test_called_twice_at_once_it_sends_nothing_twice(sensor):
     assert not sensor.emit(0.5 * PERIOD)
 
 
-def test_saturates_beyond_its_range_and_says_so(sensor, bench):
+def test_saturates_outside_of_its_range_and_reports_it(sensor, bench):
     bench.loads["fz"] = -1e4
     sensor.emit(0.0)
     (frame,) = sensor.emit(0.5 * PERIOD)

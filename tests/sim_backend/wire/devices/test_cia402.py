@@ -1,4 +1,4 @@
-"""The emulated CiA 402 drive: canopen's own master against it, and its clockwork by itself."""
+"""The emulated CiA 402 drive: with the master of canopen, and its timing."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ CHANNELS = itertools.count()
 
 
 class Carriage:
-    """What the drive moves; it remembers the velocities."""
+    """Mount of the drive, which stores the velocities."""
 
     def __init__(self):
         self.velocity, self.position, self.force, self.braked = 0.0, 0.0, 0.0, False
@@ -89,7 +89,7 @@ def dictionary():
 
 
 class Served:
-    """The emulated drive on a virtual CAN bus, in a thread of its own."""
+    """The emulated drive on a virtual CAN bus, in another thread."""
 
     def __init__(self, channel, settings=SETTINGS):
         self.mount = Carriage()
@@ -117,7 +117,7 @@ class Served:
 
 
 def soon(condition):
-    """Whether a condition comes true before patience ends."""
+    """Return whether a condition becomes true within the time limit."""
     end = time.monotonic() + 5.0
     while not condition() and time.monotonic() < end:
         time.sleep(1e-3)
@@ -138,7 +138,7 @@ def served(channel):
 
 @pytest.fixture
 def node(channel, served):
-    """canopen's own master for a CiA 402 drive."""
+    """Master of canopen for a CiA 402 drive."""
     network = canopen.Network()
     network.NOTIFIER_CYCLE = 0.01
     node = canopen.BaseNode402(5, dictionary())
@@ -168,7 +168,7 @@ def map_pdos(node):
 
 
 def operate(node):
-    """Operation enabled in csv, by PDO and SYNC, as canopen does it."""
+    """Enable operation in csv mode with canopen, by PDO and SYNC."""
     map_pdos(node)
     node.nmt.state = "OPERATIONAL"
     node.setup_402_state_machine(read_pdos=False)
@@ -256,7 +256,7 @@ def test_canopen_sees_a_fault_and_resets_it(served, node):
     assert soon(lambda: not node.emcy.active)
 
 
-def test_without_canopen_s_heartbeat_the_drive_stops_and_says_so(served, node):
+def test_without_canopen_s_heartbeat_the_drive_stops_and_reports_it(served, node):
     node.sdo[0x1016][1].raw = 127 << 16 | 200
     node.sdo[0x6007].raw = 3
     operate(node)
@@ -292,7 +292,7 @@ def turn(bus, driver):
 
 
 class Clockwork:
-    """The drive in virtual time, and what it sends."""
+    """The drive in virtual time, with the frames that it sends."""
 
     def __init__(self):
         self.mount = Carriage()
@@ -327,7 +327,7 @@ class Clockwork:
         return [int.from_bytes(data[:2], "little") for i, data in self.sent if i == 0x085]
 
 
-def test_it_says_boot_up_once_and_nothing_more_by_itself():
+def test_it_sends_boot_up_once_and_no_further_unrequested_frame():
     clockwork = Clockwork()
     clockwork.run(1.0)
     assert clockwork.sent == [(0x705, b"\0")]
@@ -360,7 +360,7 @@ def test_a_pdo_of_every_third_sync_answers_every_third():
     assert sum(identifier == 0x185 for identifier, _ in clockwork.sent) == 3
 
 
-def test_a_short_pdo_is_not_taken_and_told():
+def test_a_short_pdo_is_rejected_and_reported():
     clockwork = Clockwork()
     clockwork.send(0x205, b"\x06")
     clockwork.send(0x080, b"")
@@ -404,7 +404,7 @@ def test_quick_stop_option_6_stays_in_quick_stop_at_standstill():
 
 
 @pytest.mark.parametrize("loss", ["heartbeat", "RPDO"])
-def test_without_its_master_it_stops_and_says_why(loss):
+def test_without_its_master_it_stops_and_reports_the_reason(loss):
     clockwork = Clockwork()
     clockwork.drive.write(0x1016, 1, 127 << 16 | 50)
     clockwork.drive.write(0x1400, 5, 50)
@@ -440,7 +440,7 @@ def test_no_heartbeat_is_missed_before_the_first():
         (3, State.SWITCH_ON_DISABLED, 0x7F),
     ],
 )
-def test_what_it_does_without_its_master_is_as_6007h_says(option, state, nmt):
+def test_the_reaction_to_the_loss_of_the_master_follows_6007h(option, state, nmt):
     clockwork = Clockwork()
     clockwork.operate()
     clockwork.drive.write(0x6007, 0, option)

@@ -42,7 +42,7 @@ def test_sends_each_message_at_its_cycle_time_or_every_millisecond(device):
     assert count == {291: 101, 0x18FEF000: 11}
 
 
-def test_frames_are_laid_out_as_the_file_says(device):
+def test_frames_have_the_layout_of_the_file(device):
     device.emit(0.0)
     force, pages = device.emit(0.5e-3)
     assert struct.unpack_from("<h", force.data) == (-700,)

@@ -1,4 +1,4 @@
-"""The emulated ODrive on its wire; its frames are read and written by the vendor's DBC."""
+"""The emulated ODrive, with frames encoded and decoded by the vendor's DBC file."""
 
 from collections import Counter
 
@@ -13,13 +13,13 @@ from sim_backend.wire.emulated_device import Mount
 DBC = {"0.5": get_dbc("odrive-cansimple-0.5.6"), "0.6": get_dbc("odrive-cansimple-0.6.10")}
 NODE = 4
 WATCHDOG = 0.05
-"""[s]"""
+"""Watchdog time [s]."""
 
 
 class Carriage(Mount):
     def __init__(self) -> None:
         self.velocity: float | None = None
-        """None while it is braked."""
+        """Velocity [m/s]; None while the axis is braked."""
         self.readings = {"position": 0.01, "velocity": -0.02, "force": 100.0}
 
     def sense(self, signal: str) -> float:
@@ -35,7 +35,7 @@ class Carriage(Mount):
 
 
 class Wire:
-    """A host that speaks by the DBC, in virtual time."""
+    """A host that uses the DBC file, in virtual time."""
 
     def __init__(self, firmware: str) -> None:
         self.dbc = DBC[firmware]
@@ -106,7 +106,7 @@ class Wire:
         return [values for name, values in self.run(0.02) if name == "Heartbeat"][-1]
 
     def operate(self) -> None:
-        """Let it go at 2 rev/s."""
+        """Start operation at 2 rev/s."""
         self.send("Set_Limits", Velocity_Limit=10.0, Current_Limit=10.0)
         self.send("Set_Controller_Mode", Control_Mode=2, Input_Mode=1)
         self.send("Set_Input_Vel", Input_Vel=2.0, Input_Torque_FF=0.0)
@@ -137,12 +137,12 @@ def test_firmware_06_sends_torques() -> None:
     assert torques["Torque_Estimate"] == pytest.approx(100.0 * 5e-3 / 6.283185, rel=1e-6)
 
 
-def test_tells_its_current() -> None:
+def test_reports_its_current() -> None:
     current = Wire("0.5").ask("Get_Iq")
     assert current["Iq_Measured"] == pytest.approx(100.0 * 5e-3 / 6.283185 / 0.04, rel=1e-6)
 
 
-def test_tells_its_version_from_06_on() -> None:
+def test_reports_its_version_from_06_on() -> None:
     version = Wire("0.6").ask("Get_Version")
     assert (version["Fw_Version_Major"], version["Fw_Version_Minor"]) == (0, 6)
     wire = Wire("0.5")
@@ -191,7 +191,7 @@ def test_brakes_when_idle(wire: Wire) -> None:
     assert (heartbeat["Axis_State"], heartbeat["Axis_Error"]) == ("IDLE", "NONE")
 
 
-def test_goes_on_while_it_is_fed(wire: Wire) -> None:
+def test_operates_while_the_watchdog_is_reset(wire: Wire) -> None:
     wire.operate()
     wire.run(1.0, feed=True)
     assert wire.carriage.velocity == pytest.approx(0.01)
