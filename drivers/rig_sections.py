@@ -105,7 +105,7 @@ class VelocitySettings(ChannelSettings):
 
 
 class ChannelsSettings(Section):
-    """Rig file section of the channels. Encoder of the handle and velocity of the slave are optional."""
+    """Rig file section of the channels; handle position and slave velocity are optional."""
 
     master_force: ForceSettings
     contact_force: ForceSettings

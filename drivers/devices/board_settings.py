@@ -22,7 +22,7 @@ QUANTITIES = (
 
 
 class BoardSettings(DeviceSettings):
-    """Rig file section of a board. Each list has one entry per input or axis in use, from the first on."""
+    """Rig file section of a board; each list has an entry for each input or axis in use."""
 
     kind: Literal["board"]
     bus: str
