@@ -96,6 +96,7 @@ def run_trial(
         if recorder:
             recorder.begin(start)
         rig = rig_maker(clock.now) if rig_maker else make_rig(settings, clock.now)
+        rejected: dict[str, dict[str, int]] = {}
         try:
             with switch.reading_keys(), realtime(real) as real_time, rig:
                 if settings.rig:
@@ -107,7 +108,7 @@ def run_trial(
                 switch.clean_up()
                 rejected = {name: dict(counts) for name, counts in rig.rejected.items()}
         except RigError:
-            if not loop or not loop.error:
+            if not loop or not (loop.error or box.fault):
                 raise
     finally:
         switch.clean_up()

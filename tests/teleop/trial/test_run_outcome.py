@@ -69,6 +69,19 @@ def test_a_rig_that_does_not_answer_leaves_no_recording(refused, tmp_path, monke
     assert not (tmp_path / "a.mcap").exists()
 
 
+def test_a_rig_that_cannot_be_closed_after_a_fault_does_not_hide_the_fault(
+    fault, monkeypatch, tmp_path, capsys
+):
+    def closed(rig):
+        raise RigError("the port is gone")
+
+    monkeypatch.setattr(FaultyRig, "close", closed, raising=False)
+    path = tmp_path / "a.mcap"
+    assert main([*RUN, "--record", str(path)]) == 3
+    assert "slave position" in capsys.readouterr().err
+    assert load(path).fault
+
+
 def test_the_folder_of_a_recording_is_created(tmp_path):
     path = tmp_path / "new" / "day" / "a.mcap"
     assert main([*RUN, "--record", str(path)]) == 0
