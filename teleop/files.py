@@ -61,6 +61,12 @@ def check_outputs(
             raise unwritable(path, error) from error
 
 
+def check_ending(path: Path, ending: str) -> None:
+    """Raise InputError unless the name of a file has this ending."""
+    if path.suffix.lower() != ending:
+        raise InputError(f"{path}: expected a file ending in {ending}")
+
+
 def resolved(path: Path) -> str:
     """Return the absolute path without symbolic links.
 

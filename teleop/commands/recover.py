@@ -30,11 +30,13 @@ def recover(
     json
         Print one JSON document instead of text.
     """
+    from teleop.files import RECORDING, check_ending
     from teleop.output import console
     from teleop.recording.gaps import gap_rows, missing_text
     from teleop.recording.recovery import recover_recording
 
     out = out or file.with_name(f"{file.stem}-recovered.mcap")
+    check_ending(out, RECORDING)
     recovery = recover_recording(file, out)
     if json:
         console.print_json(

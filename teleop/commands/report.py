@@ -46,11 +46,12 @@ def report(
     """
     from teleop.commands.estimate import chosen
     from teleop.evaluation.evaluation import FEWEST, evaluate
-    from teleop.files import check_outputs, write_text
+    from teleop.files import check_ending, check_outputs, write_text
     from teleop.output import console
     from teleop.output.report_page import report_page
 
     page = out or file.with_suffix(".html")
+    check_ending(page, ".html")
     check_outputs(page, sources=(file,), overwrite=overwrite)
     signals, recording = columns.read(file)
     fault = recording.fault if recording else None

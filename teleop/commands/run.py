@@ -127,7 +127,7 @@ def run(
     from teleop.commands.choices import choose_estimators, choose_model, make_coupling, make_signal
     from teleop.control.tare import read_tare
     from teleop.errors import InputError, SafetyStop
-    from teleop.files import check_outputs, make_folder
+    from teleop.files import RECORDING, check_ending, check_outputs, make_folder
     from teleop.output import console
     from teleop.output.trial_tables import print_trial
     from teleop.printable import discard_output, print_error
@@ -168,9 +168,8 @@ def run(
     settings = replace(settings, **{name: v for name, v in options.items() if v is not None})
     if record and no_record:
         raise InputError("--record and --no-record: expected at most one of them")
-    if record and record.suffix.lower() != ".mcap":
-        raise InputError(f"{record}: expected a file ending in .mcap")
     if record:
+        check_ending(record, RECORDING)
         make_folder(record)
     check_outputs(record, picture=plot, sources=(config, rig, tare), overwrite=overwrite)
     reserved = None

@@ -135,7 +135,6 @@ def test_a_recording_is_never_overwritten(refused, folder):
     for command in (
         ["run", "--clock", "virtual", "--duration", "0.1", "--record", "trial.mcap"],
         ["rig", "tare", "--out", "trial.mcap"],
-        ["report", "sine.csv", "--out", "trial.mcap"],
     ):
         assert "a recording is never overwritten" in refused(*command, "--overwrite")
     assert (folder / "trial.mcap").read_bytes() == before
@@ -245,6 +244,15 @@ def test_a_replaced_file_keeps_its_permissions_and_a_link_leads_to_the_new_one(f
     assert path.read_text() == "new"
     assert path.stat().st_mode & 0o777 == 0o600
     assert link.is_symlink()
+
+
+@pytest.mark.parametrize(
+    ("command", "out"), [("report", "page.mcap"), ("recover", "whole.csv"), ("run", "run.csv")]
+)
+def test_an_output_with_the_ending_of_another_format_is_refused(refused, folder, command, out):
+    arguments = ["--record", out] if command == "run" else ["run.mcap", "--out", out]
+    assert "expected a file ending in" in refused(command, *arguments)
+    assert not (folder / out).exists()
 
 
 def test_reproduce_refuses_before_its_trials(refused, folder, monkeypatch):
