@@ -164,7 +164,7 @@ class RigSections(Section):
     """All sections of a rig file except those of the devices, which depend on their kinds."""
 
     name: Annotated[str, Field(min_length=1)]
-    rate_hz: Annotated[FiniteFloat, Field(ge=50, le=1000)] = 1000.0
+    rate_hz: Annotated[FiniteFloat, Field(ge=50, le=100_000)] = 1000.0
     buses: Annotated[dict[str, BusSettings], Field(min_length=1)]
     channels: ChannelsSettings
     drives: DrivesSettings

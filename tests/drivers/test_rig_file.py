@@ -151,3 +151,10 @@ def test_a_file_that_is_too_large_or_nested_too_deeply_is_refused(tmp_path, text
     path.write_text(text)
     with pytest.raises((RigFileError, OSError)):
         read_rig_file(path)
+
+
+def test_a_rate_above_1000_hz_is_accepted_as_on_the_command_line(tmp_path):
+    path = tmp_path / "fast.toml"
+    text = (RIGS / "serial-board.toml").read_text()
+    path.write_text(text.replace("rate_hz = 1000\n", "rate_hz = 2000\n"))
+    assert read_rig_file(path).sections.rate_hz == 2000.0
