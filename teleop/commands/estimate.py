@@ -42,8 +42,11 @@ def estimate(
     A recording of teleop run is evaluated with the settings of that run unless options give
     others, which gives the run's own estimates to the bit.
 
-    Several files are evaluated one by one, and then taken together: whether one Kelvin-Voigt
-    body explains them all.
+    The result comes first: stiffness and damping with 95 % intervals, or why the data support
+    none. Then come the batch models, and the estimators that a trial runs online.
+
+    Several files are evaluated one by one, and then compared: whether one Kelvin-Voigt body
+    explains them all, and their complex modulus over frequency.
 
     Example: `teleop estimate indentation.csv --force "Load [N]" --estimators all`
 
@@ -70,8 +73,8 @@ def estimate(
     conditioning
         How velocity is had from position: see `teleop run --help`; matched for a table.
     bandwidth
-        Bandwidth of its filter [Hz]; by default ten times the motion's dominant frequency,
-        and 20 Hz with the paper's settings.
+        Bandwidth of its filter [Hz]; by default ten times the highest frequency at which
+        force follows displacement, and 20 Hz with the paper's settings.
     force_lag
         Lag of the force channel [s] that matched conditioning makes up for, as `teleop lag`
         measures it.
@@ -93,7 +96,8 @@ def estimate(
     from teleop.evaluation.replay import agrees
     from teleop.files import check_outputs, new_file
     from teleop.output import console
-    from teleop.output.estimate_tables import print_evaluation, print_together
+    from teleop.output.estimate_tables import print_evaluation
+    from teleop.output.result_tables import print_together
     from teleop.recording.export_formats import write_table
     from teleop.recording.gaps import gap_rows
 

@@ -53,14 +53,15 @@ def lag(
         measured, true = measure_simulated_lag(cube, seed)
         summary = {**measured.summary(), "true_lag_s": true}
     else:
-        signals, _ = columns.read(file)
+        signals, recording = columns.read(file)
         if signals.gaps:
             end = signals.gaps[0]
             raise InputError(
                 f"{file}: a gap from {signals.t[end - 1]:g} to {signals.t[end]:g} s: "
                 "expected samples without gaps"
             )
-        zero = find_datum(signals, columns.datum)
+        datum = "file" if recording and columns.datum == "auto" else columns.datum
+        zero = find_datum(signals, datum)
         measured = measure_lag(signals.x - zero.x, signals.f - zero.f, signals.dt)
         summary = {"file": str(file), **measured.summary()}
     if json:

@@ -8,11 +8,10 @@ import numpy as np
 
 from estimation.compiled import Floats
 from teleop.errors import InputError
+from teleop.evaluation.phases import Phases, find_phases
+from teleop.evaluation.prepared import prepare
 from teleop.evaluation.signals import Signals
 from teleop.evaluation.units import quantity
-
-FROM_DATUM = ("displacement", "slave_position", "indentation", "depth")
-"""Names of a position that is already measured from the contact datum."""
 
 
 class Datum(NamedTuple):
@@ -26,16 +25,40 @@ class Datum(NamedTuple):
     """How it was chosen."""
 
 
-def find_datum(signals: Signals, wanted: str) -> Datum:
-    """Where displacement and force are zero.
+def find_datum(signals: Signals, wanted: str, phases: Phases | None = None) -> Datum:
+    """Return where displacement and force are zero.
 
-    `auto` is the file's own zero for a column named a displacement, an indentation or a
-    depth, and the mean of the moving part otherwise, about which a preloaded specimen is
-    linear.
+    `contact` is the contact point and the force out of contact. `auto` is the same where the
+    record has both, and otherwise the mean of the moving part, about which a preloaded specimen
+    is linear. The name of a column has no influence.
+
+    Parameters
+    ----------
+    signals
+        The record.
+    wanted
+        `auto`, `contact`, `file`, `start`, `mean`, or a position and a force.
+    phases
+        Phases of the record; found here if they are needed.
+
+    Raises
+    ------
+    InputError
+        The text is none of these, or there is no contact point.
     """
-    if wanted == "auto":
-        named = signals.position_name.lower() in FROM_DATUM
-        wanted = "file" if named else "mean"
+    if wanted in ("auto", "contact"):
+        if phases is None:
+            phases = find_phases(prepare(signals))
+        point, level = phases.contact_point, phases.free_force
+        if point is not None and level is not None:
+            half = 0.5 * (point.high - point.low)
+            return Datum(point.value, level, f"the contact point, \u00b1 {half * 1e3:.2g} mm")
+        if wanted == "contact":
+            raise InputError(
+                "datum contact: the record never comes into contact from free motion: expected "
+                "auto, file, start, mean, or a position and a force"
+            )
+        wanted = "mean"
     if wanted == "file":
         return Datum(0.0, 0.0, "the file's own zero")
     if wanted == "start":
@@ -51,8 +74,8 @@ def find_datum(signals: Signals, wanted: str) -> Datum:
     x, f = quantity(position, "position"), quantity(force, "force")
     if x is None or f is None:
         raise InputError(
-            f"datum {wanted!r}: expected auto, file, start, mean, or a position and a force "
-            "with units such as 1.5mm,20N"
+            f"datum {wanted!r}: expected auto, contact, file, start, mean, or a position and "
+            "a force with units such as 1.5mm,20N"
         )
     return Datum(x, f, "given")
 

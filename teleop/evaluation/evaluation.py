@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,7 @@ from estimation import (
     paper_preset,
     scaled_preset,
 )
+from estimation.batch_models import BatchFit
 from estimation.compiled import Floats
 from estimation.conditioner_choice import make_conditioner
 from estimation.estimate_columns import estimate_arrays, estimate_columns
@@ -28,6 +30,8 @@ from estimation.model import KELVIN_VOIGT
 from estimation.registry import PAPER
 from estimation.summary import summarise
 from teleop.errors import InputError, as_input_error
+from teleop.evaluation.analysis import Analysis, analyse
+from teleop.evaluation.contact_bank import ContactBank, contact_at
 from teleop.evaluation.datum import Datum, find_datum, moving_part, smallest_step
 from teleop.evaluation.model_comparison import compare
 from teleop.evaluation.model_comparison import cost as sample_cost
@@ -35,6 +39,8 @@ from teleop.evaluation.sampling_gaps import closed_up, condition
 from teleop.evaluation.signals import Signals
 from teleop.names import ConditioningName, PresetName
 
+FEWEST_KEPT = 0.9
+"""Share of the force variance below which conditioning is reported to remove the signal."""
 FEWEST = 10
 """Fewest moving samples that are evaluated."""
 PAPER_BANDWIDTH = 20.0
@@ -46,7 +52,7 @@ class EstimateSettings:
     """How a recording is to be evaluated."""
 
     datum: str = "auto"
-    """`auto`, `file`, `start`, `mean`, or a position and a force such as `1.5mm,20N`."""
+    """`auto`, `contact`, `file`, `start`, `mean`, or a position and a force such as `1.5mm,20N`."""
     preset: PresetName | Preset = "scaled"
     """Settings of the estimators: scaled from the data, the paper's, or given."""
     estimators: tuple[str, ...] | None = None
@@ -57,7 +63,7 @@ class EstimateSettings:
     """The cube whose adaptation gain the paper's preset takes."""
     conditioning: ConditioningName = "matched"
     bandwidth: float | None = None
-    """Bandwidth of the conditioning [Hz]; None for ten times the dominant frequency."""
+    """Bandwidth of the conditioning [Hz]; None for ten times the upper end of the coherent band."""
     force_lag: float = 0.0
     """Lag of the force channel that matched conditioning makes up for [s]."""
     whole: bool = False
@@ -87,6 +93,10 @@ class Evaluation:
     """Samples in the recording, rest included."""
     excitation: Floats
     """Excitation measure at the motion's dominant frequency."""
+    analysis: Analysis
+    """The batch evaluation."""
+    kept_force_variance: float
+    """Share of the variance of the force that the conditioning keeps."""
     gaps: tuple[tuple[float, float], ...] = ()
     """Times of the last sample before each gap and of the first after it [s]."""
 
@@ -118,6 +128,7 @@ class Evaluation:
             for name in estimates:
                 estimates[name]["cost_us"] = sample_cost(self.bank[name], self.regression) * 1e6
         return {
+            **self.batch_summary(),
             "samples": self.samples,
             "samples_used": len(self.t),
             "rate_hz": self.rate,
@@ -148,6 +159,30 @@ class Evaluation:
                 "one_step_rms": self.batch.rms,
                 "further": dict(zip(self.preset.model.further, self.batch.further, strict=True)),
             },
+        }
+
+    @cached_property
+    def models(self) -> list[BatchFit]:
+        """The batch models about the datum, the best first."""
+        return self.analysis.models(self.datum.x, self.datum.f)
+
+    def batch_summary(self) -> dict[str, Any]:
+        """Return result, models and phases as a document."""
+        result = self.analysis.result
+        reasons = list(result.reasons)
+        if self.kept_force_variance < FEWEST_KEPT:
+            reasons.append(
+                f"conditioning at {self.bandwidth:.3g} Hz keeps {self.kept_force_variance:.0%} of "
+                "the force variance: the online estimates are of that part only"
+            )
+        identified = [fit.name for fit in self.models if fit.identifiable]
+        best = identified[0] if identified and result.identifiable else None
+        return {
+            "result": {**result.summary(), "reasons": reasons},
+            "best_model": best,
+            "models": [fit.summary() for fit in self.models],
+            **self.analysis.summary(),
+            "kept_force_variance": self.kept_force_variance,
         }
 
     def columns(self) -> tuple[dict[str, Floats], dict[str, str]]:
@@ -183,14 +218,22 @@ def evaluate(signals: Signals, settings: EstimateSettings) -> Evaluation:
         )
     if np.ptp(signals.f) == 0.0:
         raise InputError("nothing to estimate from: the force is the same in every sample")
-    datum = find_datum(signals, settings.datum)
     motion = slice(None) if settings.whole else moving_part(signals.x)
     if len(signals.dt[motion]) < FEWEST:
         raise InputError(f"only {len(signals.dt[motion])} samples move: expected at least {FEWEST}")
-    frequency = dominant_frequency(signals.x[motion], closed_up(signals.dt, signals.gaps)[motion])
+    with as_input_error():
+        analysis = analyse(signals, settings.force_lag)
+    datum = find_datum(signals, settings.datum, analysis.phases)
+    band = analysis.record.band
+    frequency = band.centre
+    if band.coherence == 0.0:
+        frequency = dominant_frequency(
+            signals.x[motion], closed_up(signals.dt, signals.gaps)[motion]
+        )
     bandwidth = settings.bandwidth
     if bandwidth is None:
-        bandwidth = 10.0 * frequency if settings.preset == "scaled" else PAPER_BANDWIDTH
+        highest = band.high if band.coherence > 0.0 else frequency
+        bandwidth = 10.0 * highest if settings.preset == "scaled" else PAPER_BANDWIDTH
     count = settings.resolution or smallest_step(signals.x)
     given = settings.preset if isinstance(settings.preset, Preset) else None
     model = settings.model or (given.model if given else KELVIN_VOIGT)
@@ -229,6 +272,8 @@ def evaluate(signals: Signals, settings: EstimateSettings) -> Evaluation:
             preset = replace(preset, correlation=conditioner.correlation(float(np.median(dt))))
         preset = replace(preset, model=model, estimators=settings.estimators or preset.estimators)
         bank = preset.bank()
+    if given is None:
+        bank = ContactBank(bank, contact_at(analysis, t))
     estimates = bank.run(*regression)
     measure = Excitation(frequency, resolution=10.0 * count)
     excitation = [measure.update(*sample) for sample in zip(x, v, dt, strict=True)]
@@ -247,5 +292,7 @@ def evaluate(signals: Signals, settings: EstimateSettings) -> Evaluation:
         jitter=float(np.max(np.abs(np.delete(dt, apart) - period))) / period,
         samples=len(signals.t),
         excitation=np.array(excitation),
+        analysis=analysis,
+        kept_force_variance=float(np.var(f) / max(float(np.var(signals.f[used])), 1e-300)),
         gaps=tuple((float(signals.t[i - 1]), float(signals.t[i])) for i in gaps),
     )

@@ -1,39 +1,92 @@
-"""Several recordings of one specimen taken together: whether one body explains them."""
+"""Several recordings of one specimen taken together: whether one body explains them.
+
+k and b of the files, each with the interval of its own result, are compared by Cochran's Q, which
+is chi-squared of one degree of freedom less than files where one k, or one b, is common to all. The
+size of a difference is the ratio of the largest value to the smallest, with an interval from those
+of the two. The residual of one Kelvin-Voigt fit to all files is compared with that of one fit to
+each. That files agree shows one body only if the intervals are narrow: the smallest ratio that the
+test would have found in four of five cases is reported with it.
+
+References
+----------
+W. G. Cochran, "The combination of estimates from different experiments", Biometrics 10(1), 1954.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from scipy.stats import chi2
 
-from estimation import PooledSegments, least_squares
-from estimation.estimator import LEVEL_95
+from estimation import least_squares
+from estimation.compiled import Floats
 from teleop.evaluation.evaluation import Evaluation
+
+LEVEL_95 = 1.959964
+POWER_80 = 2.8
+"""A difference of this many standard deviations is found in 80 % of the cases at 95 %."""
+LARGE = 1.1
+"""Ratio of the largest to the smallest from which on files are called different."""
+WORSE = 1.2
+"""The residual of one fit to all files, over that of a fit to each, that is a misfit."""
 
 
 def taken_together(evaluations: Mapping[str, Evaluation]) -> dict[str, Any]:
-    """One fit to all recordings, and whether segments of them agree, as `--json` prints it.
+    """Return one fit to all recordings, and whether the files agree, as `--json` prints it.
 
     Parameters
     ----------
     evaluations
         At least two, by the name of their file.
     """
-    length = max(e.preset.segment for e in evaluations.values())
-    segments = PooledSegments(length)
-    for evaluation in evaluations.values():
-        segments.correlation = evaluation.preset.correlation
-        x, v, f, dt, _ = evaluation.regression
-        apart = dt.copy()
-        apart[0] = 2.0 * length
-        segments.run(x, v, f, apart)
     regressions = [e.regression for e in evaluations.values()]
     x, v, f = (np.concatenate([r[channel] for r in regressions]) for channel in range(3))
     fit = least_squares(x, v, f)
     fits = [least_squares(*regression[:3]) for regression in regressions]
-    alone = np.concatenate([one.residual for one in fits])
-    last = segments.estimate
+    alone = float(np.sqrt(np.mean(np.concatenate([one.residual for one in fits]) ** 2)))
+    results = {
+        file: e.analysis.result for file, e in evaluations.items() if e.analysis.result.identifiable
+    }
+    ratios: dict[str, dict[str, float]] = {}
+    for symbol in ("k", "b"):
+        if len(results) < 2:
+            break
+        values = np.array([getattr(r, symbol) for r in results.values()])
+        highest = np.array([getattr(r, f"{symbol}_high") for r in results.values()])
+        ratios[symbol] = compared(values, (highest - values) / LEVEL_95)
+    misfit = {
+        symbol: found["ratio"]
+        for symbol, found in ratios.items()
+        if found["p_value"] < 1e-3 and not found["ratio"] <= LARGE
+    }
+    reasons = [
+        f"Kelvin-Voigt does not fit all files: {symbol} differs by a factor of {ratio:.3g} between "
+        f"them (95 % interval {ratios[symbol]['low']:.3g} to {ratios[symbol]['high']:.3g})"
+        for symbol, ratio in misfit.items()
+    ]
+    within = [
+        f"Kelvin-Voigt is insufficient within {file}"
+        for file, result in results.items()
+        if any(reason.startswith("Kelvin-Voigt is insufficient") for reason in result.reasons)
+    ]
+    reasons += within
+    reasons += [
+        f"{file} gives no stiffness, so it is not compared"
+        for file in evaluations
+        if file not in results
+    ]
+    worse = fit.rms > WORSE * alone
+    if worse and not misfit:
+        reasons.append("one fit to all files is worse than a fit to each")
+    if not reasons:
+        reasons.append(
+            f"one Kelvin-Voigt body is consistent with all {len(results)} files; a difference of k "
+            f"by a factor of {ratios['k']['detectable']:.3g} would be found in 80 % of such tests"
+        )
+    moduli = [(file, e.analysis.modulus()) for file, e in evaluations.items()]
     return {
         "alone": [
             {"file": file, "b": one.b, "k": one.k, "rms": one.rms}
@@ -42,10 +95,37 @@ def taken_together(evaluations: Mapping[str, Evaluation]) -> dict[str, Any]:
         "b": fit.b,
         "k": fit.k,
         "rms": fit.rms,
-        "rms_alone": float(np.sqrt(np.mean(alone**2))),
-        "segments": segments.segments,
-        "b_interval": LEVEL_95 * last.b_std,
-        "k_interval": LEVEL_95 * last.k_std,
-        "misfit": segments.misfit,
-        "note": segments.note(segments.run([], [], [], [])),
+        "rms_alone": alone,
+        "ratios": ratios,
+        "misfit": misfit,
+        "insufficient": bool(misfit or within or worse),
+        "reasons": reasons,
+        "modulus": [{"file": file, **modulus} for file, modulus in moduli if modulus],
+    }
+
+
+def compared(values: Floats, std: Floats) -> dict[str, float]:
+    """Return the ratio of the largest to the smallest value, and Cochran's test.
+
+    Parameters
+    ----------
+    values, std
+        Values and their standard deviations, each of shape (files,).
+    """
+    weights = 1.0 / std**2
+    mean = float(weights @ values / weights.sum())
+    q = float(weights @ (values - mean) ** 2)
+    large, small = int(np.argmax(values)), int(np.argmin(values))
+    ratio = low = high = math.nan
+    if values[small] > 0.0:
+        ratio = float(values[large] / values[small])
+        half = LEVEL_95 * float(np.hypot(std[large] / values[large], std[small] / values[small]))
+        low, high = ratio * math.exp(-half), ratio * math.exp(half)
+    widest = float(np.linalg.norm(np.sort(std)[-2:]))
+    return {
+        "ratio": ratio,
+        "low": low,
+        "high": high,
+        "p_value": float(chi2.sf(q, len(values) - 1)),
+        "detectable": 1.0 + POWER_80 * widest / abs(mean),
     }

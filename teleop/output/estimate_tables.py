@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 from rich.console import Console
 
 from teleop.output.console import number, plain_console, print_table, small
+from teleop.output.result_tables import print_models, print_result
 from teleop.recording.gaps import Gap, missing_text
 
 STALL = 20.0
@@ -18,8 +18,6 @@ GAPS_LISTED = 3
 """Most gaps that are listed."""
 MEANINGLESS = 1e6
 """An interval this many times its value is not shown: nothing has been learned."""
-WORSE = 1.2
-"""A residual of a fit to all recordings this many times that of the fits to each is told."""
 HEADINGS = ("", "k [N/m]", "b [N s/m]", "e_f [N]", "one-step rms [N]", "rise time [s]")
 """Of the table of estimators."""
 
@@ -130,10 +128,13 @@ def print_reading(console: Console, summary: Mapping[str, Any]) -> None:
 
 
 def print_evaluation(summary: Mapping[str, Any], name: str) -> None:
-    """A recording's tables."""
+    """Print a recording's tables: the number to publish, the models, then the estimators."""
     console = plain_console()
+    print_result(summary, name)
+    print_models(summary)
     rows = {**summary["estimates"], "batch": summary["batch"]}
-    print_table(console, name, HEADINGS, estimate_cells(rows))
+    title = "online estimators, averages over the record"
+    print_table(console, title, HEADINGS, estimate_cells(rows))
     print_intervals(summary["estimates"])
     datum = summary["datum"]
     console.print(
@@ -150,11 +151,6 @@ def print_evaluation(summary: Mapping[str, Any], name: str) -> None:
     print_reading(console, summary)
     print_model(console, summary)
     print_gaps(console, summary)
-    if summary["batch"]["k"] < 0.0:
-        console.print(
-            "  stiffness is negative: is force positive in compression, as position is?",
-            style="yellow",
-        )
 
 
 def print_gaps(console: Console, summary: Mapping[str, Any]) -> None:
@@ -198,32 +194,3 @@ def print_model(console: Console, summary: Mapping[str, Any]) -> None:
             "is the mean of the motion here: expected --datum",
             style="yellow",
         )
-
-
-def print_together(together: Mapping[str, Any]) -> None:
-    """One Kelvin-Voigt fit for each file, and one for all of them."""
-    console = plain_console()
-    names = [Path(row["file"]).name for row in together["alone"]]
-    if len(set(names)) < len(names):
-        names = [row["file"] for row in together["alone"]]
-    rows = [*zip(names, together["alone"], strict=True), ("all together", together)]
-    print_table(
-        console,
-        "batch least squares of Kelvin-Voigt, one by one and together",
-        ("", "k [N/m]", "b [N s/m]", "residual [N rms]"),
-        (
-            [name, number(row["k"], 0), number(row["b"], digits(row["b"])), small(row["rms"])]
-            for name, row in rows
-        ),
-    )
-    if together["note"]:
-        console.print(f"  {together['note']}", style="bold red")
-    elif together["segments"] < 2:
-        console.print("  the motion is too short to compare segments of it", style="yellow")
-    elif together["rms"] > WORSE * together["rms_alone"]:
-        console.print(
-            "  the fit to all is worse than those to each, though segments agree within noise",
-            style="yellow",
-        )
-    else:
-        console.print(f"  one Kelvin-Voigt body explains all {together['segments']} segments")

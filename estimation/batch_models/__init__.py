@@ -1,0 +1,8 @@
+"""Batch fits of models of the environment, each with intervals and measures of its fit."""
+
+from __future__ import annotations
+
+from estimation.batch_models.compared import MODELS, compare_models
+from estimation.batch_models.fit import BatchData, BatchFit, Parameter
+
+__all__ = ["MODELS", "BatchData", "BatchFit", "Parameter", "compare_models"]

@@ -1,0 +1,18 @@
+"""All batch models of one record, the best first."""
+
+from __future__ import annotations
+
+from estimation.batch_models.fit import BatchData, BatchFit
+from estimation.batch_models.hunt_crossley import fit_hunt_crossley
+from estimation.batch_models.linear import COLUMNS, fit_linear
+from estimation.batch_models.standard_linear_solid import fit_standard_linear_solid
+
+MODELS = (*COLUMNS, "hunt-crossley", "standard linear solid")
+"""Names of the models."""
+
+
+def compare_models(data: BatchData) -> list[BatchFit]:
+    """Return the fits of all models in the order of their Bayesian information criterion."""
+    fits = [fit_linear(name, data) for name in COLUMNS]
+    fits += [fit_hunt_crossley(data), fit_standard_linear_solid(data)]
+    return sorted(fits, key=lambda fit: fit.bic)

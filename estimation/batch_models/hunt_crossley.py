@@ -1,0 +1,74 @@
+"""Hunt-Crossley with contact point, f = K d^n + B d^n v, d = x - xc.
+
+For given xc and n the force is linear in K and B, so only these two are searched for (variable
+projection). K and n trade for each other: d is divided by its largest value, D, in the search, and
+the stiffness K D^n is far better determined than K, whose unit depends on n. An exponent or a
+contact point at the edge of its range means that the record does not determine them, as where it
+never comes near the contact.
+
+References
+----------
+K. H. Hunt, F. R. E. Crossley, "Coefficient of restitution interpreted as damping in vibroimpact",
+J. Applied Mechanics 42(2), 1975; G. H. Golub, V. Pereyra, "The differentiation of pseudo-inverses
+and nonlinear least squares problems whose variables separate", SIAM J. Numer. Anal. 10(2), 1973.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from estimation.batch_models.fit import BatchData, BatchFit, Shape, finished, linear_solution
+from estimation.compiled import Floats
+
+EXPONENT = (0.5, 5.0)
+"""Exponents that are searched."""
+PLAUSIBLE = (0.8, 4.5)
+"""Exponents that are taken for identified."""
+BEFORE = 2.0
+"""Farthest contact point before the contact phase, in its travel."""
+
+
+def fit_hunt_crossley(data: BatchData) -> BatchFit:
+    """Return the fit of Hunt-Crossley."""
+    x, v, f = (channel[data.rows] for channel in (data.x, data.v, data.f - data.unloaded))
+    travel = float(np.ptp(x))
+    near = float(x.min()) + 0.02 * travel
+    far = near - (BEFORE + 0.02) * travel
+
+    def columns(xc: float, n: float, at: Floats, speed: Floats) -> Floats:
+        size = float(x.max()) - xc
+        power = (np.maximum(at - xc, 0.0) / size) ** n
+        return np.column_stack([power, power * speed])
+
+    def residual(searched: Floats) -> Floats:
+        regressors = columns(searched[0] * travel, searched[1], x, v)
+        return np.asarray(f - regressors @ linear_solution(regressors, f))
+
+    starts = [(near - 0.05 * travel, 1.5), (far * 0.5 + near * 0.5, 1.2)]
+    if data.contact is not None and far < data.contact < near:
+        starts = [(data.contact, 1.3)]
+    answers = [
+        least_squares(
+            residual,
+            (xc / travel, n),
+            bounds=((far / travel, EXPONENT[0]), (near / travel, EXPONENT[1])),
+            max_nfev=60,
+        )
+        for xc, n in starts
+    ]
+    answer = min(answers, key=lambda one: one.cost)
+    xc, n = float(answer.x[0] * travel), float(answer.x[1])
+    stiffness, damping = linear_solution(columns(xc, n, x, v), f).tolist()
+    size = float(x.max()) - xc
+    depth = np.maximum(x - xc, 1e-9 * travel)
+    force = columns(xc, n, x, v) @ [stiffness, damping]
+    power = (depth / size) ** n
+    shapes = [
+        Shape("K", stiffness / size**n, "N/m^n", power * size**n, (0.0, np.inf)),
+        Shape("B", damping / size**n, "N s/m^(n+1)", power * v * size**n),
+        Shape("n", n, "-", force * np.log(depth), PLAUSIBLE),
+        Shape("xc", xc, "m", -n * force / depth, (far + 0.02 * travel, near), True),
+    ]
+    predicted = columns(xc, n, data.x, data.v) @ [stiffness, damping] + data.unloaded
+    return finished("hunt-crossley", data, shapes, predicted)

@@ -1,0 +1,43 @@
+"""Models that are linear in their parameters, by least squares.
+
+- Kelvin-Voigt, f = k x + b v, with x and f from the datum that was chosen;
+- Kelvin-Voigt with datum, f = k x + b v + f0, whose k and b do not depend on the datum;
+- stiffening, f = k x + k3 x^3 + b v + f0: k is the stiffness at the datum.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from estimation.batch_models.fit import BatchData, BatchFit, Shape, finished, linear_solution
+from estimation.compiled import Floats
+
+COLUMNS = {
+    "kelvin-voigt": ("k", "b"),
+    "kelvin-voigt with datum": ("k", "b", "f0"),
+    "stiffening": ("k", "b", "f0", "k3"),
+}
+UNITS = {"k": "N/m", "b": "N s/m", "f0": "N", "k3": "N/m^3"}
+
+
+def fit_linear(name: str, data: BatchData) -> BatchFit:
+    """Return the fit of one of these models."""
+    parameters = COLUMNS[name]
+    columns = np.column_stack([regressor(parameter, data) for parameter in parameters])
+    theta = linear_solution(columns[data.rows], data.f[data.rows])
+    shapes = [
+        Shape(
+            parameter,
+            float(value),
+            UNITS[parameter],
+            columns[data.rows, i],
+            may_vanish=parameter in ("f0", "b"),
+        )
+        for i, (parameter, value) in enumerate(zip(parameters, theta, strict=True))
+    ]
+    return finished(name, data, shapes, columns @ theta)
+
+
+def regressor(parameter: str, data: BatchData) -> Floats:
+    """Return the regressor of a parameter, shape (n,)."""
+    return {"k": data.x, "b": data.v, "f0": np.ones(len(data.x)), "k3": data.x**3}[parameter]

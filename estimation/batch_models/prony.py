@@ -1,0 +1,92 @@
+"""Relaxation in a hold as a Prony series, f(t) = f_inf + sum_j f_j exp(-t / tau_j).
+
+One or two terms, by the Bayesian information criterion; the time constants are searched for, and
+the forces follow by linear least squares. A time constant longer than the hold is not identified.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from estimation.batch_models.fit import LEVEL_95, Parameter, linear_solution
+from estimation.compiled import Floats
+from estimation.robust_error import RobustFit
+
+
+class Relaxation(NamedTuple):
+    """A Prony series of a hold."""
+
+    parameters: dict[str, Parameter]
+    """f_inf, f1, tau1 and, where the data support a second term, f2 and tau2."""
+    rms: float
+    """Root mean square of the residual [N]."""
+
+
+def fit_prony(t: Floats, f: Floats) -> Relaxation | None:
+    """Return the Prony series of a hold; None where the force does not relax.
+
+    Parameters
+    ----------
+    t
+        Time since the begin of the hold [s], shape (n,), samples whose noise is independent.
+    f
+        Force [N], shape (n,).
+    """
+    best: Relaxation | None = None
+    best_bic = criterion(f - f.mean(), 1)
+    for terms in (1, 2):
+        if len(t) < 4 * terms + 6:
+            break
+        found, residual = fit_terms(t, f, terms)
+        bic = criterion(residual, 1 + 2 * terms)
+        if bic < best_bic - 6.0:
+            best, best_bic = found, bic
+    return best
+
+
+def criterion(residual: Floats, parameters: int) -> float:
+    """Return the Bayesian information criterion."""
+    n = len(residual)
+    return n * math.log(max(float(np.mean(residual**2)), 1e-300)) + parameters * math.log(n)
+
+
+def fit_terms(t: Floats, f: Floats, terms: int) -> tuple[Relaxation, Floats]:
+    """Return the series with this many terms, and its residual."""
+    seconds = float(t[-1] - t[0])
+    shortest = 2.0 * float(t[1] - t[0])
+
+    def columns(log_times: Floats) -> Floats:
+        decays = np.exp(-np.outer(t, np.exp(-log_times)))
+        return np.column_stack([np.ones(len(t)), decays])
+
+    def residual(log_times: Floats) -> Floats:
+        regressors = columns(log_times)
+        return np.asarray(f - regressors @ linear_solution(regressors, f))
+
+    start = np.log(seconds / np.array([4.0, 30.0])[:terms])
+    bounds = (math.log(0.5 * shortest), math.log(10.0 * seconds))
+    start = np.clip(start, bounds[0] + 1e-3, bounds[1] - 1e-3)
+    answer = least_squares(residual, start, bounds=bounds)
+    log_times = np.sort(answer.x)[::-1]
+    regressors = columns(log_times)
+    theta = linear_solution(regressors, f)
+    times = np.exp(log_times)
+    slopes = [c * t / tau**2 * np.exp(-t / tau) for c, tau in zip(theta[1:], times, strict=True)]
+    jacobian = np.column_stack([regressors, *slopes])
+    left = f - regressors @ theta
+    fit = RobustFit(theta, left, np.linalg.pinv(jacobian, rcond=1e-10))
+    values = [*theta.tolist(), *times.tolist()]
+    names = ["f_inf", *(f"f{j + 1}" for j in range(terms)), *(f"tau{j + 1}" for j in range(terms))]
+    parameters = {}
+    for i, (name, value) in enumerate(zip(names, values, strict=True)):
+        half = LEVEL_95 * fit.deviation(np.eye(len(values))[i])
+        known = half < abs(value)
+        if name.startswith("tau"):
+            known = known and shortest < value < seconds
+        unit = "s" if name.startswith("tau") else "N"
+        parameters[name] = Parameter(value, value - half, value + half, unit, known)
+    return Relaxation(parameters, float(np.sqrt(np.mean(left**2)))), left

@@ -1,0 +1,69 @@
+"""Standard linear solid: a spring k beside a spring k1 in series with a damper k1 tau.
+
+    f = k x + k1 z + f0,    z' = x' - z / tau
+
+f is linear in k, k1, f0 and the force of the damper's spring at the start, for a given tau, which
+is searched for from the smoothing's width to ten times the record (variable projection). A time
+constant longer than half of the record, or shorter than a few widths, is not identified.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+from scipy.signal import lfilter
+
+from estimation.batch_models.fit import BatchData, BatchFit, Shape, finished, linear_solution
+from estimation.compiled import Floats
+
+
+def relaxing(data: BatchData, tau: float) -> tuple[Floats, Floats]:
+    """Return z and the decay of its value at the start of each piece, each of shape (n,)."""
+    period = float(data.t[1] - data.t[0])
+    decay = math.exp(-period / tau)
+    gain = tau / period * (1.0 - decay)
+    z, start = [], []
+    for x, t in zip(
+        np.split(data.x, data.starts[1:]), np.split(data.t, data.starts[1:]), strict=True
+    ):
+        z.append(lfilter([gain, -gain], [1.0, -decay], x - x[0]))
+        start.append(np.exp(-(t - t[0]) / tau))
+    return np.concatenate(z), np.concatenate(start)
+
+
+def fit_standard_linear_solid(data: BatchData) -> BatchFit:
+    """Return the fit of the standard linear solid."""
+    seconds = float(data.t[-1] - data.t[0])
+    shortest = max(4.0 * data.width, 2.0 * float(data.t[1] - data.t[0]))
+    longest = max(10.0 * seconds, 4.0 * shortest)
+    f = data.f[data.rows]
+
+    def columns(tau: float) -> Floats:
+        z, start = relaxing(data, tau)
+        return np.column_stack([data.x, z, np.ones(len(z)), start])
+
+    def squares(log_tau: float) -> float:
+        regressors = columns(math.exp(log_tau))[data.rows]
+        return float(np.sum((f - regressors @ linear_solution(regressors, f)) ** 2))
+
+    grid = np.linspace(math.log(shortest), math.log(longest), 16)
+    best = int(np.argmin([squares(point) for point in grid]))
+    bounds = (grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)])
+    log_tau = float(minimize_scalar(squares, bounds=bounds, method="bounded").x)
+    tau = math.exp(log_tau)
+    regressors = columns(tau)
+    theta = linear_solution(regressors[data.rows], f)
+    step = 1e-3
+    slope = (columns(tau * (1.0 + step)) - columns(tau * (1.0 - step))) @ theta / (2e-3 * tau)
+    k, k1, f0, start = theta.tolist()
+    rows = data.rows
+    shapes = [
+        Shape("k", k, "N/m", regressors[rows, 0]),
+        Shape("k1", k1, "N/m", regressors[rows, 1], (0.0, math.inf)),
+        Shape("tau", tau, "s", slope[rows], (1.2 * shortest, 0.5 * seconds)),
+        Shape("f0", f0, "N", regressors[rows, 2], may_vanish=True),
+        Shape("f1", start, "N", regressors[rows, 3], may_vanish=True),
+    ]
+    return finished("standard linear solid", data, shapes, regressors @ theta)

@@ -1,0 +1,79 @@
+"""Variances of a least-squares fit that hold for residuals of unknown autocorrelation.
+
+The error of a linear combination g' theta of the parameters is the sum of u_t = w_t e_t, with e the
+residuals and w = X (X' X)^-1 g. Its variance is the spectrum of u at frequency zero, which the
+equal-weighted cosine (EWC) estimator averages over the first B cosines. Only its B degrees of
+freedom are few, so that the interval takes Student's t of B, which holds its level where a
+Newey-West interval with normal quantiles does not.
+
+References
+----------
+E. Lazarus, D. J. Lewis, J. H. Stock, M. W. Watson, "HAR inference: recommendations for practice",
+J. Business & Economic Statistics 36(4), 2018.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from scipy.stats import t as student
+
+from estimation.compiled import Floats
+
+FEWEST_COSINES = 4
+
+
+class RobustFit(NamedTuple):
+    """A least-squares fit of n samples to m regressors."""
+
+    theta: Floats
+    """Parameters, shape (m,)."""
+    residual: Floats
+    """Shape (n,)."""
+    inverse: Floats
+    """(X' X)^-1 X', shape (m, n)."""
+
+    def deviation(self, gradient: Floats) -> float:
+        """Return the standard deviation of gradient' theta, scaled so that 1.96 of it are 95 %.
+
+        Parameters
+        ----------
+        gradient
+            Shape (m,).
+        """
+        n, m = len(self.residual), len(self.theta)
+        terms = (gradient @ self.inverse) * self.residual
+        terms = terms - terms.mean()
+        count = cosine_count(n - m)
+        j = np.arange(1, count + 1)
+        time = np.pi * (np.arange(n) + 0.5) / n
+        sums = np.cos(np.outer(j, time)) @ terms * math.sqrt(2.0)
+        freedom = n / max(n - m, 1)
+        quantile = float(student.ppf(0.975, count)) / 1.959964
+        ewc = float(np.mean(sums**2))
+        white = float(np.sum(terms**2))
+        return quantile * math.sqrt(freedom * max(ewc, 0.25 * white))
+
+
+def cosine_count(freedom: int) -> int:
+    """Return the number of cosines for this many samples more than parameters."""
+    return max(FEWEST_COSINES, int(0.41 * max(freedom, 1) ** (2.0 / 3.0)))
+
+
+def robust_fit(regressors: Floats, f: Floats) -> RobustFit:
+    """Fit by least squares; the columns are scaled first.
+
+    Parameters
+    ----------
+    regressors
+        Shape (n, m).
+    f
+        Shape (n,).
+    """
+    scale = np.sqrt(np.mean(regressors**2, axis=0))
+    scale[scale == 0.0] = 1.0
+    inverse = np.linalg.pinv(regressors / scale, rcond=1e-10) / scale[:, None]
+    theta = inverse @ f
+    return RobustFit(theta, f - regressors @ theta, inverse)

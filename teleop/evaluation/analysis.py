@@ -1,0 +1,208 @@
+"""The batch evaluation of a record: phases, models, and the number to publish."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from estimation.baseline import without_baseline
+from estimation.batch_models import BatchData, BatchFit, compare_models
+from estimation.batch_models.prony import Relaxation, fit_prony
+from estimation.robust_error import robust_fit
+from estimation.smoothing import CORNER
+from teleop.evaluation.contact_rows import Rows
+from teleop.evaluation.local_stiffness import LocalStiffness, local_stiffness
+from teleop.evaluation.phases import Phase, Phases, find_phases
+from teleop.evaluation.prepared import Prepared, prepare
+from teleop.evaluation.result import Result, publishable
+from teleop.evaluation.signals import Signals
+
+RAMP = 0.04
+"""Widest kernel as a share of the median duration of a loading."""
+WIDER_BAND = 1.6
+"""The other bandwidth, whose answer adds to the interval, over the one that is used."""
+FEWEST_HOLD = 10
+"""Fewest independent samples of a hold whose relaxation is fitted."""
+STRONG = 10.0
+"""Difference of the information criterion from which on a model is better."""
+
+
+@dataclass(frozen=True)
+class Analysis:
+    """The batch evaluation of a record."""
+
+    record: Prepared
+    phases: Phases
+    local: LocalStiffness | None
+    result: Result
+
+    @cached_property
+    def data(self) -> BatchData | None:
+        """What the models are fitted to; None for too few samples in contact."""
+        record, phases = self.record, self.phases
+        rows = Rows(record, phases)
+        if len(rows.rows) < FEWEST_HOLD:
+            return None
+        x, f = record.x, record.f
+        slow = np.zeros(len(f))
+        if rows.order:
+            inside = np.flatnonzero(phases.usable)
+            slow = f - without_baseline(f, record.t, rows.order)
+            slow = slow - slow[inside].mean()
+            x = record.palpation + float(x[inside].mean())
+        return BatchData(
+            t=record.t,
+            x=x,
+            v=record.v,
+            f=f - slow,
+            raw_f=record.raw_f - slow,
+            rows=rows.rows,
+            inside=rows.fine,
+            starts=record.starts,
+            width=record.width,
+            contact=phases.contact_point.value if phases.contact_point else None,
+        )
+
+    def models(self, x: float, f: float) -> list[BatchFit]:
+        """Return the models about a datum [m, N], the best first."""
+        data = self.data
+        if data is None:
+            return []
+        contact = None if data.contact is None else data.contact - x
+        unloaded = (self.phases.free_force or 0.0) - f
+        return compare_models(
+            data._replace(
+                x=data.x - x,
+                f=data.f - f,
+                raw_f=data.raw_f - f,
+                contact=contact,
+                unloaded=unloaded,
+            )
+        )
+
+    def summary(self) -> dict[str, Any]:
+        """Return phases, cycles, contact point and complex modulus as a document."""
+        point = self.phases.contact_point
+        return {
+            "phases": self.rows,
+            "cycles": self.cycles(),
+            "contact_point": point
+            and dict(zip(("position_m", "low_m", "high_m"), point, strict=True)),
+            "modulus": self.modulus(),
+        }
+
+    @cached_property
+    def rows(self) -> list[dict[str, Any]]:
+        """The phases with the slope of force over position in each, and relaxation in holds."""
+        return [self.phase_row(phase) for phase in self.phases.phases]
+
+    def phase_row(self, phase: Phase) -> dict[str, Any]:
+        """Return one phase as a document."""
+        record = self.record
+        part = slice(phase.start, phase.end)
+        t, x, f = record.t[part], record.x[part], record.f[part]
+        row: dict[str, Any] = {
+            "phase": phase.name,
+            "from_s": float(t[0]),
+            "to_s": float(t[-1]),
+            "travel_m": float(np.ptp(x)),
+            "force_from_n": float(f[0]),
+            "force_to_n": float(f[-1]),
+            "k": None,
+            "k_std": None,
+        }
+        every = slice(None, None, record.stride)
+        if phase.name in ("loading", "unloading") and len(t[every]) > 4 and np.ptp(x) > 0.0:
+            fit = robust_fit(np.column_stack([np.ones(len(t[every])), x[every]]), f[every])
+            row["k"] = float(fit.theta[1])
+            row["k_std"] = fit.deviation(np.array([0.0, 1.0]))
+        if phase.name == "hold" and len(t[every]) >= FEWEST_HOLD:
+            found = fit_prony(t[every] - t[0], f[every])
+            row["relaxation"] = relaxation_row(found) if found else None
+        return row
+
+    def cycles(self) -> list[dict[str, Any]]:
+        """Return k and b of each cycle in contact, from one begin of loading to the next."""
+        data = self.data
+        if data is None:
+            return []
+        begins = [phase.start for phase in self.phases.phases if phase.name == "loading"]
+        usable = self.phases.usable
+        found = []
+        for start, end in pairwise(begins):
+            part = start + np.flatnonzero(usable[start:end])[:: max(1, self.record.stride // 2)]
+            if len(part) < 8:
+                continue
+            columns = np.column_stack([np.ones(len(part)), data.v[part], data.x[part]])
+            theta = robust_fit(columns, data.f[part]).theta
+            found.append(
+                {
+                    "from_s": float(data.t[start]),
+                    "to_s": float(data.t[end - 1]),
+                    "k": float(theta[2]),
+                    "b": float(theta[1]),
+                }
+            )
+        return found
+
+    def modulus(self) -> dict[str, float] | None:
+        """Return k', k'' and tan delta at the frequency of a palpation; None for another motion."""
+        result, record = self.result, self.record
+        if record.order == 0 or result.k is None or result.b is None:
+            return None
+        assert result.k_low is not None
+        assert result.b_low is not None
+        omega = 2.0 * np.pi * record.frequency
+        loss, half = result.b * omega, (result.b - result.b_low) * omega
+        return {
+            "frequency_hz": record.frequency,
+            "storage": result.k,
+            "storage_interval": result.k - result.k_low,
+            "loss": loss,
+            "loss_interval": half,
+            "tan_delta": loss / result.k,
+            "tan_delta_interval": float(
+                np.hypot(half / result.k, loss * (result.k - result.k_low) / result.k**2)
+            ),
+        }
+
+
+def relaxation_row(found: Relaxation) -> dict[str, Any]:
+    """Return a Prony series as a document."""
+    return {name: one._asdict() for name, one in found.parameters.items()} | {"rms": found.rms}
+
+
+def analyse(signals: Signals, force_lag: float = 0.0) -> Analysis:
+    """Evaluate a record in one batch.
+
+    Parameters
+    ----------
+    signals
+        The record as measured.
+    force_lag
+        Time constant of the force channel [s], which is compensated.
+    """
+    record = prepare(signals, None, force_lag)
+    phases = find_phases(record)
+    durations = [
+        (phase.end - phase.start) * record.period
+        for phase in phases.phases
+        if phase.name == "loading"
+    ]
+    widest = RAMP * float(np.median(durations)) if durations else record.width
+    bandwidth = CORNER / record.width
+    if widest < 0.8 * record.width:
+        bandwidth = CORNER / max(widest, float(np.median(signals.dt)))
+        record = prepare(signals, bandwidth, force_lag)
+        phases = find_phases(record)
+    local = other = None
+    if record.band.coherence > 0.0:
+        local = local_stiffness(record, phases)
+    if local is not None:
+        finer = prepare(signals, WIDER_BAND * bandwidth, force_lag)
+        other = local_stiffness(finer, find_phases(finer))
+    return Analysis(record, phases, local, publishable(record, phases, local, other))

@@ -1,0 +1,42 @@
+"""A bank whose estimators hold out of contact."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimation import Bank
+from estimation.compiled import Floats, Samples
+from estimation.estimator import Estimator
+from teleop.evaluation.analysis import Analysis
+
+
+class ContactBank(Bank):
+    """A bank for one record, whose estimators hold wherever there is no contact.
+
+    Parameters
+    ----------
+    bank
+        Its estimators and its gate.
+    contact
+        Whether there is contact, for each of the n samples that it is run over.
+    """
+
+    def __init__(self, bank: Bank, contact: NDArray[np.bool_]) -> None:
+        super().__init__(bank, bank.gate)
+        self.contact = contact
+
+    def _samples_of(
+        self, e: Estimator, samples: Samples, plain: Samples, is_open: NDArray[np.bool_]
+    ) -> Samples:
+        chosen = super()._samples_of(e, samples, plain, is_open)
+        return chosen._replace(open=chosen.open & self.contact)
+
+
+def contact_at(analysis: Analysis, t: Floats) -> NDArray[np.bool_]:
+    """Return whether there is contact at these times [s]; nowhere where nothing is coherent."""
+    record, phases = analysis.record, analysis.phases
+    if record.band.coherence == 0.0:
+        return np.zeros(len(t), dtype=np.bool_)
+    nearest = np.clip(np.searchsorted(record.t, t), 0, len(record.t) - 1)
+    return np.asarray(phases.contact[nearest])

@@ -1,0 +1,93 @@
+"""The samples of a record that its fits take, and the regressors of a model at them."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimation.baseline import cosines
+from estimation.compiled import Floats
+from teleop.evaluation.phases import Phases
+from teleop.evaluation.prepared import Prepared
+
+DEGREES = (1, 2, 3, 4, 5)
+"""Degrees of the polynomial."""
+STEADY = 0.01
+"""A force out of contact whose standard deviation is below this share of the range is a level."""
+SPARE = 6
+"""Fewest samples more than parameters."""
+
+
+class Rows:
+    """The samples of the fit, and the candidates' regressors."""
+
+    def __init__(self, record: Prepared, phases: Phases, baseline: bool = True) -> None:
+        self.record, self.phases = record, phases
+        rows = []
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], phases.usable.astype(np.int8), [0]])))
+        for start, end in zip(edges[::2], edges[1::2], strict=True):
+            offset = ((end - start - 1) % record.stride) // 2
+            rows.append(np.arange(start + offset, end, record.stride))
+        self.rows: NDArray[np.intp] = np.concatenate(rows) if rows else np.zeros(0, dtype=np.intp)
+        level = phases.free_force is not None and phases.free_spread < STEADY * np.ptp(record.f)
+        self.order = record.order if baseline and not level else 0
+        x = record.x[self.rows] if len(self.rows) else np.zeros(1)
+        self.origin = 0.5 * float(x.min() + x.max())
+        self.scale = max(0.5 * float(np.ptp(x)), 1e-12)
+        self.basis = cosines(
+            record.t[self.rows], float(record.t[0]), float(record.t[-1] - record.t[0]), self.order
+        )
+        self.f = record.f[self.rows]
+        depth = np.clip(self.normalised(record.raw_x), -1.5, 1.5)
+        self.powers = [record.smoothed(depth**n)[self.rows] for n in DEGREES]
+        self.sharp_x, self.sharp_v = record.sharpened(record.x), record.sharpened(record.v)
+        self.fine = np.flatnonzero(phases.usable)
+        self.contacts = np.flatnonzero(np.diff(self.fine, prepend=-2) > 1)
+
+    def normalised(self, x: Floats) -> Floats:
+        """Return the position from -1 to 1 over the contact."""
+        return (x - self.origin) / self.scale
+
+    def polynomial(self, theta: Floats) -> Floats:
+        """Return P at the measured position, of the parameters of a candidate without z."""
+        first = self.v_column + 1
+        degree = len(theta) - first
+        return np.asarray(
+            self.normalised(self.record.raw_x)[:, None] ** np.arange(1, degree + 1) @ theta[first:]
+        )
+
+    def in_contact(self, y: Floats) -> Floats:
+        """Return y with the value that it has at the contact point wherever there is none."""
+        point = self.phases.contact_point
+        if point is None:
+            return y
+        near = int(np.argmin(np.abs(self.record.raw_x - point.value)))
+        return np.where(self.record.raw_x < point.value, y[near], y)
+
+    def allow(self, terms: int) -> bool:
+        """Return whether there are samples enough for this many terms of the elastic force."""
+        return len(self.f) >= self.order + 2 + terms + SPARE
+
+    def peak_spread(self, force: Floats) -> float:
+        """Return the standard deviation of the peaks of the contacts [N]; 0 for fewer than three.
+
+        Parameters
+        ----------
+        force
+            Elastic force at the usable samples [N].
+        """
+        if len(self.contacts) < 3:
+            return 0.0
+        return float(np.std(np.maximum.reduceat(force, self.contacts)))
+
+    def regressors(self, degree: int, relaxing: list[Floats]) -> Floats:
+        """Return baseline, velocity, powers and relaxing parts, shape (n, m)."""
+        record, rows = self.record, self.rows
+        parts = [self.basis, record.v[rows, None], np.column_stack(self.powers[:degree])]
+        parts += [z[rows, None] for z in relaxing]
+        return np.concatenate(parts, axis=1)
+
+    @property
+    def v_column(self) -> int:
+        """Column of the velocity."""
+        return self.order + 1

@@ -1,0 +1,192 @@
+"""A record prepared for batch evaluation: even samples, smoothed without delay.
+
+The record is put on an even grid (linear interpolation; a gap ends a piece), averaged in blocks
+where it is sampled much faster than the force changes, and smoothed by one Gaussian kernel,
+position and force alike (`estimation.smoothing`), so that a model that is linear in its parameters
+holds for the smoothed signals as for the measured ones. The kernel's corner is a multiple of the
+upper end of the band in which force follows displacement (`estimation.coherent_band`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from scipy.signal import lfilter
+
+from estimation.baseline import FEWEST_CYCLES, baseline_order, without_baseline
+from estimation.coherent_band import CoherentBand, block_means, coherent_band
+from estimation.compiled import Floats
+from estimation.smoothing import kernel_width, slope, smooth
+from teleop.evaluation.signals import Signals
+from teleop.evaluation.turning_points import turning_points
+
+CORNER = 5.0
+"""Corner of the kernel as a multiple of the upper end of the coherent band."""
+FINENESS = 4.0
+"""Grid points for each standard deviation of the kernel, at least, where the record has them."""
+FEWEST = 16
+"""Fewest samples between two gaps that are used."""
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A record on an even grid, arrays of shape (n,)."""
+
+    t: Floats
+    """Time [s]."""
+    raw_x: Floats
+    """Position as measured, averaged over a grid period [m]."""
+    raw_f: Floats
+    """Force likewise [N]."""
+    x: Floats
+    """Smoothed position [m]."""
+    v: Floats
+    """Its derivative [m/s]."""
+    f: Floats
+    """Smoothed force [N]."""
+    period: float
+    """Grid period [s]."""
+    width: float
+    """Standard deviation of the kernel [s]."""
+    band: CoherentBand
+    starts: tuple[int, ...]
+    """Index of the first sample of each piece between gaps."""
+    x_noise: float
+    """Standard deviation of the noise of the measured position [m], quantisation included."""
+    f_noise: float
+    """Standard deviation of the noise of the measured force [N]."""
+
+    @cached_property
+    def order(self) -> int:
+        """Cosines of the baseline that is slower than the palpation; 0 for none.
+
+        A motion that goes to and fro fewer than three times has no baseline.
+        """
+        order = baseline_order(self.band.low, float(self.t[-1] - self.t[0]))
+        if order == 0 or self.band.coherence == 0.0:
+            return 0
+        fast = float(np.std(without_baseline(self.x, self.t, order)))
+        turns = turning_points(self.x, fast)
+        return order if len(turns) - 2 >= 2 * FEWEST_CYCLES else 0
+
+    @cached_property
+    def frequency(self) -> float:
+        """Cycles of the palpation in a second [Hz]; NaN for a motion without cycles."""
+        if self.order == 0:
+            return float("nan")
+        crossings = np.flatnonzero((self.palpation[:-1] < 0.0) & (self.palpation[1:] >= 0.0))
+        if len(crossings) < 2:
+            return self.band.centre
+        seconds = float(self.t[crossings[-1]] - self.t[crossings[0]])
+        return (len(crossings) - 1) / seconds
+
+    @cached_property
+    def palpation(self) -> Floats:
+        """The smoothed position without what is slower than the palpation [m]."""
+        return without_baseline(self.x, self.t, self.order)
+
+    def smoothed(self, values: Floats) -> Floats:
+        """Return values on the grid behind the kernel, shape (n,)."""
+        pieces = np.split(values, self.starts[1:])
+        return np.concatenate([smooth(piece, self.width / self.period) for piece in pieces])
+
+    def sharpened(self, values: Floats) -> Floats:
+        """Return smoothed values with their peaks restored to second order: 2 y - H y."""
+        return 2.0 * values - self.smoothed(values)
+
+    @property
+    def f_noise_smoothed(self) -> float:
+        """Standard deviation of white noise of the force that the smoothing leaves [N]."""
+        return self.f_noise * self.noise_gain
+
+    @property
+    def noise_gain(self) -> float:
+        """Share of the standard deviation of white noise that the smoothing leaves."""
+        return float(min(1.0, np.sqrt(self.period / (2.0 * np.sqrt(np.pi) * self.width))))
+
+    @property
+    def stride(self) -> int:
+        """Samples between two whose smoothed noise is nearly independent (2.5 widths)."""
+        return max(1, round(2.5 * self.width / self.period))
+
+
+def prepare(signals: Signals, bandwidth: float | None = None, force_lag: float = 0.0) -> Prepared:
+    """Prepare a record.
+
+    Parameters
+    ----------
+    signals
+        The record.
+    bandwidth
+        Half-power frequency of the kernel [Hz]; None to choose it from the coherent band.
+    force_lag
+        Time constant of the force channel [s]; the position is passed through the same lag.
+    """
+    period = float(np.median(signals.dt))
+    bounds = sorted({0, len(signals.t), *signals.gaps})
+    pieces = []
+    for start, end in pairwise(bounds):
+        t = signals.t[start:end]
+        count = int(np.floor((t[-1] - t[0]) / period + 0.5)) + 1 if len(t) > 1 else 1
+        if count < FEWEST:
+            continue
+        even = t[0] + period * np.arange(count)
+        x, f = (np.interp(even, t, channel[start:end]) for channel in (signals.x, signals.f))
+        if force_lag > 0.0:
+            decay = np.exp(-period / force_lag)
+            x = lfilter([1.0 - decay], [1.0, -decay], x - x[0]) + x[0]
+        pieces.append((even, x, f))
+    longest = max(pieces, key=lambda piece: len(piece[0]))
+    band = coherent_band(longest[1], longest[2], period)
+    corner = bandwidth or min(CORNER * band.high, 0.2 / period)
+    width = kernel_width(corner)
+    length = max(1, int(width / period / FINENESS))
+    x_noise, f_noise = (measurement_noise(channel) / np.sqrt(length) for channel in longest[1:])
+    step = smallest_step(longest[1]) / np.sqrt(12.0 * length)
+    grid: list[list[Floats]] = [[] for _ in range(6)]
+    starts = [0]
+    coarse = period * length
+    for even, x, f in pieces:
+        t, x, f = (block_means(channel, length) for channel in (even, x, f))
+        samples = width / coarse
+        columns = (t, x, f, smooth(x, samples), slope(x, samples, coarse), smooth(f, samples))
+        for column, values in zip(grid, columns, strict=True):
+            column.append(values)
+        starts.append(starts[-1] + len(t))
+    t, raw_x, raw_f, x, v, f = (np.concatenate(column) for column in grid)
+    return Prepared(
+        t,
+        raw_x,
+        raw_f,
+        x,
+        v,
+        f,
+        coarse,
+        width,
+        band,
+        tuple(starts[:-1]),
+        x_noise=max(x_noise, step),
+        f_noise=f_noise,
+    )
+
+
+def measurement_noise(values: Floats) -> float:
+    """Return the standard deviation of white noise, from third differences.
+
+    Parameters
+    ----------
+    values
+        Evenly sampled, shape (n,).
+    """
+    return float(1.4826 * np.median(np.abs(np.diff(values, 3))) / np.sqrt(20.0))
+
+
+def smallest_step(x: Floats) -> float:
+    """Return the smallest change between positions [m], an encoder's count; 0 for none."""
+    steps = np.abs(np.diff(x))
+    size = float(np.max(np.abs(x))) or 1.0
+    steps = steps[steps > 1e-12 * size]
+    return float(steps.min()) if len(steps) else 0.0

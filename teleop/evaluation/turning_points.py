@@ -1,0 +1,30 @@
+"""Where a motion turns back."""
+
+from __future__ import annotations
+
+from estimation.compiled import Floats
+
+
+def turning_points(x: Floats, least: float) -> list[int]:
+    """Return the indices where the motion turns back by at least this much, and both ends."""
+    turns = [0]
+    highest = lowest = 0
+    direction = 0
+    for i, value in enumerate(x.tolist()):
+        if value > x[highest]:
+            highest = i
+        if value < x[lowest]:
+            lowest = i
+        if direction >= 0 and x[highest] - value > least:
+            if direction > 0 or highest > 0:
+                turns.append(highest)
+            direction, lowest = -1, i
+            highest = i
+        elif direction <= 0 and value - x[lowest] > least:
+            if direction < 0 or lowest > 0:
+                turns.append(lowest)
+            direction, highest = 1, i
+            lowest = i
+    if turns[-1] < len(x):
+        turns.append(len(x))
+    return turns

@@ -1,0 +1,161 @@
+"""What the commands print of a result: the number to publish, the models, several files."""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from collections import Counter
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from teleop.output.console import number, plain_console, print_table, small
+
+COLUMNS = 80
+"""Width of the text [characters]."""
+
+
+def print_result(summary: Mapping[str, Any], name: str) -> None:
+    """Print the result block of a record."""
+    console = plain_console()
+    result = summary["result"]
+    console.print(f"{name}: result", style="bold")
+    if not result["identifiable"]:
+        console.print("  no stiffness and no damping can be given:", style="bold red")
+    else:
+        for symbol, unit, what in (("k", "N/m", "stiffness"), ("b", "N s/m", "damping")):
+            low, value, high = (result[f"{symbol}{end}"] for end in ("_low", "", "_high"))
+            low_text, value_text, high_text = (
+                significant(each, high - low) for each in (low, value, high)
+            )
+            console.print(
+                f"  {what:9} {symbol} = {value_text} {unit} "
+                f"(95 % interval {low_text} to {high_text})",
+                style="bold",
+            )
+    for reason in result["reasons"]:
+        style = "yellow" if result["identifiable"] else "red"
+        for line in textwrap.wrap(reason, COLUMNS - 4, initial_indent="- ", subsequent_indent="  "):
+            console.print(f"  {line}", style=style)
+    print_tangent(result["tangent"])
+    counts = Counter(phase["phase"] for phase in summary["phases"])
+    phases = ", ".join(f"{count} {phase}" for phase, count in counts.items())
+    console.print(f"  phases: {phases}")
+    if summary["contact_point"]:
+        position, low, high = summary["contact_point"].values()
+        console.print(
+            f"  contact point: {position * 1e3:.4g} mm "
+            f"(95 % interval {low * 1e3:.4g} to {high * 1e3:.4g})"
+        )
+    kept = summary["kept_force_variance"]
+    console.print(f"  conditioning keeps {kept:.0%} of the force variance")
+    if summary.get("material"):
+        print_material(summary["material"])
+
+
+def print_tangent(tangent: Mapping[str, Any]) -> None:
+    """Print where the stiffness is taken, and how a secant depends on the datum."""
+    if tangent["force_n"] is None:
+        return
+    console = plain_console()
+    console.print(
+        f"  k is the tangent stiffness at {tangent['force_n']:.3g} N, "
+        f"{tangent['depth_m'] * 1e3:.3g} mm"
+    )
+    if tangent["secant_n_per_m"] is not None:
+        console.print(
+            f"  secant there {tangent['secant_n_per_m']:.4g} N/m; it changes by "
+            f"{tangent['secant_change_per_0.1mm']:.1%} for a datum error of 0.1 mm"
+        )
+
+
+def print_material(material: Mapping[str, Any]) -> None:
+    """Print the elastic modulus."""
+    low, value, high = (material[f"modulus{end}_pa"] for end in ("_low", "", "_high"))
+    plain_console().print(
+        f"  elastic modulus E = {value / 1e3:.4g} kPa "
+        f"(95 % interval {low / 1e3:.4g} to {high / 1e3:.4g})\n    {material['method']}",
+        style="bold",
+    )
+
+
+def print_models(summary: Mapping[str, Any]) -> None:
+    """Print the batch models of a record, the best first."""
+    console = plain_console()
+    models = summary["models"]
+    if not models:
+        return
+    print_table(
+        console,
+        "batch models, the best first",
+        ("", "R^2", "rms [N]", "BIC", "autocorr."),
+        (
+            [
+                fit["name"],
+                f"{fit['r2']:.4f}",
+                small(fit["rms"]),
+                number(fit["bic"] - models[0]["bic"], 0),
+                f"{fit['residual_autocorrelation']:.2f}",
+            ]
+            for fit in models
+        ),
+    )
+    for fit in models:
+        cells = [parameter_text(name, one) for name, one in fit["parameters"].items()]
+        text = f"{fit['name']}: {', '.join(cells)}"
+        for line in textwrap.wrap(text, COLUMNS - 2, subsequent_indent="  "):
+            console.print(f"  {line}")
+
+
+def parameter_text(name: str, one: Mapping[str, Any]) -> str:
+    """Return a parameter with half of its interval, or that it is not identifiable."""
+    if not one["identifiable"]:
+        return f"{name} not identifiable"
+    half = 0.5 * (one["high"] - one["low"])
+    return f"{name} {one['value']:.4g} \u00b1 {half:.2g} {one['unit']}".removesuffix(" -")
+
+
+def significant(value: float, width: float) -> str:
+    """Return a value with two digits of its interval."""
+    decimals = 1 - math.floor(math.log10(width)) if width > 0.0 else 3
+    return number(round(value, decimals), max(decimals, 0))
+
+
+def print_together(together: Mapping[str, Any]) -> None:
+    """Print one Kelvin-Voigt fit for each file, one for all of them, and whether that fits."""
+    console = plain_console()
+    names = [Path(row["file"]).name for row in together["alone"]]
+    if len(set(names)) < len(names):
+        names = [row["file"] for row in together["alone"]]
+    rows = [*zip(names, together["alone"], strict=True), ("all together", together)]
+    print_table(
+        console,
+        "batch least squares of Kelvin-Voigt, one by one and together",
+        ("", "k [N/m]", "b [N s/m]", "residual [N rms]"),
+        ([name, number(row["k"], 0), number(row["b"], 1), small(row["rms"])] for name, row in rows),
+    )
+    if together["modulus"]:
+        print_table(
+            console,
+            "complex modulus",
+            ("", "f [Hz]", "k' [N/m]", 'k" [N/m]', "tan delta"),
+            (
+                [
+                    Path(row["file"]).name,
+                    f"{row['frequency_hz']:.3g}",
+                    f"{number(row['storage'], 0)} \u00b1 {row['storage_interval']:.2g}",
+                    f"{number(row['loss'], 0)} \u00b1 {row['loss_interval']:.2g}",
+                    f"{row['tan_delta']:.3f} \u00b1 {row['tan_delta_interval']:.1g}",
+                ]
+                for row in together["modulus"]
+            ),
+        )
+    for symbol, ratio in together["ratios"].items():
+        console.print(
+            f"  largest {symbol} over smallest: {ratio['ratio']:.3g} "
+            f"(95 % interval {ratio['low']:.3g} to {ratio['high']:.3g})"
+        )
+    style = "bold red" if together["insufficient"] else None
+    for reason in together["reasons"]:
+        for line in textwrap.wrap(reason, COLUMNS - 2):
+            console.print(f"  {line}", style=style)
