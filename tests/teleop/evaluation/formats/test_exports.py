@@ -51,7 +51,8 @@ def test_other_columns_of_an_export_can_be_chosen(trial, tmp_path, evaluated, en
         pytest.importorskip(LIBRARY[ending])
     out = tmp_path / f"trial.{ending}"
     assert main(["export", str(trial), "--out", str(out)]) == 0
-    document = evaluated(out, "--position", "slave_position", "--force", "contact_force")
+    columns = ["--position", "slave_position", "--force", "contact_force"]
+    document = evaluated(out, *columns, "--datum", "file")
     assert "as_online" not in document
     assert document["batch"]["k"] == pytest.approx(evaluated(trial)["batch"]["k"], rel=0.1)
 
