@@ -105,7 +105,10 @@ class VelocitySettings(ChannelSettings):
 
 
 class ChannelsSettings(Section):
-    """Rig file section of the channels; handle position and slave velocity are optional."""
+    """Rig file section of the channels.
+
+    The encoder of the handle and the velocity of the slave are optional.
+    """
 
     master_force: ForceSettings
     contact_force: ForceSettings

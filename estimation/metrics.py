@@ -17,7 +17,7 @@ ACTIVE_STATE = "p"
 
 
 def estimated_force(regression: Regression, estimates: Estimates) -> Floats:
-    """Return the force f_hat = phi' theta_hat [N] of each sample and its estimate, (5)."""
+    """Return the force f_hat = phi' theta_hat [N], (5), with the estimate after each sample."""
     return _force(regression, estimates, lambda series: series)
 
 

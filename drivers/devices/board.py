@@ -154,7 +154,9 @@ class Board(SerialDevice):
         if not self._port.received:
             return "expected a board with running firmware"
         rejected = ", ".join(f"{n} rejected for {why}" for why, n in self.rejected.items())
-        return f"{self._port.received} bytes came, {rejected or 'no frame'}: check the baud rate"
+        return (
+            f"{self._port.received} bytes received, {rejected or 'no frame'}: check the baud rate"
+        )
 
     def receive(self, data: bytes, now: float) -> None:
         """Process messages; the newest sample sets all signals."""

@@ -1,4 +1,4 @@
-"""Rig file section of a board in a rig file, and the signals that it defines."""
+"""Rig file section of a board, and the signals that it defines."""
 
 from __future__ import annotations
 
@@ -22,7 +22,10 @@ QUANTITIES = (
 
 
 class BoardSettings(DeviceSettings):
-    """Rig file section of a board; each list has an entry for each input or axis in use."""
+    """Rig file section of a board.
+
+    Each list has one entry per input or axis in use, from the first one on.
+    """
 
     kind: Literal["board"]
     bus: str

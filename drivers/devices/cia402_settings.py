@@ -1,4 +1,4 @@
-"""Rig file section of a CiA 402 drive in a rig file."""
+"""Rig file section of a CiA 402 drive."""
 
 from __future__ import annotations
 

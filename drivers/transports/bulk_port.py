@@ -93,7 +93,7 @@ class DescriptorPort(PortablePort):
         return data
 
     def close(self) -> None:
-        """Close the port, and invalidate the descriptor, which another file may get."""
+        """Close the port; forget its file descriptor, because another file may get this number."""
         self._descriptor = -1
         super().close()
 

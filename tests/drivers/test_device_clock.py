@@ -64,7 +64,7 @@ def test_a_time_is_never_too_early_and_too_late_by_the_least_age(
     assert max(errors) < latency + 1.5e-3
 
 
-def test_the_counter_of_the_device_wraps_without_a_seam():
+def test_the_counter_of_the_device_wraps_without_a_jump():
     smooth, wrapped = run(seconds=1.0), run(seconds=1.0, start=WRAP - 500_000)
     assert wrapped == pytest.approx(smooth, abs=1e-5)
 
@@ -76,13 +76,13 @@ def test_the_drift_of_two_crystals_is_followed(drift):
     assert max(errors) < 1e-3
 
 
-def test_a_stall_of_both_the_controller_and_the_device_makes_no_sample_older():
+def test_a_delay_of_both_controller_and_device_does_not_increase_ages():
     errors = run(stalls=[0.5, 0.9, 1.3])[100:]
     assert min(errors) > -1e-6
     assert max(errors) < 1e-3
 
 
-def test_a_delivery_that_is_late_shows_in_the_age():
+def test_a_late_delivery_increases_the_age():
     errors = run(seconds=3.0, slow=(1.0, 2.0))[100:]
     assert min(errors) > -1e-6
     assert max(errors) < 1e-3
@@ -98,7 +98,7 @@ def test_nothing_is_known_before_the_first_sample():
     assert math.isnan(DeviceClock().time(5))
 
 
-def test_a_time_that_does_not_go_on_is_no_harm():
+def test_a_repeated_time_is_accepted():
     clock = DeviceClock()
     for stamp, now in ((1000, 5.0), (2000, 5.001), (3000, 4.0)):
         clock.observe(stamp, now)

@@ -9,7 +9,7 @@ import pytest
 from estimation import Bank, paper_preset, scaled_preset
 
 
-def test_feeds_every_estimator_the_same_samples(palpation):
+def test_every_estimator_processes_the_same_samples(palpation):
     s = palpation(seconds=0.2, noise=0.1)
     together, alone = paper_preset("soft").bank(), paper_preset("soft").bank()
     estimates = together.run(*s)

@@ -40,7 +40,7 @@ def test_a_rest_has_no_velocity_wherever_it_is(make):
     np.testing.assert_allclose((x[-1], f[-1]), (1.5, 7.0))
 
 
-def test_online_and_batch_agree_and_reset_makes_it_as_new(make, palpation):
+def test_online_and_batch_agree_and_reset_restores_the_initial_state(make, palpation):
     s = palpation(seconds=0.2, jitter=0.3)
     conditioner = make()
     batch = conditioner.run(s.x, s.f, s.dt)
@@ -110,7 +110,7 @@ def test_a_bandwidth_that_is_not_positive_is_refused(make, bandwidth):
         make(bandwidth)
 
 
-def test_a_bad_sample_is_refused_and_leaves_no_trace(make):
+def test_a_bad_sample_is_refused_and_does_not_change_the_state(make):
     conditioner, twin = make(), make()
     for c in (conditioner, twin):
         c.update(1e-3, 2.0, 1e-3)

@@ -18,7 +18,7 @@ def last(x, v, dt=1e-3, **parameters):
 t = np.arange(3000) * 1e-3
 
 
-def test_a_sine_about_zero_at_one_hertz_is_round():
+def test_a_sine_about_zero_at_one_hertz_has_excitation_1():
     x, v = 3e-3 * np.sin(OMEGA * t), 3e-3 * OMEGA * np.cos(OMEGA * t)
     assert last(x, v) == pytest.approx(1.0, abs=0.01)
 
@@ -44,7 +44,7 @@ def test_motion_that_does_not_separate_damping_and_stiffness_has_no_excitation(x
     assert last(x, v) == pytest.approx(0.0, abs=1e-6)
 
 
-def test_a_sine_of_any_frequency_is_round_when_compared_at_that_frequency():
+def test_a_sine_of_any_frequency_has_excitation_1_at_that_frequency():
     slow = np.arange(30_000) * 1e-3
     x = 3e-3 * np.sin(0.2 * OMEGA * slow)
     v = 3e-3 * 0.2 * OMEGA * np.cos(0.2 * OMEGA * slow)

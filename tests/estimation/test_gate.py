@@ -38,7 +38,7 @@ def steady(v: float, f: float) -> bool:
         (0.0, 0.0, False),
     ],
 )
-def test_is_open_in_contact_and_motion_alone(v, f, is_open):
+def test_is_open_only_in_contact_and_motion(v, f, is_open):
     assert steady(v, f) is is_open
 
 
@@ -59,13 +59,13 @@ def test_averages_squares_over_the_window():
     assert 0 < got.sum() < 500
 
 
-def test_a_turning_point_does_not_shut_it():
+def test_a_turning_point_does_not_close_the_gate():
     t = np.arange(0.0, 2.0, DT)
     is_open = Gate(SETTINGS).run(samples(25e-3 * np.cos(2 * np.pi * t), 10.0))
     assert is_open[50:].all()
 
 
-def test_shuts_when_contact_or_motion_ends_and_opens_again():
+def test_closes_when_contact_or_motion_ends_and_opens_again():
     t = np.arange(0.0, 6.0, DT)
     contact = (t % 3.0) < 2.0
     moving = (t % 3.0) < 1.0
@@ -92,7 +92,7 @@ def test_update_and_run_agree_whether_compiled_or_not():
     )
 
 
-def test_starts_shut_and_reset_makes_it_as_new():
+def test_starts_closed_and_reset_restores_the_initial_state():
     gate = Gate(SETTINGS)
     given = samples(np.full(10, 0.01), 5.0)
     first = gate.run(given).tolist()

@@ -43,7 +43,7 @@ def test_is_the_matched_filter_and_the_presets_bank():
     np.testing.assert_allclose(found.t, DT * np.arange(len(x)), atol=1e-12)
 
 
-def test_makes_up_for_the_lag_of_the_force_channel():
+def test_compensates_the_lag_of_the_force_channel():
     lag, t = 0.02, np.arange(0.0, 4.0, DT)
     w = 2 * np.pi
     x = 5e-3 + 3e-3 * np.sin(w * t)

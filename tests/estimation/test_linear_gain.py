@@ -154,7 +154,7 @@ def test_for_recursive_least_squares_it_is_the_covariance_due_to_noise_and_initi
     np.testing.assert_allclose(got, p @ noisy @ p, rtol=1e-5)
 
 
-def test_noise_that_comes_in_runs_makes_intervals_wider_by_its_correlation():
+def test_correlated_noise_widens_intervals_by_its_correlation():
     run = 8
     x, v = motion()
     estimates, reported = [], []
@@ -167,7 +167,7 @@ def test_noise_that_comes_in_runs_makes_intervals_wider_by_its_correlation():
     np.testing.assert_allclose(np.mean(reported, axis=0), np.std(estimates, axis=0), rtol=0.2)
 
 
-def test_correlation_scales_variances_alone(palpation):
+def test_correlation_scales_only_variances(palpation):
     s = palpation(seconds=0.5, noise=NOISE)
     plain, wide = gradient().run(*s), gradient(correlation=4.0).run(*s)
     assert np.array_equal(plain.k, wide.k)
@@ -206,7 +206,7 @@ def test_a_correlation_below_one_is_refused(correlation):
 
 @pytest.mark.parametrize("gap", [0.3, 20.0])
 @pytest.mark.parametrize("name", ["rls", "kalman"])
-def test_after_a_gap_the_interval_holds_the_truth_as_often_as_it_states(name, gap):
+def test_after_a_gap_the_interval_has_its_nominal_coverage(name, gap):
     before, after = 400, 251
     inside = []
     for seed in range(200):

@@ -36,7 +36,7 @@ def test_rise_time_of_a_first_order_lag_is_its_time_constant_times_log_9():
     assert rise_time(t, 1.0 - np.exp(-t / 0.2)) == pytest.approx(0.2 * math.log(9.0), rel=0.02)
 
 
-def test_rise_time_does_not_count_a_rest_before_and_is_nil_for_a_jump():
+def test_rise_time_ignores_a_rest_before_and_is_zero_for_a_jump():
     t = np.arange(1000) * 1e-3
     assert rise_time(t, np.where(t < 0.3, 0.0, 2000.0)) == 0.0
 

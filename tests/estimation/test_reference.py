@@ -14,7 +14,7 @@ reference = importlib.util.module_from_spec(SPEC)
 SPEC.loader.exec_module(reference)
 
 
-def test_all_estimators_with_all_models_give_the_numbers_that_are_kept():
+def test_all_estimators_with_all_models_equal_the_stored_estimates():
     with np.load(reference.FILE) as file:
         expected = dict(file)
     got = {key: reference.kept(key, answer) for key, answer in reference.runs()}

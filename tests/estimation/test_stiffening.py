@@ -38,7 +38,7 @@ def recording(lag, seconds=4.0, noise=0.0, frequency=2.0, b=B, k3=K3):
 settled = slice(1000, None)
 
 
-def test_a_lag_alone_reads_as_b_minus_k_lag():
+def test_a_lag_alone_biases_the_damping_to_b_minus_k_lag():
     x, f = recording(lag=5e-3, k3=0.0, frequency=0.5)
     fit = MatchedSignals(x, f, 1e-3, 20.0, settled).fit(0.0, stiffening=False)
     assert fit.b == pytest.approx(B - K * 5e-3, rel=0.02)
@@ -51,7 +51,7 @@ def test_matching_the_lag_recovers_the_damping_of_a_linear_body():
     assert fit.k == pytest.approx(K, rel=1e-4)
 
 
-def test_stiffening_leaves_its_share_in_the_damping_unless_it_is_a_regressor():
+def test_stiffening_biases_the_damping_unless_it_is_a_regressor():
     t = np.arange(0.0, 4.0, 1e-3)
     x = 1e-3 - 0.8e-3 * np.cos(2 * np.pi * (t + 0.15 * np.sin(2 * np.pi * t)))
     f = B * np.gradient(x, t) + K * x + K3 * x**3

@@ -34,7 +34,7 @@ def reads(rig, count, command=STANDSTILL):
     return out
 
 
-def test_without_a_fault_it_is_the_rig_itself(rig):
+def test_without_a_fault_it_behaves_as_the_rig(rig):
     plain = SimulatedRig(CUBES["soft"], rig.clock)
     plain.open()
     rig.enable()
@@ -45,7 +45,7 @@ def test_without_a_fault_it_is_the_rig_itself(rig):
         assert rig.write(Command(0.01, 0.02)) == plain.write(Command(0.01, 0.02))
 
 
-def test_a_replaced_and_a_shifted_channel_touch_no_other(rig):
+def test_a_replaced_and_a_shifted_channel_do_not_change_other_channels(rig):
     rig.inject(Replaced("contact_force", math.inf))
     before = reads(rig, 1)[0]
     assert before.contact_force == math.inf

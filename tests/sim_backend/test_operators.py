@@ -48,7 +48,7 @@ def test_starts_from_rest_after_the_reaction_time(make):
     assert (intended[times < REACTION] == 0.0).all()
 
 
-def test_same_seed_same_person_other_seed_another(make):
+def test_the_motion_depends_only_on_the_seed(make):
     assert np.array_equal(positions(make(9e-3, 1)), positions(make(9e-3, 1)))
     assert not np.array_equal(positions(make(9e-3, 1)), positions(make(9e-3, 2)))
 
@@ -69,7 +69,7 @@ def test_mimicking_errs_in_amplitude_and_in_phase():
     assert 0.01 < np.std(peaks) / np.mean(peaks) < 0.3
 
 
-def test_the_hand_trembles_at_8_to_12_hz_by_about_a_tenth_of_a_millimetre(make):
+def test_the_tremor_has_8_to_12_hz_and_about_0_1_mm(make):
     moved, still = make(9e-3, 3), make(9e-3, 3)
     late = times[times > REACTION + 1.0]
     tremor = np.array([moved.intention(t)[0] for t in late])

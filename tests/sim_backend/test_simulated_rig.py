@@ -73,7 +73,7 @@ def test_after_idling_the_slave_comes_to_rest():
     assert rig.write(STANDSTILL) == STANDSTILL
 
 
-def test_drives_that_are_not_commanded_any_more_stop_by_themselves():
+def test_drives_stop_when_commands_end():
     clock = HandClock()
     rig = SimulatedRig(CUBES["soft"], clock, watchdog=0.05)
     rig.open()

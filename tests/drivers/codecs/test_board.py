@@ -52,7 +52,7 @@ def test_board_messages_are_decoded_as_documented():
     ]
 
 
-def test_every_damaged_bit_is_noticed():
+def test_every_bit_error_is_detected():
     for name in ("IDENTITY", "CONFIGURED", "SAMPLE"):
         good = EXAMPLE[name]
         for bit in range(8 * (len(good) - 1)):
@@ -91,7 +91,7 @@ def test_short_and_damaged_frames_are_counted_by_reason():
     assert reader.rejected == {"length": 1, "checksum": 1, "framing": 1}
 
 
-def test_of_another_version_no_more_than_the_version_is_read():
+def test_of_another_version_only_the_version_is_decoded():
     body = struct.pack("<BHIB", codec.IDENTITY, 7, 99, 2) + b"anything at all"
     assert MessageReader().feed(sealed(body)) == [Identity(7, 99, 2)]
 
@@ -100,7 +100,7 @@ def test_of_another_version_no_more_than_the_version_is_read():
     ("value", "counts"),
     [(1e-3, 1000), (-1e-3, -1000), (0.4e-6, 0), (1e9, 2**31 - 1), (-1e9, -(2**31 - 1))],
 )
-def test_velocities_in_counts_are_rounded_and_held_within_the_field(value, counts):
+def test_velocities_in_counts_are_rounded_and_limited_to_the_field(value, counts):
     assert codec.to_counts(value, 1e-6) == counts
 
 

@@ -45,7 +45,7 @@ def test_the_independent_check_sum_agrees_with_the_vector():
     assert x25(VECTOR[1:35]).to_bytes(2, "little") == VECTOR[35:]
 
 
-def test_a_bit_that_flipped_costs_that_frame_alone():
+def test_a_bit_error_loses_only_its_frame():
     broken = bytearray(VECTOR)
     broken[9] ^= 4
     frames, rejected = parsed(VECTOR + broken + VECTOR)
@@ -54,7 +54,7 @@ def test_a_bit_that_flipped_costs_that_frame_alone():
     assert rejected.total() == len(VECTOR)
 
 
-def test_a_header_in_noise_costs_no_frame():
+def test_a_header_in_noise_loses_no_frame():
     frames, rejected = parsed(b"\xaa\x01" + VECTOR + b"\xaa" + VECTOR)
     assert len(frames) == 2
     assert rejected == {"checksum": 2, "noise": 1}
@@ -73,7 +73,7 @@ def test_reports_the_fault_of_a_status(status, words):
     pieces=st.lists(st.one_of(st.just(VECTOR), st.binary(max_size=60))),
     cuts=st.lists(st.integers(0, 600)),
 )
-def test_cuts_do_not_matter_and_no_byte_is_unaccounted_for(pieces, cuts):
+def test_the_pieces_do_not_matter_and_every_byte_is_counted(pieces, cuts):
     stream = b"".join(pieces)
     edges = [0, *sorted(cut for cut in cuts if cut < len(stream)), len(stream)]
     chunks = [stream[a:b] for a, b in pairwise(edges)]
@@ -88,7 +88,7 @@ def test_cuts_do_not_matter_and_no_byte_is_unaccounted_for(pieces, cuts):
     values=st.tuples(*[st.floats(-1e3, 1e3, width=32)] * 6),
     stamp=st.integers(0, 2**32 - 1),
 )
-def test_every_frame_behind_noise_is_found(noise, values, stamp):
+def test_every_frame_after_noise_is_found(noise, values, stamp):
     frame = encoded(*values, stamp=stamp)
     frames, rejected = parsed(noise + frame + noise + frame)
     assert [found[1:8] for found in frames] == [(*values, stamp)] * 2

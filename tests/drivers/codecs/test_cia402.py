@@ -68,7 +68,7 @@ def test_counts_and_thousandths_of_rated_torque_become_metres_and_newtons():
     assert force == pytest.approx(0.1 * 0.5 * 2 * math.pi / 5e-3)
 
 
-def test_a_turn_a_minute_is_a_sixtieth_of_the_travel_a_second():
+def test_one_rpm_is_a_sixtieth_of_the_travel_per_second():
     rpm = Units(10_000, 6e-3, "rpm")
     assert rpm.target(0.1e-3) == 1
     assert rpm.velocity_and_force(struct.pack("<ih", 60, 0))[0] == pytest.approx(6e-3)
@@ -87,7 +87,7 @@ def test_a_target_is_the_nearest_unit(velocity, unit):
 
 
 @given(st.floats(allow_nan=False, allow_infinity=False))
-def test_any_finite_velocity_fits_the_wire(velocity):
+def test_any_finite_velocity_can_be_encoded(velocity):
     cia402.command(Control.ENABLE_OPERATION, UNITS.target(velocity))
 
 

@@ -45,7 +45,7 @@ def test_the_request_to_stream_is_valid_modbus():
     assert modbus(START_STREAM[:-2]).to_bytes(2, "little") == START_STREAM[-2:]
 
 
-def test_a_bit_that_flipped_costs_that_frame_alone():
+def test_a_bit_error_loses_only_its_frame():
     broken = bytearray(VECTOR)
     broken[5] ^= 0x10
     frames, rejected = parsed(VECTOR + broken + VECTOR)
@@ -53,7 +53,7 @@ def test_a_bit_that_flipped_costs_that_frame_alone():
     assert rejected == {"checksum": 1, "noise": 15}
 
 
-def test_a_header_in_noise_costs_no_frame():
+def test_a_header_in_noise_loses_no_frame():
     frames, rejected = parsed(b"\x20\x4e\x20" + VECTOR)
     assert len(frames) == 1
     assert rejected == {"checksum": 1, "noise": 2}
@@ -69,7 +69,7 @@ def test_a_header_may_be_cut_in_the_middle():
     pieces=st.lists(st.one_of(st.just(VECTOR), st.binary(max_size=30), st.just(b"\x20\x4e"))),
     cuts=st.lists(st.integers(0, 300)),
 )
-def test_cuts_do_not_matter_and_no_byte_is_unaccounted_for(pieces, cuts):
+def test_the_pieces_do_not_matter_and_every_byte_is_counted(pieces, cuts):
     stream = b"".join(pieces)
     edges = [0, *sorted(cut for cut in cuts if cut < len(stream)), len(stream)]
     chunks = [stream[a:b] for a, b in pairwise(edges)]
@@ -80,7 +80,7 @@ def test_cuts_do_not_matter_and_no_byte_is_unaccounted_for(pieces, cuts):
 
 
 @given(st.tuples(*[st.integers(-(2**15), 2**15 - 1)] * 6), st.binary(max_size=99))
-def test_every_frame_behind_noise_is_found(counts, noise):
+def test_every_frame_after_noise_is_found(counts, noise):
     noise = noise.replace(b"\x20", b"\x00")
     frames, rejected = parsed(noise + encoded(*counts))
     units = [0.01] * 3 + [0.001] * 3

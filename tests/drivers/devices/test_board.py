@@ -257,7 +257,7 @@ def feed(wire, name):
 # ---- what is said ----
 
 
-def test_the_conversation_is_that_of_the_documentation(make, bench):
+def test_the_message_sequence_is_that_of_the_documentation(make, bench):
     # velocity and position scales of the example: one micrometre a count
     wire = make(settings(position_um_per_count=(1.0, 1.0), force_n_per_count=(1e-3, 1e-3)))
     wire.board.boot = 0x1234ABCC
@@ -316,7 +316,7 @@ def test_the_error_for_a_wrong_baud_rate_has_the_number_of_received_bytes(make):
 
 
 @pytest.mark.parametrize("key", list(FULL))
-def test_a_board_with_less_than_the_rig_file_wants_is_refused(make, key):
+def test_a_board_with_fewer_channels_than_the_rig_file_is_refused(make, key):
     wire = make(settings(), settings(**{key: FULL[key][:1]}))
     with pytest.raises(RigError) as refused:
         wire.driver.start(wire)
@@ -371,7 +371,7 @@ def test_only_what_has_a_scale_is_a_signal_or_a_drive():
     assert driver.drives == {}
 
 
-def test_the_clock_of_the_board_wraps_without_a_seam(make):
+def test_the_clock_of_the_board_wraps_without_a_jump(make):
     wire = make()
     wire.board.started = 0.2 - 2**32 * 1e-6
     wire.driver.start(wire)
@@ -424,7 +424,7 @@ def test_enabled_is_the_report_of_the_board_after_the_request(wire):
     assert wire.enable("axis_1")
 
 
-def test_velocities_of_before_are_forgotten(wire, bench):
+def test_earlier_velocities_are_discarded(wire, bench):
     wire.enable("axis_1")
     wire.driver.drives["axis_1"].command(0.05)
     wire.run(3)
@@ -434,7 +434,7 @@ def test_velocities_of_before_are_forgotten(wire, bench):
     assert bench.axes["axis_1"] == 0.0
 
 
-def test_commands_go_on_past_the_wrap_of_the_sequence_number(wire, bench):
+def test_commands_continue_after_the_wrap_of_the_sequence_number(wire, bench):
     wire.driver._sequence = 0xFFF0
     wire.driver._send(codec.HELLO)
     wire.run(2)
@@ -480,7 +480,7 @@ def test_a_command_after_the_watchdog_time_has_no_effect(wire, bench):
     assert bench.axes["axis_1"] is None
 
 
-def test_enabling_alone_does_not_keep_the_watchdog_at_bay(wire, bench):
+def test_enabling_does_not_reset_the_watchdog(wire, bench):
     wire.enable("axis_1")
     for _ in range(80):
         wire.driver._send(codec.ENABLE, codec.enable(1))
@@ -512,7 +512,7 @@ def test_nothing_is_enabled_against_an_open_emergency_stop(wire, bench):
     assert bench.driven == set()
 
 
-def test_a_drive_fault_stops_the_axes_and_its_error_outlasts_it(wire, bench):
+def test_a_drive_fault_stops_the_axes_and_its_error_is_latched(wire, bench):
     wire.enable("axis_1")
     wire.board.drive_fault = True
     wire.run(2)
@@ -550,7 +550,7 @@ def test_a_board_reset_is_an_error_until_the_rig_is_opened_again(wire, bench, sa
     assert wire.driver.error.startswith("the board was reset")
 
 
-def test_a_reset_is_noticed_though_its_announcement_was_lost(wire):
+def test_a_reset_is_detected_also_if_its_message_was_lost(wire):
     wire.enable("axis_1")
     wire.board.reset(wire.time)
     wire.step(lambda frames: [])
@@ -558,7 +558,7 @@ def test_a_reset_is_noticed_though_its_announcement_was_lost(wire):
     assert wire.driver.error.startswith("the board was reset")
 
 
-def test_a_clock_that_goes_back_in_the_stream_is_a_reset():
+def test_a_decreasing_clock_in_the_stream_is_a_reset():
     board = EmulatedBoard("board", settings(), Bench())
     wire = Wire(Board("board", settings()), board)
     wire.driver.start(wire)
@@ -568,7 +568,7 @@ def test_a_clock_that_goes_back_in_the_stream_is_a_reset():
     assert wire.driver.error == ("the board was reset, open the rig again: its clock decreased")
 
 
-def test_a_board_that_somebody_else_stopped_has_left_operation(wire):
+def test_a_board_stopped_by_another_host_has_left_operation(wire):
     wire.enable("axis_1")
     wire.board.receive(codec.frame(codec.DISABLE, wire.driver._sequence), wire.time)
     wire.driver._sequence += 1
@@ -589,7 +589,7 @@ def test_a_new_host_finds_a_board_that_streams_and_is_enabled(wire, bench):
     assert successor.samples["force_0"] is not NO_SAMPLE
 
 
-def test_goodbye_ends_the_stream(wire):
+def test_stop_ends_the_samples(wire):
     wire.run(3)
     wire.driver.stop()
     wire.step()
@@ -637,7 +637,7 @@ def test_a_repeated_or_late_command_is_rejected_and_reported_to_the_host(wire, b
     assert wire.driver.rejected == {"by the board": 2}
 
 
-def test_a_repeated_command_does_not_keep_the_watchdog_at_bay(wire, bench):
+def test_a_repeated_command_does_not_reset_the_watchdog(wire, bench):
     wire.enable("axis_1")
     wire.driver.transmit()
     for _ in range(80):

@@ -46,7 +46,7 @@ def test_samples_are_as_old_as_they_were_taken(started):
         assert 0.0 < age < PERIOD + 2 * TICK
 
 
-def test_of_a_burst_the_newest_wins_and_times_stay_a_period_apart(started):
+def test_of_a_burst_the_newest_frame_is_used_and_times_stay_one_period_apart(started):
     for _ in range(20):
         started.run()
     before = started.device.samples["fz"].time
@@ -128,7 +128,7 @@ def test_a_sensor_restart_is_an_error_until_the_rig_is_opened_again(started):
     assert started.device.error == ""
 
 
-def test_the_wrap_of_its_clock_is_no_restart(bench):
+def test_the_wrap_of_its_clock_is_not_a_restart(bench):
     bench.run()
     bench.sensor._power_up = bench.time - 2**32 * 1e-6 + 0.05
     bench.device.start(bench)

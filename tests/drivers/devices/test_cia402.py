@@ -156,7 +156,7 @@ def test_after_start_every_signal_has_a_sample_and_the_drive_is_idle():
     assert bench.driver.signals().keys() == bench.driver.samples.keys()
 
 
-def test_an_enabled_drive_follows_the_velocity_from_the_very_tick():
+def test_an_enabled_drive_follows_the_velocity_from_the_first_tick():
     bench = Bench().enable()
     applied = bench.driver.command(12.34567e-3)
     bench.driver.transmit()
@@ -190,7 +190,7 @@ def test_a_velocity_unit_that_cannot_be_set_is_refused():
         bench.start()
 
 
-def test_samples_bear_the_time_of_the_sync_that_they_answer():
+def test_samples_have_the_time_of_their_sync():
     bench = Bench().start()
     bench.tick()
     sent = bench.wire.time
@@ -282,7 +282,7 @@ def test_the_heartbeat_is_sent_at_the_pace_of_the_shortest_watchdog():
     assert 9 <= beats <= 11
 
 
-def test_drives_do_not_watch_us_before_one_is_enabled():
+def test_drives_do_not_monitor_the_heartbeat_before_one_is_enabled():
     bench = Bench().start()
     bench.tick(10)
     bench.wire.wait_for(lambda: False, 3.0)
@@ -321,7 +321,7 @@ def test_a_ping_is_answered_by_the_process_data():
 
 
 @pytest.mark.parametrize("watchdog", ["heartbeat", "event timer"])
-def test_a_drive_whose_master_falls_silent_stops_by_itself(watchdog):
+def test_a_drive_stops_when_its_master_stops_sending(watchdog):
     bench = Bench().enable()
     if watchdog == "heartbeat":
         bench.drive.objects[0x1400, 5].value = 0
@@ -349,7 +349,7 @@ def test_a_drive_that_lost_the_controller_reports_it_until_it_is_enabled_again()
     assert not bench.driver.error
 
 
-def test_a_drive_without_event_timer_is_watched_by_heartbeat_alone():
+def test_a_drive_without_event_timer_is_monitored_by_heartbeat_only():
     bench = Bench()
     del bench.drive.objects[0x1400, 5]
     bench.drive._power_up.pop((0x1400, 5))
@@ -385,7 +385,7 @@ def test_after_an_error_only_quick_stop_and_standstill_are_sent():
 
 
 @pytest.mark.parametrize("enabled", [True, False])
-def test_a_fault_without_emergency_message_is_seen_in_the_statusword(enabled):
+def test_a_fault_without_emergency_message_is_detected_in_the_statusword(enabled):
     bench = Bench().enable() if enabled else Bench().start()
     bench.tick()
     bench.drive.emergency = lambda code, register: None
@@ -446,7 +446,7 @@ def test_leaving_nmt_operational_is_an_error():
     assert bench.mount.braked
 
 
-def test_it_is_left_where_it_does_not_miss_us():
+def test_after_stop_it_reports_no_missing_heartbeat():
     bench = Bench().enable()
     bench.driver.idle()
     bench.driver.stop()
@@ -470,7 +470,7 @@ def test_a_drive_left_running_by_a_killed_controller_is_stopped_by_the_next_star
     assert bench.drive.state is not Truth.OPERATION_ENABLED
 
 
-def test_nothing_but_the_two_mapped_pdos_is_sent_by_the_drive():
+def test_the_drive_sends_only_the_two_mapped_pdos():
     bench = Bench().start()
     bench.tick(10)
     bench.wire.send(0x080, b"")
@@ -515,7 +515,7 @@ def test_a_drive_that_would_not_stop_without_its_master_is_refused():
         bench.start()
 
 
-def test_a_heartbeat_in_the_same_breath_does_not_hide_the_boot_up():
+def test_a_heartbeat_right_after_the_boot_up_does_not_hide_it():
     bench = Bench()
     emit = bench.drive.emit
 
@@ -675,7 +675,7 @@ OBJECTS = {
 }
 
 
-def test_canopen_s_node_is_set_up_as_meant_and_its_pdos_are_understood():
+def test_canopen_s_node_is_set_up_correctly_and_its_pdos_are_decoded():
     wire, theirs, driver = Wire(), LocalNodeNetwork(), Cia402("drive", settings())
     wire.nodes, wire.drivers = [theirs], [driver]
     driver.start(wire)

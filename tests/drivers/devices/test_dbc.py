@@ -180,7 +180,7 @@ def test_a_silent_device_is_an_error(settings):
     )
 
 
-def test_the_file_is_seen_from_the_rig_files_folder(folder):
+def test_the_path_is_relative_to_the_rig_files_folder(folder):
     section = {"kind": "dbc", "bus": "can", "file": "tip.dbc"}
     settings = TypeAdapter(DbcSettings).validate_python(section, context={"folder": folder})
     assert settings.file == folder / "tip.dbc"
@@ -197,7 +197,7 @@ def test_the_file_is_seen_from_the_rig_files_folder(folder):
         ({"baud": 1}, "baud"),
     ],
 )
-def test_a_section_without_sense_is_refused(folder, change, message):
+def test_an_invalid_section_is_refused(folder, change, message):
     (folder / "broken.dbc").write_text("BO_ nonsense")
     (folder / "empty.dbc").write_text('VERSION ""\nBS_:\nBU_: A\n')
     section = {"kind": "dbc", "bus": "can", "file": "tip.dbc"} | change

@@ -31,7 +31,7 @@ def test_the_answer_to_the_request_is_no_loss(bench):
     assert not bench.device.rejected
 
 
-def test_a_sensor_that_streams_already_is_not_asked(bench):
+def test_a_sensor_that_already_streams_gets_no_request(bench):
     bench.device.start(bench)
     bench.device.start(bench)
     assert len(bench.written) == 1
@@ -45,7 +45,7 @@ def test_a_sample_is_dated_before_its_frame_went_over_the_line(bench):
         assert LINE_TIME < age < LINE_TIME + PERIOD + 2 * TICK
 
 
-def test_of_a_burst_the_newest_wins(bench):
+def test_of_a_burst_the_newest_frame_is_used(bench):
     bench.device.start(bench)
     bench.loads["fz"] = 4.0
     first = b"".join(bench.sensor.emit(bench.time + PERIOD))
@@ -54,7 +54,7 @@ def test_of_a_burst_the_newest_wins(bench):
     assert bench.device.samples["fz"].value == 5.0
 
 
-def test_a_garbled_frame_is_counted_and_no_sample(bench):
+def test_a_corrupted_frame_is_counted_and_not_a_sample(bench):
     bench.device.start(bench)
     sample = bench.device.samples["fz"]
     bench.garble = lambda data: data.replace(b"\x2c\x01", b"\x2d\x01")

@@ -209,7 +209,7 @@ class Still(Carriage):
         pass
 
 
-def test_firmware_05_is_asked_for_no_current_without_the_torque_constant() -> None:
+def test_without_the_torque_constant_firmware_05_gets_no_request_for_the_current() -> None:
     bench = Bench("0.5", torque_constant_nm_per_a=None)
     bench.odrive.start(bench)
     bench.sent.clear()
@@ -219,7 +219,7 @@ def test_firmware_05_is_asked_for_no_current_without_the_torque_constant() -> No
 
 
 @firmwares
-def test_gets_ready_at_standstill(firmware: str) -> None:
+def test_is_enabled_at_standstill(firmware: str) -> None:
     bench = started(firmware)
     assert not bench.odrive.enable()
     for _ in range(200):
@@ -243,7 +243,7 @@ def test_follows_a_velocity(firmware: str) -> None:
 
 
 @firmwares
-def test_clips_a_velocity_beyond_its_limit(firmware: str) -> None:
+def test_limits_a_velocity_above_its_maximum(firmware: str) -> None:
     bench = enabled(firmware)
     assert bench.odrive.command(-1.0) == -0.05
     assert bench.odrive.command(0.02) == 0.02
@@ -299,7 +299,7 @@ def test_an_error_stays_until_enabled_again_after_idle(firmware: str) -> None:
 
 
 @firmwares
-def test_a_watchdog_that_expires_while_idle_is_no_error(firmware: str) -> None:
+def test_a_watchdog_that_expires_while_idle_is_not_an_error(firmware: str) -> None:
     bench = started(firmware, torque_constant_nm_per_a=None)
     bench.run(0.5, 0.0)
     assert not bench.odrive.error
@@ -307,7 +307,7 @@ def test_a_watchdog_that_expires_while_idle_is_no_error(firmware: str) -> None:
 
 
 @firmwares
-def test_silent_heartbeats_are_an_error(firmware: str) -> None:
+def test_missing_heartbeats_are_an_error(firmware: str) -> None:
     bench = enabled(firmware)
     bench.severed = True
     bench.run(0.09, 0.02)
@@ -318,7 +318,7 @@ def test_silent_heartbeats_are_an_error(firmware: str) -> None:
 
 
 @firmwares
-def test_heartbeats_that_waited_for_a_stalled_host_are_no_silence(firmware: str) -> None:
+def test_heartbeats_delayed_by_the_host_do_not_count_as_missing(firmware: str) -> None:
     bench = enabled(firmware)
     bench.from_axis(0x01, bytes([0, 0, 0, 0, 8, 0, 0, 0]))
     bench.odrive.update(bench.now + 1.0)
@@ -346,7 +346,7 @@ def test_reports_why_closed_loop_control_is_refused() -> None:
 
 
 @firmwares
-def test_a_heartbeat_from_before_the_request_is_no_answer_to_it(firmware: str) -> None:
+def test_a_heartbeat_before_the_request_is_not_its_answer(firmware: str) -> None:
     bench = started(firmware)
     bench.odrive.enable()
     bench.from_axis(0x01, bytes([0, 8, 0, 1, 1, 0, 0, 0]))

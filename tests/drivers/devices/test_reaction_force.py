@@ -79,7 +79,7 @@ def test_under_constant_forces_it_is_the_analytic_lag_at_any_times(steps, motor,
     assert found == pytest.approx(exact, rel=1e-6, abs=1e-6)
 
 
-def test_a_ramp_lags_by_the_lag_and_not_by_half_a_sample_besides():
+def test_a_ramp_is_delayed_by_the_lag_without_an_additional_half_sample():
     times = [n * 2e-3 for n in range(200)]
     found = estimates(times, lambda t: 100.0 * t, lambda t: 0.0)
     exact = [100.0 * (t + math.expm1(-RATE * t) / RATE) for t in times]
@@ -157,7 +157,7 @@ def test_before_its_start_it_estimates_nothing():
     assert observer.samples["force"] is NO_SAMPLE
 
 
-def test_a_value_that_is_no_number_does_not_poison_it():
+def test_a_value_that_is_not_finite_does_not_affect_later_estimates():
     drive = Drive()
     observer = observer_of(drive)
     drive.tell(1.0, 2.0, 0.0)
@@ -178,7 +178,7 @@ def test_at_standstill_no_friction_is_subtracted():
     assert observer.samples["force"].value == 2.0
 
 
-def test_knows_its_lag_and_that_it_estimates():
+def test_reports_its_lag_and_that_it_is_estimated():
     observer = observer_of(Drive())
     assert observer.lag == pytest.approx(1 / (2 * math.pi * 30))
     assert observer.estimated
@@ -195,7 +195,7 @@ def test_a_drive_without_force_or_velocity_is_refused(devices):
 @pytest.mark.parametrize(
     "wrong", [{"bandwidth_hz": 0.0}, {"moving_mass_kg": -1.0}, {"coulomb_friction_n": math.nan}]
 )
-def test_settings_without_sense_are_refused(wrong):
+def test_invalid_settings_are_refused(wrong):
     right = {"drive": "slave", "moving_mass_kg": 1.0, "bandwidth_hz": 30.0}
     with pytest.raises(ValidationError):
         ReactionForceSettings(kind="reaction_force", **right | wrong)

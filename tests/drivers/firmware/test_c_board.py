@@ -212,7 +212,7 @@ def test_over_a_pseudo_terminal_a_reset_is_detected(bench):
     assert bench.driver.error.startswith("the board was reset, open the rig again: boot 0xb0a2d001")
 
 
-def test_over_a_pseudo_terminal_garbage_is_survived(bench):
+def test_over_a_pseudo_terminal_random_bytes_are_survived(bench):
     driver = bench.driver
     bench.port.write(bytes(range(256)) * 8)
     assert bench.until(lambda: driver.rejected["by the board"])

@@ -58,7 +58,7 @@ def test_decoding_accepts_or_rejects_any_bytes(data):
 
 
 @pytest.mark.parametrize("malformed", ["00", "02", "05 01 02", "02 11 00", "ff 01"])
-def test_code_bytes_that_lead_nowhere_are_refused(malformed):
+def test_invalid_code_bytes_are_refused(malformed):
     with pytest.raises(ValueError, match="expected"):
         decode(bytes.fromhex(malformed))
 
@@ -77,7 +77,7 @@ def test_where_the_stream_is_cut_makes_no_difference(data, places):
     assert parts == whole
 
 
-def test_it_is_in_step_again_after_the_next_zero():
+def test_it_is_synchronised_after_the_next_zero():
     rejected: Counter[str] = Counter()
     reader = CobsReader(64, rejected)
     late = encode(b"first")[3:] + b"\0"

@@ -45,7 +45,7 @@ def test_both_are_the_remainders_of_their_polynomials(data):
 
 
 @given(st.binary(min_size=1, max_size=60), st.data())
-def test_no_burst_of_up_to_16_bits_goes_unseen(data, draw):
+def test_every_burst_error_of_up_to_16_bits_is_detected(data, draw):
     burst = draw.draw(st.integers(1, 0xFFFF))
     shift = draw.draw(st.integers(0, max(8 * len(data) - 16, 0)))
     flipped = int.from_bytes(data, "little") ^ burst << shift

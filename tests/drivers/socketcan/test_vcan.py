@@ -48,7 +48,9 @@ def test_candump_sees_sent_frames(vcan0: str, bus: can.BusABC, text: str, messag
 
 
 @each_frame
-def test_cansend_reaches_us(vcan0: str, bus: can.BusABC, text: str, message: can.Message):
+def test_frames_of_cansend_are_received(
+    vcan0: str, bus: can.BusABC, text: str, message: can.Message
+):
     cansend(vcan0, text)
     received = bus.recv(timeout=10)
     assert received is not None

@@ -82,7 +82,7 @@ def drained(bus, port):
 
 
 @given(st.lists(frames(), max_size=8), st.lists(st.integers(1, 40), min_size=1))
-def test_any_frame_survives_the_way_out_and_back_however_the_bytes_are_cut(messages, lengths):
+def test_any_frame_is_recovered_from_pieces_of_any_size(messages, lengths):
     with opened() as (bus, port):
         for message in messages:
             bus.send(message)
@@ -105,7 +105,7 @@ def test_a_frame_after_any_bytes_is_received(noise):
 
 
 @given(st.binary(min_size=1).filter(lambda noise: not set(noise) & set(b"\r\a")))
-def test_noise_between_frames_loses_only_the_frame_it_hits(noise):
+def test_noise_loses_only_the_frame_that_it_changes(noise):
     with opened() as (bus, port):
         port.to_read = [LINE + bytes([0xFF]) + noise + LINE + LINE]
         assert len(bus.drain()) == 2
@@ -222,7 +222,7 @@ def test_frames_that_slcan_does_not_support_are_not_sent(options):
     assert port.sent == []
 
 
-def test_it_takes_over_from_a_program_that_was_killed():
+def test_it_opens_an_adapter_left_open_by_a_killed_program():
     adapter = SlcanAdapter()
     adapter.receive(b"S8\rO\rt1812")
     adapter.pending()
@@ -292,7 +292,7 @@ def test_an_unacknowledged_command_at_the_start_is_an_error(command, answer, mes
         pass
 
 
-def test_an_adapter_that_boots_is_asked_again():
+def test_the_request_to_a_booting_adapter_is_repeated():
     class Booting(SlcanAdapter):
         asked = 0
 

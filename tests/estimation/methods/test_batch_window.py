@@ -24,7 +24,7 @@ def test_is_least_squares_over_the_latest_samples(samples, n, seed):
     np.testing.assert_allclose(estimator.state.theta, expected, rtol=1e-6, atol=1e-6)
 
 
-def test_interval_is_the_textbooks(palpation):
+def test_interval_is_the_standard_one(palpation):
     x, v, f, dt = palpation(seconds=0.4, noise=0.02)
     ones = np.ones((len(x), 1))
     estimator = BatchWindow(0.1, 1e-3, WITH_DATUM)
@@ -62,7 +62,7 @@ def test_sums_do_not_drift(palpation):
     np.testing.assert_allclose(estimator.state.theta, expected, rtol=1e-9)
 
 
-def test_recovers_from_an_outlier_that_swallows_all_digits(palpation):
+def test_recovers_from_an_outlier_beyond_double_precision(palpation):
     x, v, f, dt = palpation(seconds=0.3)
     x[100] = v[100] = f[100] = 9e29
     estimates = BatchWindow(0.05, 1e-3).run(x, v, f, dt)

@@ -43,7 +43,7 @@ def test_agrees_with_least_squares_wherever_the_environment_and_the_first_grid_a
     assert estimate.k_std[-1] == pytest.approx(0.02 * std[1], rel=0.3)
 
 
-def test_candidates_are_finer_than_the_interval_and_no_finer_than_worth_while(palpation):
+def test_the_spacing_is_below_the_interval_but_not_far_below(palpation):
     estimator = CoarseToFine(10.0)
     estimator.run(*palpation(noise=0.02))
     estimate, grid = estimator.estimate, estimator.grid
@@ -53,7 +53,7 @@ def test_candidates_are_finer_than_the_interval_and_no_finer_than_worth_while(pa
         assert np.abs(axis.values - value).min() < 1e-9 * axis.spacing + 1e-9
 
 
-def test_picks_the_multi_estimator_s_winner_of_the_grid_where_it_was(palpation):
+def test_selects_the_same_candidate_as_the_multi_estimator_on_its_grid(palpation):
     s = palpation(seconds=0.2, noise=0.5)
     estimator = CoarseToFine(10.0)
     for i, (x, v, f, dt) in enumerate(zip(*s, strict=True)):

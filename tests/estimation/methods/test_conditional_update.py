@@ -17,7 +17,7 @@ from estimation.records import numbers
 P0 = (1.6e7, 4e8)
 
 
-def test_conditional_update_equals_least_squares_of_the_samples_with_news(palpation):
+def test_conditional_update_equals_least_squares_of_the_informative_samples(palpation):
     s = palpation(noise=0.05)
     estimates = ConditionalUpdate(0.98, P0, threshold=1.5).run(*s)
     p, theta = np.diag(P0), np.zeros(2)
@@ -33,7 +33,7 @@ def test_conditional_update_equals_least_squares_of_the_samples_with_news(palpat
     assert 0.1 < np.mean(estimates.held) < 0.9
 
 
-def test_conditional_update_on_no_condition_is_least_squares(palpation):
+def test_conditional_update_with_threshold_zero_is_least_squares(palpation):
     s = palpation(noise=0.05)
     conditional, plain = (
         ConditionalUpdate(0.98, P0, threshold=0.0),

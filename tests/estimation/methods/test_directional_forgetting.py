@@ -29,7 +29,7 @@ def test_equals_the_formula_of_kulhavy_and_karny(palpation):
     np.testing.assert_allclose(estimator.scaled_covariance, scaled, rtol=1e-6)
 
 
-def test_that_never_forgets_is_least_squares(palpation):
+def test_without_forgetting_is_least_squares(palpation):
     s = palpation(noise=0.05)
     expected = RecursiveLeastSquares(1.0, P0).run(*s)
     np.testing.assert_allclose(DirectionalForgetting(1.0, P0).run(*s)[:4], expected[:4], rtol=1e-6)
@@ -37,7 +37,7 @@ def test_that_never_forgets_is_least_squares(palpation):
 
 @settings(max_examples=50, deadline=None)
 @given(angle=st.floats(0.0, 6.28), size=st.floats(-3.0, 3.0), dt=st.floats(1e-5, 0.1))
-def test_information_across_the_sample_is_left_alone(angle, size, dt):
+def test_information_orthogonal_to_the_sample_is_kept(angle, size, dt):
     estimator = DirectionalForgetting(0.9, (1.0, 1.0), 1e-3)
     estimator.run([1.0, -0.5], [0.3, 0.8], [1.0, 1.0], 1e-3)
     before = np.linalg.inv(estimator.scaled_covariance)

@@ -35,7 +35,7 @@ def test_filters_a_random_walk_as_filterpy_does(palpation):
     np.testing.assert_allclose(estimates.k, expected[:, 1], rtol=1e-6, atol=1e-6)
 
 
-def test_further_parameters_walk_too(palpation):
+def test_further_parameters_are_random_walks_too(palpation):
     signals = palpation(seconds=0.5, noise=0.02)
     further = np.ones((len(signals.x), 1))
     estimates = RandomWalkKalman((*Q, 1.0), (*P0, 1e4), (1e30,) * 3, WITH_DATUM).run(

@@ -56,12 +56,12 @@ def assert_same_winners(grid, rate, x, v, f, dt):
         assert estimates.k[n] == pytest.approx(k[winner], abs=1e-9)
 
 
-def test_picks_the_plain_banks_winner_of_a_noisy_palpation(palpation):
+def test_equals_an_exhaustive_search_for_a_noisy_palpation(palpation):
     assert_same_winners(PAPER, 10.0, *palpation(seconds=1.0, noise=0.1, jitter=0.3))
 
 
 @pytest.mark.parametrize(("b", "k"), [(600.0, 1000.0), (-490.0, 33000.0), (0.0, 90000.0)])
-def test_picks_the_plain_banks_winner_where_the_truth_is_outside_the_grid(palpation, b, k):
+def test_equals_an_exhaustive_search_for_a_plant_outside_the_grid(palpation, b, k):
     assert_same_winners(PAPER, 10.0, *palpation(seconds=0.4, b=b, k=k, noise=0.1))
 
 
@@ -69,7 +69,7 @@ def test_picks_the_plain_banks_winner_where_the_truth_is_outside_the_grid(palpat
 @given(
     seed=st.integers(0, 2**32 - 1), rate=st.sampled_from([0.0, 10.0, 300.0]), log=st.integers(-4, 1)
 )
-def test_picks_the_plain_banks_winner_of_random_signals(seed, rate, log):
+def test_equals_an_exhaustive_search_for_random_signals(seed, rate, log):
     rng = np.random.default_rng(seed)
     x, v, f = rng.normal(size=(3, 40)) * np.array([[5e-3], [0.05], [10.0 ** (log + 1)]])
     assert_same_winners(SMALL, rate, x, v, f, rng.uniform(1e-4, 5e-3, 40))
@@ -97,7 +97,7 @@ DEGENERATE = {
 
 @pytest.mark.parametrize("name", DEGENERATE)
 @pytest.mark.parametrize("rate", [0.0, 10.0])
-def test_picks_the_plain_banks_winner_of_degenerate_signals(name, rate):
+def test_equals_an_exhaustive_search_for_degenerate_signals(name, rate):
     assert_same_winners(SMALL, rate, *DEGENERATE[name], 1e-3)
 
 
@@ -143,7 +143,7 @@ def test_ties_are_the_candidates_within_the_margin(palpation):
     assert [*estimator.estimate[:2]] in estimator.ties(0.0).tolist()
 
 
-def test_ties_on_a_fine_grid_are_counted_without_a_look_at_each(palpation):
+def test_ties_on_a_fine_grid_are_counted_without_an_exhaustive_search(palpation):
     fine = Grid(b=Axis(-500.0, 500.0, 10_001), k=Axis(1500.0, 39900.0, 10_001))
     estimator = MultiEstimator(fine, 10.0)
     estimator.run(*palpation(seconds=0.3, noise=0.3))

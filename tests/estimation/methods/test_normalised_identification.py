@@ -50,7 +50,7 @@ def test_units_do_not_matter(power, seed):
 
 @pytest.mark.parametrize("k", [2000.0, 5000.0, 30000.0])
 @pytest.mark.parametrize("depth", [2e-3, 5e-3, 10e-3])
-def test_one_rate_serves_all_cubes_and_depths(depth, k):
+def test_one_rate_is_suitable_for_all_cubes_and_depths(depth, k):
     t = 1e-3 * np.arange(1000)
     x = depth * (1.0 + 0.6 * np.sin(19.0 * t))
     v = depth * 0.6 * 19.0 * np.cos(19.0 * t)
@@ -82,7 +82,7 @@ def test_the_interval_has_its_nominal_coverage_of_the_plant(palpation):
     assert k_std < 20.0
 
 
-def test_an_outlier_does_not_dull_the_gain(palpation):
+def test_an_outlier_does_not_reduce_the_gain(palpation):
     s = palpation()
     estimator = NormalisedIdentification(11.0, SIZES)
     estimator.update(1e6, 1e6, 0.0, 1e-3)

@@ -64,7 +64,7 @@ def test_is_recursive_least_squares_where_that_is_passive(palpation):
     np.testing.assert_allclose(passive.k_std[100:], plain.k_std[100:], rtol=1e-4)
 
 
-def test_the_bound_leaves_no_trace_once_damping_is_positive(palpation):
+def test_the_bound_has_no_effect_after_damping_is_positive(palpation):
     x, v, _, dt = palpation(seconds=3.0)
     b = np.where(np.cumsum(dt) < 1.5, -50.0, 20.0)
     estimates = PassiveLeastSquares(0.98, P0, 1e-3).run(x, v, b * v + 2100.0 * x, dt)

@@ -112,7 +112,7 @@ def test_hardly_ever_flags_a_linear_plant_behind_the_filter(palpation):
     assert flagged == 0
 
 
-def test_interval_holds_the_truth_of_a_linear_plant(palpation):
+def test_interval_contains_the_true_values_of_a_linear_plant(palpation):
     inside = []
     for seed in range(200):
         pooled = PooledSegments(0.25)
@@ -191,7 +191,7 @@ def test_segments_of_fewer_samples_grow_until_there_are_enough(palpation):
     assert pooled.segments == 1000 // FEWEST
 
 
-def test_a_segment_that_does_not_show_b_and_k_apart_is_left_out():
+def test_a_segment_that_does_not_separate_b_and_k_is_omitted():
     t = np.arange(0.0, 4.0, DT)
     x = np.where(t < 2.0, 5e-3, 5e-3 + 3e-3 * np.sin(8.0 * t))
     v = np.where(t < 2.0, 0.0, 24e-3 * np.cos(8.0 * t))

@@ -110,7 +110,7 @@ def test_with_a_third_regressor_finds_the_datum(palpation):
     np.testing.assert_allclose(found, [20.0, 2100.0, 1.5], rtol=1e-6)
 
 
-def test_keeps_the_digits_that_the_plain_covariance_loses():
+def test_keeps_the_precision_that_the_direct_covariance_loses():
     rng = np.random.default_rng(0)
     x = 1.0 + 1e-6 * rng.normal(size=40)
     v = np.ones(40)

@@ -68,7 +68,7 @@ def test_the_lyapunov_function_never_grows(rate, a, seed, decades):
 
 @pytest.mark.parametrize("k", [2000.0, 5000.0, 30000.0])
 @pytest.mark.parametrize("depth", [2e-3, 5e-3, 10e-3])
-def test_one_rate_serves_all_cubes_and_depths(depth, k):
+def test_one_rate_is_suitable_for_all_cubes_and_depths(depth, k):
     t = 1e-3 * np.arange(700)
     x = depth * (1.0 + 0.6 * np.sin(19.0 * t))
     v = depth * 0.6 * 19.0 * np.cos(19.0 * t)

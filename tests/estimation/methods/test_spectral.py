@@ -68,7 +68,7 @@ def test_the_determinant_of_a_sine_is_the_same_at_every_phase(periods, phase):
 
 @pytest.mark.parametrize("k", [2000.0, 5000.0, 30000.0])
 @pytest.mark.parametrize("hz", [0.3, 1.0, 3.0])
-def test_one_setting_serves_all_cubes_and_frequencies(k, hz):
+def test_one_setting_is_suitable_for_all_cubes_and_frequencies(k, hz):
     x, v, _ = sine(hz)
     noise = np.random.default_rng(0).normal(0.0, 0.02, len(x))
     estimates = SpectralRatio().run(x, v, 20.0 * v + k * x + noise, 1e-3)

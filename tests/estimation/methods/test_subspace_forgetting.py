@@ -36,7 +36,7 @@ def test_equals_the_algorithm_of_the_paper(palpation):
     assert 0.05 < np.mean(estimates.held) < 0.95
 
 
-def test_that_never_forgets_is_least_squares(palpation):
+def test_without_forgetting_is_least_squares(palpation):
     s = palpation(noise=0.05)
     expected = RecursiveLeastSquares(1.0, P0).run(*s)
     np.testing.assert_allclose(SubspaceForgetting(1.0, P0).run(*s)[:4], expected[:4], rtol=1e-6)

@@ -34,7 +34,7 @@ def plain_supervisor(grid, rate, hysteresis, dwell, x, v, f, dt):
 
 
 @pytest.mark.parametrize(("hysteresis", "dwell"), [(0.1, 0.0), (0.5, 0.0), (0.02, 0.0095)])
-def test_switches_as_the_plain_supervisor_of_every_candidate(palpation, hysteresis, dwell):
+def test_switches_as_a_supervisor_that_evaluates_all_candidates(palpation, hysteresis, dwell):
     s = palpation(seconds=1.0, noise=2.0)
     estimator = SwitchingMultiEstimator(SMALL, 10.0, hysteresis, dwell)
     estimates = estimator.run(*s)
@@ -77,7 +77,7 @@ def test_sigma_is_never_worse_than_the_hysteresis_allows_and_no_scale_changes_it
         assert got <= bound * (1.0 + 1e-9)
 
 
-def test_hysteresis_rids_the_estimate_of_chatter(palpation):
+def test_hysteresis_prevents_chattering(palpation):
     s = palpation(noise=0.02)
     counts = []
     for hysteresis in (0.0, 0.1, 0.5):

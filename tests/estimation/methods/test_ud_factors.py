@@ -76,7 +76,7 @@ def test_the_covariance_update_equals_the_direct_formula(m, seed, size):
 
 @settings(max_examples=100, deadline=None)
 @CASES
-def test_a_vector_is_added_as_by_the_plain_formula(m, seed, size):
+def test_a_rank_one_update_equals_the_direct_formula(m, seed, size):
     u, d, y = factored(m, seed)
     state = state_of(u, d, y)
     add(state, 10.0**size, m)

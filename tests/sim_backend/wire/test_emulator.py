@@ -40,7 +40,7 @@ def run(emulated, clock, seconds):
         emulated.step()
 
 
-def test_a_fault_sets_in_at_its_time_after_the_drives_were_enabled(tmp_path):
+def test_a_fault_starts_at_its_time_after_the_drives_were_enabled(tmp_path):
     clock = Clock()
     emulated = emulator("serial-board", tmp_path, clock, PlannedFault("silence", "usb", 0.5))
     run(emulated, clock, 1.0)
@@ -61,7 +61,7 @@ def test_a_device_that_is_reset_is_a_new_one_on_the_same_wire(tmp_path):
     assert old not in emulated.wires["can"].devices
 
 
-def test_the_plant_is_put_back_once_its_drives_have_been_idle_for_a_while(tmp_path):
+def test_the_plant_is_reset_after_its_drives_have_been_idle(tmp_path):
     clock = Clock()
     emulated = emulator("serial-board", tmp_path, clock)
     mechanism = emulated.mechanism

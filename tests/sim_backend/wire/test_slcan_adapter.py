@@ -108,7 +108,7 @@ def test_the_channel_opens_after_a_bit_rate_and_closes():
     assert answers(adapter, b"S9\r") == b"\a"
 
 
-def test_closed_it_carries_no_frame_either_way():
+def test_while_closed_it_transfers_no_frames():
     adapter = SlcanAdapter()
     assert adapter.receive(b"t1810\r") == []
     assert adapter.pending() == b"\a"

@@ -25,12 +25,12 @@ def test_the_check_sum_is_that_of_the_catalogue():
     assert crc(b"123456789") == 0x906E
 
 
-def test_greets_at_power_up_and_then_streams_by_itself(sensor):
+def test_sends_a_message_at_power_up_and_then_samples(sensor):
     assert sensor.emit(5.0) == [GREETING]
     assert len(sensor.emit(5.0 + 3.5 * PERIOD)) == 4
 
 
-def test_a_frame_is_the_vector(sensor):
+def test_a_frame_is_decoded_to_the_reference_values(sensor):
     sensor.emit(5.0)
     sensor._power_up = 5.0 - 1e-3
     assert sensor.emit(5.0 + 0.5 * PERIOD) == [VECTOR]

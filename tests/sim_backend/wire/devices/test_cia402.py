@@ -232,7 +232,7 @@ def test_mapping_is_refused_while_operational(node):
     assert refused.value.code == 0x08000022
 
 
-def test_canopen_takes_the_drive_to_operation_moves_and_stops_it(served, node):
+def test_canopen_enables_moves_and_stops_the_drive(served, node):
     operate(node)
     assert node.state == "OPERATION ENABLED"
     assert node.op_mode == "CYCLIC SYNCHRONOUS VELOCITY"
@@ -268,7 +268,7 @@ def test_without_canopen_s_heartbeat_the_drive_stops_and_reports_it(served, node
     assert soon(lambda: served.mount.braked)
 
 
-def test_driver_and_drive_meet_on_a_real_can_bus(channel, served):
+def test_driver_and_emulated_drive_work_on_a_socketcan_bus(channel, served):
     bus = CanBus("can0", time.monotonic, "virtual", channel, None, {})
     driver = Cia402("drive", SETTINGS)
     bus.open()
@@ -516,7 +516,7 @@ def test_a_position_beyond_32_bits_wraps():
 
 
 @pytest.mark.parametrize("identifier", [0x000, 0x080, 0x205, 0x605, 0x705, 0x77F])
-def test_nonsense_on_the_bus_does_not_break_it(identifier):
+def test_random_frames_on_the_bus_cause_no_error(identifier):
     clockwork = Clockwork()
     for length in range(9):
         clockwork.send(identifier, bytes(range(0xA0, 0xA0 + length)))

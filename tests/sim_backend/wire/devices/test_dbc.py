@@ -50,7 +50,7 @@ def test_frames_have_the_layout_of_the_file(device):
     assert struct.unpack_from("<Bh", pages.data) == (0, 1500)
 
 
-def test_pages_take_turns(device):
+def test_multiplexer_values_are_sent_in_turn(device):
     device.emit(0.0)
     pages = [
         frame.data
@@ -62,7 +62,7 @@ def test_pages_take_turns(device):
 
 
 @pytest.mark.parametrize(("load", "counts"), [(1e6, -(2**15)), (-1e6, 2**15 - 1)])
-def test_a_value_beyond_its_bits_is_the_nearest_that_they_hold(device, bench, load, counts):
+def test_a_value_out_of_range_is_limited_to_its_bits(device, bench, load, counts):
     bench.loads |= {"Fz": load, "Position": -1.0}
     device.emit(0.0)
     frames = device.emit(0.5e-3)

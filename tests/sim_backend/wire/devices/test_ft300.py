@@ -32,7 +32,7 @@ def test_answers_the_request_and_then_streams_the_vector(sensor):
     assert sensor.emit(1.5 * PERIOD) == [VECTOR]
 
 
-def test_a_garbled_request_is_not_answered(sensor):
+def test_a_corrupted_request_is_not_answered(sensor):
     sensor.receive(REQUEST[:-1] + b"\x00", 0.0)
     assert sensor.emit(1.0) == []
 
@@ -51,7 +51,7 @@ def test_bytes_of_ff_interrupt_the_stream(sensor):
     assert sensor.emit(1.0) == []
 
 
-def test_saturates_in_silence(sensor, bench):
+def test_saturates_without_a_report(sensor, bench):
     bench.loads["fz"] = 1e4
     sensor.receive(REQUEST, 0.0)
     frames = sensor.emit(1.5 * PERIOD)

@@ -120,7 +120,7 @@ def wire(request: pytest.FixtureRequest) -> Wire:
     return Wire(request.param)
 
 
-def test_sends_by_itself_at_power_up(wire: Wire) -> None:
+def test_sends_unrequested_frames_at_power_up(wire: Wire) -> None:
     heard = wire.run(0.1)
     counts = Counter(name for name, _ in heard)
     assert counts["Heartbeat"] == pytest.approx(10, abs=1)
@@ -160,7 +160,7 @@ def test_late_it_sends_a_few_frames_of_each_kind(wire: Wire) -> None:
     assert not wire.axis.emit(wire.now)
 
 
-def test_obeys_its_own_node_alone(wire: Wire) -> None:
+def test_processes_only_frames_to_its_node(wire: Wire) -> None:
     wire.operate()
     wire.send("Set_Axis_State", node=5, Axis_Requested_State=1)
     wire.run(1e-3)
@@ -211,7 +211,7 @@ def test_its_watchdog_stops_it(wire: Wire) -> None:
 
 
 @pytest.mark.parametrize(("firmware", "feeds"), [("0.5", True), ("0.6", False)])
-def test_a_question_feeds_the_watchdog_of_05_alone(firmware: str, feeds: bool) -> None:
+def test_a_request_resets_only_the_watchdog_of_05(firmware: str, feeds: bool) -> None:
     wire = Wire(firmware)
     wire.operate()
     for _ in range(10):
