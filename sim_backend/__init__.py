@@ -7,12 +7,14 @@ from sim_backend.paper_rig import CUBES, DEPTH, FORCE_LAG, Setup, paper_setup
 from sim_backend.plant import Arm, Intention, Plant, PlantParameters
 from sim_backend.sensors import Sensors
 from sim_backend.simulated_rig import SimulatedRig
+from sim_backend.transmission import RIGID, Transmission
 
 __all__ = [
     "ARM",
     "CUBES",
     "DEPTH",
     "FORCE_LAG",
+    "RIGID",
     "Arm",
     "Cube",
     "FaultyRig",
@@ -25,5 +27,6 @@ __all__ = [
     "Sensors",
     "Setup",
     "SimulatedRig",
+    "Transmission",
     "paper_setup",
 ]

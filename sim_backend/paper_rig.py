@@ -13,6 +13,7 @@ import math
 from dataclasses import dataclass
 
 from sim_backend.cube import Cube
+from sim_backend.transmission import RIGID, Transmission
 
 CUBES = {
     "soft": Cube(k1=1931.0, k3=2.8e6, b=3.0),
@@ -47,6 +48,8 @@ class Setup:
     """Time constant of the contact force channel [s]."""
     depth: float
     """Depth of palpation [m] that operator or injector aims for."""
+    transmission: Transmission = RIGID
+    """Between the encoder and the tip of the slave."""
 
     def __post_init__(self) -> None:
         for name in ("force_lag", "depth"):

@@ -124,6 +124,7 @@ def truth(settings: TrialSettings, depth: float) -> dict[str, float]:
         "k_surface": cube.k1,
         "k_deepest": cube.k1 + cube.k3 * depth**2,
         "force_lag_s": settings.setup.force_lag,
+        "lost_motion_m": settings.setup.transmission.lost_motion,
     }
 
 

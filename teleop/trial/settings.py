@@ -175,7 +175,8 @@ class TrialSettings:
     @property
     def plant_parameters(self) -> PlantParameters:
         """Drives and force channels of the simulated rig."""
-        return PlantParameters(contact_force_lag=self.setup.force_lag)
+        setup = self.setup
+        return PlantParameters(contact_force_lag=setup.force_lag, transmission=setup.transmission)
 
     @property
     def encoder_resolution(self) -> float:
