@@ -5,7 +5,8 @@ from the intention here, the arm, and the admittance that the controller gives t
 
 Sources of the values. Pokes are minimum-jerk movements [1]. Arm stiffness 400 N/m and
 damping 12 N s/m lie in the range measured at the hand [2, 3]. Physiological tremor has 8 to
-12 Hz and, at the tool of a surgeon, a size of the order of 0.1 mm [4]. Depth and timing vary by
+12 Hz and, at the tool of a surgeon, a size of the order of 0.1 mm [4]; here its standard deviation
+is 0.12 mm. Depth and timing vary by
 10 to 15 % from one poke or cycle to the next, a poke is let go only in part, and a person starts
 0.2 s late; these are our choice.
 
@@ -24,7 +25,7 @@ from abc import ABC, abstractmethod
 from sim_backend.plant import Arm, Intention
 
 ARM = Arm(stiffness=400.0, damping=12.0)
-TREMOR_AMPLITUDE = 0.05e-3
+TREMOR_AMPLITUDE = 0.1e-3
 """Amplitude of each of three tremor components of the intention [m]."""
 REACTION = 0.2
 """Time from the start of the trial to the first movement [s]."""

@@ -51,6 +51,11 @@ class Transmission:
         if self.lost_motion > 0.0 and self.compliance == 0.0:
             raise ValueError("lost motion needs a compliance > 0: friction stretches it")
 
+    @property
+    def friction(self) -> float:
+        """Dry friction at the tip [N]."""
+        return self.lost_motion / self.compliance if self.compliance else 0.0
+
     def play(self, p: float, x: float) -> float:
         """Output of the play operator that was p, with its input moved on to x [m]."""
         return min(max(p, x - self.lost_motion), x + self.lost_motion)

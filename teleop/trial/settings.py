@@ -170,6 +170,7 @@ class TrialSettings:
             self.coupling.scale,
             self.signal.highest,
             self.plant_parameters.slave_compliance,
+            setup.transmission,
         )
 
     @property

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy.optimize import brentq
 
 from drivers import Command
-from sim_backend import Cube, Plant, PlantParameters, Transmission
+from sim_backend import Cube, Plant, PlantParameters, Setup, Transmission
 from sim_backend.plant import Slave
 
 TICK = 1e-3
@@ -159,6 +159,14 @@ def test_cube_and_spring_share_the_displacement(k3, compliance, x):
     cube = Cube(5000.0, k3, 5.0)
     y = cube.compressed(x, compliance)
     assert y + compliance * cube.force(y, 0.0) == pytest.approx(x, rel=1e-9, abs=1e-15)
+
+
+def test_a_sensor_at_the_tip_reads_where_the_cube_is_compressed_to():
+    cube = Cube(15e3, 5e9, 20.0)
+    setup = Setup(cube, 1e-3, 1e-3, Transmission(50e-6, 4e-6))
+    x, force, _ = driven(cube, setup.transmission, 1e-3, 0.05, periods=1)
+    tip = setup.tip(x)
+    np.testing.assert_allclose([cube.force(y, 0.0) for y in tip], force, atol=0.02)
 
 
 def test_a_cube_that_lets_go_does_not_stretch_the_transmission():

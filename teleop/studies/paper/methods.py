@@ -48,14 +48,15 @@ def compare_methods(trial: Trial, methods: Methods) -> dict[str, MethodResult]:
     """Run methods over a trial's measured position and force.
 
     All have the paper's preset and the same signals, matched, with the force channel's lag made
-    up for. The truth is the cube's damping, and its stiffness against the displacement of each
-    sample (the secant k1 + k3 x^2), which Kelvin-Voigt has for its k; for a stiffening model it
-    is the stiffness at the surface, k1.
+    up for and the position of the tip, without lost motion. The truth is the cube's damping, and
+    its stiffness against the displacement of each sample (the secant k1 + k3 x^2), which
+    Kelvin-Voigt has for its k; for a stiffening model it is the stiffness at the surface, k1.
     """
     settings, columns = trial.settings, trial.columns
     model = methods.model
     conditioner = MatchedFilter(force_lag=settings.setup.force_lag, model=model)
-    regression = conditioner.run(columns["slave_position"], columns["contact_force"], columns["dt"])
+    tip = settings.setup.tip(columns["slave_position"])
+    regression = conditioner.run(tip, columns["contact_force"], columns["dt"])
     preset = replace(
         paper_preset(settings.cube),
         estimators=methods.estimators,
