@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from fault_case import Case, FileSink
+from scipy.optimize import brentq
 
 from drivers import CHANNELS
 from sim_backend import Cube
@@ -111,15 +112,25 @@ class Inclusion(Cube):
     """A cube with a part that is ten times as stiff, from the present depth on."""
 
     def force(self, x: float, v: float) -> float:
-        hard = max(x - self.surface, 0.0) * self.stiffness  # type: ignore[attr-defined]
+        hard = max(x - self.surface, 0.0) * self.stiffness_inside  # type: ignore[attr-defined]
         return super().force(x, v) + hard
+
+    def stiffness(self, x: float) -> float:
+        inside = x > self.surface  # type: ignore[attr-defined]
+        return super().stiffness(x) + (self.stiffness_inside if inside else 0.0)  # type: ignore[attr-defined]
+
+    def compressed(self, x: float, compliance: float) -> float:
+        def excess(y: float) -> float:
+            return y + compliance * self.force(y, 0.0) - x
+
+        return float(brentq(excess, min(x, 0.0), max(x, 0.0), xtol=1e-12)) if x else 0.0
 
 
 def include(case: Case) -> None:
     slave = case.sim.plant.slave
     cube = Inclusion(slave.cube.k1, slave.cube.k3, slave.cube.b)
     object.__setattr__(cube, "surface", max(slave.x, 0.3 * case.settings.setup.depth))
-    object.__setattr__(cube, "stiffness", 10.0 * cube.k1)
+    object.__setattr__(cube, "stiffness_inside", 10.0 * cube.k1)
     slave.cube = cube
 
 

@@ -40,3 +40,24 @@ class Cube:
         """Force [N] at displacement x [m] and velocity v [m/s]."""
         force = (self.k1 + self.k3 * x * x) * x + self.b * v
         return force if self.glued or (x > 0.0 and force > 0.0) else 0.0
+
+    def stiffness(self, x: float) -> float:
+        """Slope of the spring force [N/m] at displacement x [m]."""
+        return self.k1 + 3.0 * self.k3 * x * x if self.glued or x > 0.0 else 0.0
+
+    def compressed(self, x: float, compliance: float) -> float:
+        """Displacement y [m] that cube and a spring in series share in x = y + c f(y, 0).
+
+        Parameters
+        ----------
+        x
+            Displacement of both together [m].
+        compliance
+            That of the spring, c [m/N], >= 0.
+        """
+        if not (self.glued or x > 0.0):
+            return x
+        linear, cubic = 1.0 + compliance * self.k1, compliance * self.k3
+        alone = x / linear
+        r = 1.5 * alone * math.sqrt(3.0 * cubic / linear)
+        return alone * 3.0 * math.sinh(math.asinh(r) / 3.0) / r if abs(r) > 1e-9 else alone

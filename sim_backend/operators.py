@@ -3,11 +3,12 @@
 A person acts on the handle through the impedance of the arm. So the motion of the handle depends
 on the intended motion, the arm, and the admittance that the controller gives the handle.
 
-Sources of the values: Pokes are minimum-jerk movements [1]. The arm stiffness 400 N/m and damping
-12 N s/m are in the range measured at the hand [2, 3]. Physiological tremor has 8 to 12 Hz and, at
-the tool of a surgeon, an amplitude of about 0.1 mm [4]. These values are assumptions: depth and
-timing vary by 10 to 15 % between pokes or cycles, the hand retracts only partly after a poke, and
-the first movement starts after 0.2 s.
+Sources of the values. Pokes are minimum-jerk movements [1]. Arm stiffness 400 N/m and
+damping 12 N s/m lie in the range measured at the hand [2, 3]. Physiological tremor has 8 to
+12 Hz and, at the tool of a surgeon, a size of the order of 0.1 mm [4]; here its standard deviation
+is 0.12 mm. Depth and timing vary by
+10 to 15 % from one poke or cycle to the next, a poke is let go only in part, and a person starts
+0.2 s late; these are our choice.
 
 [1] T. Flash, N. Hogan, J. Neurosci. 5(7), 1985.
 [2] F. A. Mussa-Ivaldi, N. Hogan, E. Bizzi, J. Neurosci. 5(10), 1985.
@@ -24,7 +25,7 @@ from abc import ABC, abstractmethod
 from sim_backend.plant import Arm, Intention
 
 ARM = Arm(stiffness=400.0, damping=12.0)
-TREMOR_AMPLITUDE = 0.05e-3
+TREMOR_AMPLITUDE = 0.1e-3
 """Amplitude of each of three tremor components of the intention [m]."""
 REACTION = 0.2
 """Time from the start of the trial to the first movement [s]."""

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from drivers import Command
 from sim_backend.cube import Cube
+from sim_backend.transmission import RIGID, Transmission
 
 MAX_STEP = 1e-3
 """Longest integration step [s]; half of it changes nothing that a sensor would see."""
@@ -20,7 +21,7 @@ class PlantParameters:
     Raises
     ------
     ValueError
-        A parameter is not positive.
+        A number is not positive.
     """
 
     handle_bandwidth: float = 40.0
@@ -35,6 +36,8 @@ class PlantParameters:
     """Time constant of the handle's force channel [s]."""
     contact_force_lag: float = 1e-3
     """Time constant of the contact force channel [s]."""
+    transmission: Transmission = RIGID
+    """Between the slave's motor, with its encoder, and the tip."""
 
     @property
     def slave_compliance(self) -> float:
@@ -44,7 +47,7 @@ class PlantParameters:
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
-            if not 0.0 < value < math.inf:
+            if name != "transmission" and not 0.0 < value < math.inf:
                 raise ValueError(f"{name} must be positive, got {value}")
 
 
@@ -64,10 +67,10 @@ class Handle:
 
 
 class Slave:
-    """The slave's carriage on its cube: position [m] and velocity [m/s].
+    """The slave's motor, which moves the tip on its cube: position [m] and velocity [m/s].
 
-    m x'' = m (K_p (u - x') + K_i e) - f(x, x') with e' = u - x', a proportional-integral
-    velocity servo against the force f of the cube.
+    m x'' = m (K_p (u - x') + K_i e) - l(x, x') with e' = u - x', a proportional-integral
+    velocity servo against the load l: the force of the cube on the tip and the friction there.
     """
 
     def __init__(self, cube: Cube, parameters: PlantParameters) -> None:
@@ -76,14 +79,32 @@ class Slave:
         self.command = 0.0
         """Velocity that it was last told [m/s]."""
         self._error = 0.0
+        self._transmission = parameters.transmission
+        self._played = 0.0
         self._mass = parameters.slave_mass
         self._proportional = 2.0 * math.pi * parameters.slave_bandwidth
         self._integral = self._proportional * 2.0 * math.pi * parameters.slave_integral
 
     @property
     def force(self) -> float:
-        """Force of the cube on the slave [N]."""
-        return self.cube.force(self.x, self.v)
+        """Force of the cube on the tip [N]."""
+        return self._tip_force(self._transmission.play(self._played, self.x), self.x, self.v)
+
+    def _tip_force(self, played: float, x: float, v: float) -> float:
+        """Force of the cube [N] where the play operator of the transmission has this output."""
+        lost, compliance = self._transmission.lost_motion, self._transmission.compliance
+        tip = self.cube.compressed(played, compliance)
+        slips = played <= x - lost if v > 0.0 else played >= x + lost
+        speed = v / (1.0 + compliance * self.cube.stiffness(tip)) if slips else 0.0
+        return self.cube.force(tip, speed)
+
+    def load(self, x: float, v: float) -> float:
+        """Force [N] of cube and friction on the motor that went straight to (x, v)."""
+        compliance = self._transmission.compliance
+        if compliance == 0.0:
+            return self.cube.force(x, v)
+        played = self._transmission.play(self._played, x)
+        return self._tip_force(played, x, v) + (x - played) / compliance
 
     @property
     def motor_force(self) -> float:
@@ -92,10 +113,15 @@ class Slave:
             self._proportional * (self.command - self.v) + self._integral * self._error
         )
 
+    def move_to(self, x: float, v: float) -> None:
+        """Take the motor straight to x [m], where it has the velocity v [m/s]."""
+        self.x, self.v = x, v
+        self._played = self._transmission.play(self._played, x)
+
     def acceleration(self, x: float, v: float, error: float, u: float) -> float:
         """X'' [m/s^2] in the state (x, v, e) under the velocity command u."""
         servo = self._proportional * (u - v) + self._integral * error
-        return servo - self.cube.force(x, v) / self._mass
+        return servo - self.load(x, v) / self._mass
 
     def advance(self, u: float, h: float) -> None:
         """Let one step h pass with the velocity command u held; Runge-Kutta 4."""
@@ -110,8 +136,7 @@ class Slave:
         v4 = v1 + h * a3
         a4 = self.acceleration(x + h * v3, v4, error + h * (u - v3), u)
         travel = h / 6.0 * (v1 + 2.0 * (v2 + v3) + v4)
-        self.x = x + travel
-        self.v = v1 + h / 6.0 * (a1 + 2.0 * (a2 + a3) + a4)
+        self.move_to(x + travel, v1 + h / 6.0 * (a1 + 2.0 * (a2 + a3) + a4))
         self._error = error + u * h - travel
 
 

@@ -65,7 +65,7 @@ class SimulatedRig(Rig):
             if not 0.0 < value < math.inf:
                 raise ValueError(f"{name} must be positive, got {value}")
         self.plant = Plant(cube, parameters or PlantParameters(), ARM if operator else UNATTENDED)
-        self.plant.slave.x = start
+        self.plant.slave.move_to(start, 0.0)
         self._now = now
         self._operator = operator
         self._sensors = sensors or Sensors()

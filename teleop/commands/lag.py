@@ -1,4 +1,4 @@
-"""`teleop lag`: the lag of a force channel, measured on a reference spring."""
+"""`teleop lag`: lag of the force channel and lost motion, from a reference spring."""
 
 from __future__ import annotations
 
@@ -20,11 +20,13 @@ def lag(
     seed: int = 0,
     json: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
-    """Measure the lag of a force channel on a reference spring without damping.
+    """Measure the lag of the force channel and lost motion on a reference spring without damping.
 
-    A lag that is not compensated biases the estimated damping to b - k * lag. To measure the lag,
-    record position and force while the rig moves a steel spring, with frequencies up to about
-    10 Hz, and pass the file. Without a file, a simulated spring is palpated with a chirp.
+    An unknown lag makes b - k * lag of the damping, and lost motion between the encoder and the
+    tip biases it, too. Record position and force while the rig excites a steel spring at several
+    frequencies up to some 10 Hz or at several amplitudes, and give the file: at one speed, lag
+    and lost motion cannot be told apart. Without a file a simulated spring is palpated with a
+    chirp.
 
     Example: `teleop lag spring.csv`
 
@@ -50,8 +52,12 @@ def lag(
 
     summary: dict[str, Any]
     if file is None:
-        measured, true = measure_simulated_lag(cube, seed)
-        summary = {**measured.summary(), "true_lag_s": true}
+        measured, setup = measure_simulated_lag(cube, seed)
+        summary = {
+            **measured.summary(),
+            "true_lag_s": setup.force_lag,
+            "true_lost_motion_m": setup.transmission.lost_motion,
+        }
     else:
         signals, recording = columns.read(file)
         if signals.gaps:

@@ -130,15 +130,30 @@ def print_emulation(
 
 
 def print_lag(summary: Mapping[str, Any]) -> None:
-    """Print the lag of a force channel."""
+    """Print the lag of a force channel and the lost motion before it."""
     console = plain_console()
     low, high = summary["lag_low_s"] * 1e3, summary["lag_high_s"] * 1e3
+    lost_low, lost_high = summary["lost_motion_low_m"] * 1e6, summary["lost_motion_high_m"] * 1e6
+    if summary["separable"]:
+        lost = f"{summary['lost_motion_m'] * 1e6:.1f} um, 95 % interval "
+    else:
+        lost = "not known, "
     console.print(
         f"lag {summary['lag_s'] * 1e3:.3f} ms, 95 % interval {low:.3f} to {high:.3f} ms\n"
+        f"lost motion {lost}{lost_low:.1f} to {lost_high:.1f} um in either direction\n"
         f"spring {number(summary['k'], 0)} N/m, residual {summary['rms']:.2g} N rms"
     )
+    if not summary["separable"]:
+        console.print(
+            "lag and lost motion cannot be separated: all strokes have about the same speed. "
+            "The lag is\nthat of a rig without lost motion. Record several frequencies or "
+            "amplitudes."
+        )
     if "true_lag_s" in summary:
-        console.print(f"true lag (simulated) {summary['true_lag_s'] * 1e3:.3f} ms")
+        console.print(
+            f"true lag (simulated) {summary['true_lag_s'] * 1e3:.3f} ms, "
+            f"lost motion {summary['true_lost_motion_m'] * 1e6:.1f} um"
+        )
     console.print(
         f"take it into account with: teleop estimate FILE --force-lag {summary['lag_s']:.5f}"
     )

@@ -76,9 +76,10 @@ def palpated(summary: Mapping[str, Any]) -> str:
 def print_truth(console: Console, truth: Mapping[str, Any]) -> None:
     """What the simulated cube is."""
     console.print(
-        f"  truth (simulated): b {truth['b']:g} N s/m, k {number(truth['k_surface'], 0)} N/m at "
+        f"  truth (simulated): b {truth['b']:.3g} N s/m, k {number(truth['k_surface'], 0)} N/m at "
         f"the surface\n  to {number(truth['k_deepest'], 0)} N/m at the deepest; the force channel "
-        f"lags by {truth['force_lag_s'] * 1e3:g} ms,\n  which alone reads as b - k * lag"
+        f"lags by {truth['force_lag_s'] * 1e3:g} ms\n  and the tip loses "
+        f"{truth['lost_motion_m'] * 1e6:g} um of motion, both of which read as negative damping"
     )
 
 

@@ -1,6 +1,8 @@
-"""Measurement of the simulated force channel's lag on a simulated reference spring."""
+"""A simulated reference spring, on which the simulated force channel and slave are measured."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 from sim_backend import Cube, Setup, paper_setup
 from teleop.control.excitation_signals import Chirp
@@ -10,20 +12,23 @@ from teleop.trial.settings import TrialSettings
 
 SPRING = 5000.0
 """Stiffness of the spring [N/m]."""
+SPRING_DEPTH = 5e-3
+"""How far it is compressed [m]."""
 
 
-def measure_simulated_lag(cube: str, seed: int = 0) -> tuple[ForceLag, float]:
-    """Return the measured lag of the simulated force channel, and its true lag [s].
+def measure_simulated_lag(cube: str, seed: int = 0) -> tuple[ForceLag, Setup]:
+    """Return lag and lost motion of the simulated rig, from a spring, and its true set-up.
 
     Parameters
     ----------
     cube
-        Cube whose force channel is measured.
+        Cube whose trials have this rig.
     seed
         Seed of the sensor noise.
     """
-    setup = paper_setup("autonomous", cube)
-    spring = Setup(Cube(SPRING, 0.0, 1e-9), setup.force_lag, depth=5e-3)
+    setup = replace(
+        paper_setup("autonomous", cube), cube=Cube(SPRING, 0.0, 1e-9), depth=SPRING_DEPTH
+    )
     columns = run_trial(
         TrialSettings(
             condition="autonomous",
@@ -31,8 +36,8 @@ def measure_simulated_lag(cube: str, seed: int = 0) -> tuple[ForceLag, float]:
             clock="virtual",
             seed=seed,
             signal=Chirp(1.0, 8.0),
-            custom_setup=spring,
+            custom_setup=setup,
         )
     ).columns
     measured = measure_lag(columns["slave_position"], columns["contact_force"], columns["dt"])
-    return measured, setup.force_lag
+    return measured, setup

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from sim_backend import Cube
+from sim_backend import RIGID, Cube, Transmission
 from teleop.safety.limits import Limits, default_channel_limits
 
 SOFT, HARD = 1.5, 1.8
@@ -31,7 +31,12 @@ It is a fraction of the greatest speed.
 
 
 def palpation_limits(
-    cube: Cube, depth: float, scale: float, fastest: float, compliance: float
+    cube: Cube,
+    depth: float,
+    scale: float,
+    fastest: float,
+    compliance: float,
+    transmission: Transmission = RIGID,
 ) -> Limits:
     """Return the limits for a palpation on the simulated rig.
 
@@ -46,12 +51,10 @@ def palpation_limits(
     fastest
         Highest frequency of the excitation [Hz].
     compliance
-        Compliance of the slave's drive [m/N].
-
-    Raises
-    ------
-    ValueError
-        The depth is not positive and finite.
+        Of the slave's drive [m/N].
+    transmission
+        Between the drive and the cube. It gives way under force, and the contact force does not
+        show its friction.
     """
     velocity = max(SPEED, 5.0 * fastest) * depth
     acceleration = max(velocity / STOPPING, ACCELERATION * fastest**2 * depth)
@@ -71,9 +74,9 @@ def palpation_limits(
         max_master_acceleration=acceleration / scale,
         soft_position=(-0.5 * depth, SOFT * depth),
         hard_position=(-HARD / SOFT * 0.5 * depth, HARD * depth),
-        soft_force=cube.force(SOFT * depth, 0.0),
-        hard_force=cube.force(HARD * depth, 0.0),
-        following_error=FOLLOWING * depth,
+        soft_force=cube.force(cube.compressed(SOFT * depth, transmission.compliance), 0.0),
+        hard_force=cube.force(cube.compressed(HARD * depth, transmission.compliance), 0.0),
+        following_error=FOLLOWING * depth + compliance * transmission.friction,
         drive_compliance=compliance,
         rest_velocity=0.02 * velocity,
         channels=channels,

@@ -118,21 +118,18 @@ class Trial:
 
 
 def truth(settings: TrialSettings, depth: float) -> dict[str, float]:
-    """Return the true parameters of the simulated cube, in SI units.
+    """Return the truth of the simulated rig, up to the greatest displacement [m].
 
-    Parameters
-    ----------
-    settings
-        Settings of the trial.
-    depth
-        Largest displacement [m], at which `k_deepest` is computed.
+    The stiffness is that of cube and transmission in series, as at the encoder.
     """
-    cube = settings.setup.cube
+    setup = settings.setup
+    cube, transmission = setup.cube, setup.transmission
     return {
         "b": cube.b,
-        "k_surface": cube.k1,
-        "k_deepest": cube.k1 + cube.k3 * depth**2,
-        "force_lag_s": settings.setup.force_lag,
+        "k_surface": cube.k1 / (1.0 + transmission.compliance * cube.k1),
+        "k_deepest": setup.force(depth) / depth if depth else cube.k1,
+        "force_lag_s": setup.force_lag,
+        "lost_motion_m": transmission.lost_motion,
     }
 
 

@@ -176,12 +176,14 @@ class TrialSettings:
             self.coupling.scale,
             self.signal.highest,
             self.plant_parameters.slave_compliance,
+            setup.transmission,
         )
 
     @property
     def plant_parameters(self) -> PlantParameters:
-        """Parameters of the simulated drives and force channels."""
-        return PlantParameters(contact_force_lag=self.setup.force_lag)
+        """Drives and force channels of the simulated rig."""
+        setup = self.setup
+        return PlantParameters(contact_force_lag=setup.force_lag, transmission=setup.transmission)
 
     @property
     def encoder_resolution(self) -> float:

@@ -14,7 +14,7 @@ from pydantic_core import to_jsonable_python
 
 from drivers.rig_file import RigFile, RigFileError, parse_rig_file
 from estimation import Axis, Grid, Model, Preset
-from sim_backend import Cube, Sensors, Setup
+from sim_backend import Cube, Sensors, Setup, Transmission
 from teleop.control.admittance import AdmittanceParameters
 from teleop.control.coupling import Coupling
 from teleop.control.excitation_signals import Chirp, Multisine, Sine
@@ -50,6 +50,7 @@ PARTS = (
     Setup,
     Sine,
     Tare,
+    Transmission,
     TrialSettings,
 )
 """Dataclasses of the document."""

@@ -12,7 +12,11 @@ from teleop.studies.paper.table1 import ESTIMATORS
 from teleop.studies.paper.trials import Damping, Outcome, as_rows
 
 RISE = 0.6
-"""Longest rise time in the paper [s]."""
+"""The paper's longest rise time [s]."""
+FACTOR = 2.0
+"""Largest ratio to the paper's at which a damping or a force error counts as near."""
+NEAR_DAMPING, NEAR_ERROR = 16, 22
+"""How many of the 27 cells of damping and of force error are expected to be near."""
 
 
 class Claim(NamedTuple):
@@ -40,25 +44,34 @@ def check_claims(outcomes: Sequence[Outcome]) -> list[Claim]:
 
 
 def table_claims(rows: list[dict[str, Any]]) -> list[Claim]:
-    """Check how much the stiffness cells differ from the paper's."""
+    """How near the cells of the table come."""
     off = {
         f"{row['condition']} {row['cube']} {row['estimator']}": row["k"] / row["paper"]["k"] - 1.0
         for row in rows
     }
-    within = {limit: sum(abs(share) <= limit for share in off.values()) for limit in (0.1, 0.2)}
+    within = sum(abs(share) <= 0.1 for share in off.values())
     worst = max(off, key=lambda name: abs(off[name]))
-    evidence = (
-        f"{within[0.1]} of {len(off)} within 10 %, {within[0.2]} within 20 %; "
-        f"largest difference {worst}, {off[worst]:+.1%}"
+    b, e_f = (
+        sum(1.0 / FACTOR <= row[name] / row["paper"][name] <= FACTOR for row in rows)
+        for name in ("b", "e_f")
     )
+    signs = sum((row["b"] < 0.0) == (row["paper"]["b"] < 0.0) for row in rows)
+    cells = f"{len(rows)} cells of"
     return [
         Claim(
-            "at least 25 of 27 stiffness cells are within 10 % of the paper's",
-            within[0.1] >= 25,
-            evidence,
+            "all stiffness cells lie within 10 % of the paper's",
+            within == len(rows),
+            f"{within} of {cells} k; furthest {worst}, {off[worst]:+.1%}",
         ),
         Claim(
-            "all stiffness cells are within 20 % of the paper's", within[0.2] == len(off), evidence
+            f"at least {NEAR_DAMPING} of 27 damping cells lie within a factor of {FACTOR:g}",
+            b >= NEAR_DAMPING,
+            f"{b} of {cells} b; {signs} have the paper's sign",
+        ),
+        Claim(
+            f"at least {NEAR_ERROR} of 27 force errors lie within a factor of {FACTOR:g}",
+            e_f >= NEAR_ERROR,
+            f"{e_f} of {cells} e_f",
         ),
     ]
 
@@ -127,7 +140,7 @@ def stiffness_claims(cell: dict[tuple[str, str, str], dict[str, Any]]) -> list[C
 
 
 def damping_claims(steps: list[Damping], outcomes: Sequence[Outcome]) -> list[Claim]:
-    """Check the signs of RLS damping, and the damping after both causes of bias are removed."""
+    """Whether damping is negative the paper's way, and right once its causes are removed."""
     positive = [
         f"{outcome.condition} {outcome.cube}: {step.rls:+.1f}"
         for outcome, step in zip(outcomes, steps, strict=True)
@@ -141,7 +154,8 @@ def damping_claims(steps: list[Damping], outcomes: Sequence[Outcome]) -> list[Cl
             "; ".join(positive) or f"{len(steps)} of {len(steps)}",
         ),
         Claim(
-            "matched conditioning and the x^3 term recover the true damping within 10 %",
+            "matched conditioning, the position of the tip, and the x^3 term recover the true "
+            "damping within 10 %",
             share <= 0.1,
             f"largest error {share:.1%} of b, {len(steps)} trials",
         ),

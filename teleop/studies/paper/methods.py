@@ -47,26 +47,16 @@ class Methods(NamedTuple):
 def compare_methods(trial: Trial, methods: Methods) -> dict[str, MethodResult]:
     """Run estimators on the measured position and force of a trial.
 
-    All have the paper's preset and the same signals with matched conditioning, which compensates
-    the lag of the force channel. The true damping is that of the cube. The true stiffness of a
-    Kelvin-Voigt model is the cube's secant stiffness at the displacement of each sample,
-    k1 + k3 x^2; that of a stiffening model is the stiffness at the surface, k1.
-
-    Parameters
-    ----------
-    trial
-        Result of a trial on the simulated rig.
-    methods
-        Estimators to compare.
-
-    Returns
-    -------
-    Result of each estimator by its name.
+    All have the paper's preset and the same signals, matched, with the force channel's lag made
+    up for and the position of the tip, without lost motion. The truth is the cube's damping, and
+    its stiffness against the displacement of each sample (the secant k1 + k3 x^2), which
+    Kelvin-Voigt has for its k; for a stiffening model it is the stiffness at the surface, k1.
     """
     settings, columns = trial.settings, trial.columns
     model = methods.model
     conditioner = MatchedFilter(force_lag=settings.setup.force_lag, model=model)
-    regression = conditioner.run(columns["slave_position"], columns["contact_force"], columns["dt"])
+    tip = settings.setup.tip(columns["slave_position"])
+    regression = conditioner.run(tip, columns["contact_force"], columns["dt"])
     preset = replace(
         paper_preset(settings.cube),
         estimators=methods.estimators,

@@ -81,6 +81,7 @@ def damping_cells(outcomes: Sequence[Outcome]) -> list[list[str]]:
             f"{outcome.damping.paper:.1f}",
             f"{outcome.damping.rls:.1f}",
             f"{outcome.damping.matched:.1f}",
+            f"{outcome.damping.tip:.1f}",
             f"{outcome.damping.stiffening:.2f}",
             f"{outcome.damping.true:g}",
         ]

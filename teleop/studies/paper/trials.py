@@ -38,9 +38,11 @@ class Damping(NamedTuple):
     rls: float
     """Average of RLS in the simulated trial, with the paper's settings."""
     matched: float
-    """Fit of a Kelvin-Voigt model with matched force and position."""
+    """Kelvin-Voigt, with force and position matched."""
+    tip: float
+    """Matched, with the position of the tip instead of the encoder's."""
     stiffening: float
-    """Fit with matched force and position, and with x^3 as a further regressor."""
+    """That, and with x^3 among the regressors."""
 
 
 class Outcome(NamedTuple):
@@ -101,16 +103,19 @@ def paper_trial(condition: str, cube: str, seed: int = 0) -> TrialSettings:
 
 
 def damping_steps(trial: Trial) -> Damping:
-    """Return the damping of a trial with the paper's method, and after removing each bias."""
+    """The damping that the paper's way gives, and what is left as its errors are removed."""
     settings, columns = trial.settings, trial.columns
-    signals = MatchedSignals(columns["slave_position"], columns["contact_force"], columns["dt"])
+    force, dt = columns["contact_force"], columns["dt"]
+    encoder = MatchedSignals(columns["slave_position"], force, dt)
+    tip = MatchedSignals(settings.setup.tip(columns["slave_position"]), force, dt)
     lag = settings.setup.force_lag
     return Damping(
         true=settings.setup.cube.b,
         paper=table1()[settings.condition, settings.cube, "rls"].b,
         rls=float(columns["rls_b"].mean()),
-        matched=signals.fit(lag, stiffening=False).b,
-        stiffening=signals.fit(lag).b,
+        matched=encoder.fit(lag, stiffening=False).b,
+        tip=tip.fit(lag, stiffening=False).b,
+        stiffening=tip.fit(lag).b,
     )
 
 
@@ -142,12 +147,9 @@ def palpate(trial: tuple[str, str, int], methods: Methods = NO_METHODS) -> Outco
 
 
 def lag_and_damping(frequency: float) -> SlowTrial:
-    """Fit lag and damping together to an autonomous trial on the medium cube, without its ramps.
+    """Fit lag and damping together to an autonomous trial on the medium cube, ramps left out.
 
-    Parameters
-    ----------
-    frequency
-        Frequency of the excitation [Hz].
+    The position is that of the tip, so that there is no lost motion.
     """
     settings = replace(
         paper_trial("autonomous", "medium"),
@@ -157,7 +159,7 @@ def lag_and_damping(frequency: float) -> SlowTrial:
     columns = run_trial(settings).columns
     setup = settings.setup
     signals = MatchedSignals(
-        columns["slave_position"],
+        setup.tip(columns["slave_position"]),
         columns["contact_force"],
         columns["dt"],
         part=slice(1000, -1000),

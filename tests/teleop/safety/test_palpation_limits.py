@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from sim_backend import CUBES, DEPTH
+from sim_backend import CUBES, DEPTH, TRANSMISSION, Setup, Transmission
 from teleop.safety import Limits
 from teleop.safety.palpation_limits import palpation_limits
 
@@ -32,7 +32,12 @@ def case(request):
 
 @pytest.fixture
 def limits(case, scale, fastest) -> Limits:
-    return palpation_limits(*case, scale, fastest, COMPLIANCE)
+    return palpation_limits(*case, scale, fastest, COMPLIANCE, TRANSMISSION)
+
+
+def in_series(cube, x):
+    """Force of cube and transmission at a position of the drive."""
+    return Setup(cube, 1e-3, x, TRANSMISSION).force(x)
 
 
 def test_soft_limits_lie_strictly_inside_the_hard_ones(limits):
@@ -45,13 +50,13 @@ def test_the_depth_is_reached_before_any_limit(limits, case):
     cube, depth = case
     assert limits.soft_position[1] >= 1.2 * depth
     assert limits.soft_position[0] <= -0.2 * depth
-    assert limits.soft_force >= 1.2 * cube.force(depth, 0.0)
+    assert limits.soft_force >= 1.2 * in_series(cube, depth)
 
 
 def test_force_limits_are_the_forces_at_the_position_limits(limits, case):
     cube, _ = case
-    assert limits.soft_force == pytest.approx(cube.force(limits.soft_position[1], 0.0))
-    assert limits.hard_force == pytest.approx(cube.force(limits.hard_position[1], 0.0))
+    assert limits.soft_force == pytest.approx(in_series(cube, limits.soft_position[1]))
+    assert limits.hard_force == pytest.approx(in_series(cube, limits.hard_position[1]))
 
 
 def test_hard_limits_lie_inside_the_ranges_of_the_sensors(limits):
@@ -96,7 +101,13 @@ def test_rest_velocity_and_following_error_are_small(limits, case):
     assert 0.05 * depth < limits.following_error < limits.hard_position[1] - limits.soft_position[1]
 
 
-def test_all_lengths_are_proportional_to_the_depth():
+def test_friction_lets_the_drive_fall_behind_by_its_compliance(case):
+    without = palpation_limits(*case, 1.0, 2.0, COMPLIANCE)
+    limits = palpation_limits(*case, 1.0, 2.0, COMPLIANCE, Transmission(60e-6, 4e-6))
+    assert limits.following_error - without.following_error == pytest.approx(15.0 * COMPLIANCE)
+
+
+def test_all_lengths_grow_with_the_depth():
     cube = CUBES["soft"]
     one, two = (palpation_limits(cube, depth, 1.0, 2.0, COMPLIANCE) for depth in (5e-3, 10e-3))
     for name in ("max_velocity", "max_acceleration", "following_error", "rest_velocity"):

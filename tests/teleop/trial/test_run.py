@@ -9,7 +9,7 @@ import pytest
 
 from drivers import STANDSTILL
 from estimation import force_error, rise_time
-from sim_backend import CUBES, DEPTH, SimulatedRig
+from sim_backend import CUBES, DEPTH, TRANSMISSION, SimulatedRig
 from teleop.control.clock import VirtualClock
 from teleop.control.tare import NO_TARE, Tare
 from teleop.errors import InputError
@@ -34,7 +34,8 @@ def test_each_condition_palpates_each_cube_and_finds_its_stiffness(condition, cu
     assert 0.6 * depth < columns["slave_position"].max() < 1.4 * depth
     assert columns["slave_position"].min() > -0.05 * depth
     body = CUBES[cube]
-    softest, stiffest = 0.9 * body.k1, 1.1 * (body.k1 + body.k3 * (1.4 * depth) ** 2)
+    softest = 0.9 / (1.0 / body.k1 + TRANSMISSION.compliance)
+    stiffest = 1.1 * (body.k1 + body.k3 * (1.4 * depth) ** 2)
     for name in ("rls_k", "ai_k", "me_k"):
         assert softest < np.median(columns[name][1500:]) < stiffest
 
@@ -74,10 +75,12 @@ def test_the_signal_and_the_ramps_are_those_of_the_settings():
 def test_the_truth_is_the_secant_at_the_deepest():
     trial = run_trial(QUICK)
     depth = np.abs(trial.columns["slave_position"]).max()
-    cube = CUBES["soft"]
+    cube, compliance = CUBES["soft"], TRANSMISSION.compliance
     truth = trial.summary()["truth"]
-    assert truth["k_deepest"] == pytest.approx(cube.force(depth, 0.0) / depth)
-    assert truth["k_surface"] == cube.k1
+    force = truth["k_deepest"] * depth
+    assert force == pytest.approx(cube.force(depth - compliance * force, 0.0))
+    assert truth["k_surface"] == pytest.approx(1.0 / (1.0 / cube.k1 + compliance))
+    assert truth["lost_motion_m"] == TRANSMISSION.lost_motion
 
 
 def test_position_coupling_keeps_the_slave_closer_to_the_master():

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from drivers.rig_file import read_rig_file
 from estimation import MODELS, paper_preset
-from sim_backend import Cube, Sensors, Setup
+from sim_backend import RIGID, Cube, Sensors, Setup, Transmission
 from teleop.control.admittance import AdmittanceParameters
 from teleop.control.coupling import Coupling
 from teleop.control.excitation_signals import Chirp, Multisine, Sine
@@ -59,7 +59,13 @@ ALL_SETTINGS = st.builds(
     sensors=st.builds(Sensors, st.floats(1e-7, 1e-4), st.floats(0.0, 0.1)),
     tare=st.builds(Tare, st.floats(-1.0, 1.0), date=st.text(), rig=st.just("simulated")),
     custom_limits=st.sampled_from([None, Limits(soft_force=30.0, hard_force=40.0)]),
-    custom_setup=st.sampled_from([None, Setup(Cube(2000.0, 1e6, 3.0, False), 1e-3, 5e-3)]),
+    custom_setup=st.sampled_from(
+        [
+            None,
+            Setup(Cube(2000.0, 1e6, 3.0, False), 1e-3, 5e-3),
+            Setup(Cube(2000.0, 1e6, 3.0), 1e-3, 5e-3, Transmission(40e-6, 2e-6)),
+        ]
+    ),
     depth=st.sampled_from([None, 2.5e-3]),
 )
 
@@ -102,3 +108,10 @@ def test_all_invalid_settings_are_reported_at_once():
 def test_a_setting_out_of_its_range_is_refused_as_on_the_command_line():
     with pytest.raises(InputError, match="rate 10 Hz: expected 50 to 100000 Hz"):
         from_document(to_document(TrialSettings()) | {"rate_hz": 10.0})
+
+
+def test_a_recording_made_before_there_was_a_transmission_has_a_rigid_one():
+    setup = Setup(Cube(2000.0, 1e6, 3.0), 1e-3, 5e-3, Transmission(40e-6, 2e-6))
+    document = to_document(TrialSettings(custom_setup=setup))
+    del document["custom_setup"]["transmission"]
+    assert from_document(document).setup.transmission == RIGID
