@@ -20,6 +20,8 @@ from estimation.compiled import Floats
 
 BELOW = 0.6
 """A baseline reaches to this share of the lower end of the band of the motion."""
+MOST = 300
+"""Most cosines: the baseline of a longer record reaches less far up."""
 FEWEST_CYCLES = 3.0
 """Fewest cycles of the lower end of the band in a record whose baseline is removed."""
 
@@ -36,7 +38,7 @@ def baseline_order(low: float, seconds: float) -> int:
     """
     if low * seconds < FEWEST_CYCLES:
         return 0
-    return math.floor(2.0 * BELOW * low * seconds)
+    return min(math.floor(2.0 * BELOW * low * seconds), MOST)
 
 
 def cosines(t: Floats, start: float, seconds: float, order: int) -> Floats:

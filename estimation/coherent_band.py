@@ -47,7 +47,7 @@ class CoherentBand(NamedTuple):
     centre: float
     """Median frequency of w C S_ff [Hz]."""
     high: float
-    """Frequency below which 95 % of w C S_ff lies [Hz]."""
+    """Frequency below which 95 % of w C S_ff lies, less the width of the tapers [Hz]."""
     coherence: float
     """Mean coherence, weighted with the power; 0 where nothing is coherent."""
 
@@ -105,9 +105,13 @@ def coherent_band(x: Floats, f: Floats, period: float) -> CoherentBand:
         return CoherentBand(1.0 / (n * period), 0.1 * nyquist, nyquist, 0.0)
     rate = np.cumsum(counted * frequency**2)
     between = np.cumsum(counted * frequency)
+    centre, high = (
+        float(frequency[np.searchsorted(between, share * between[-1])]) for share in (0.5, HIGHEST)
+    )
+    leakage = 0.5 * (TAPERS + 1) / (n * period)
     return CoherentBand(
         low=float(frequency[np.searchsorted(rate, LOWEST * rate[-1])]),
-        centre=float(frequency[np.searchsorted(between, 0.5 * between[-1])]),
-        high=float(frequency[np.searchsorted(between, HIGHEST * between[-1])]),
+        centre=centre,
+        high=max(centre, high - leakage),
         coherence=float(counted @ coherence / counted.sum()),
     )

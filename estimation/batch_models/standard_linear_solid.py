@@ -35,7 +35,7 @@ def relaxing(data: BatchData, tau: float) -> tuple[Floats, Floats]:
 
 def fit_standard_linear_solid(data: BatchData) -> BatchFit:
     """Return the fit of the standard linear solid."""
-    seconds = float(data.t[-1] - data.t[0])
+    seconds = len(data.t) * float(data.t[1] - data.t[0])
     shortest = max(4.0 * data.width, 2.0 * float(data.t[1] - data.t[0]))
     longest = max(10.0 * seconds, 4.0 * shortest)
     f = data.f[data.rows]

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from math import radians
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
@@ -34,6 +35,12 @@ def estimate(
     cost: Annotated[bool, Parameter(negative="")] = False,
     out: Path | None = None,
     plot: Path | None = None,
+    plot_fit: Path | None = None,
+    indenter: Literal["flat", "sphere", "cone"] | None = None,
+    radius: float | None = None,
+    angle: float | None = None,
+    thickness: float | None = None,
+    poisson: float = 0.5,
     overwrite: Overwrite = False,
     json: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
@@ -86,12 +93,26 @@ def estimate(
         Write signals and estimates to this CSV file.
     plot
         Draw the paper's Figure 3 for this file to a .png, .svg or .pdf file.
+    plot_fit
+        Draw force over displacement with the best model, its residual and the phases; for several
+        files, the complex modulus over frequency.
+    indenter
+        Shape of the tip, to report the elastic modulus.
+    radius
+        Radius of a flat punch or a sphere [mm].
+    angle
+        Half angle of a cone, between its axis and its side [deg].
+    thickness
+        Thickness of the specimen on a rigid base [mm]; by default it is a half-space.
+    poisson
+        Poisson's ratio of the specimen.
     json
         Print one JSON document instead of tables.
     """
     from teleop.commands.choices import choose_estimators, choose_model
     from teleop.errors import InputError
     from teleop.evaluation.evaluation import Evaluation, evaluate
+    from teleop.evaluation.material import Indenter, elastic_modulus
     from teleop.evaluation.pooled import taken_together
     from teleop.evaluation.replay import agrees
     from teleop.files import check_outputs, new_file
@@ -103,6 +124,19 @@ def estimate(
 
     if more and (out or plot):
         raise InputError("--out and --plot take one recording: expected one file")
+    if plot_fit:
+        check_outputs(None, picture=plot_fit, sources=(file, *more), overwrite=overwrite)
+    tip = None
+    if indenter:
+        tip = Indenter(
+            indenter,
+            None if radius is None else radius * 1e-3,
+            None if angle is None else radians(angle),
+            None if thickness is None else thickness * 1e-3,
+            poisson,
+        )
+    elif radius is not None or angle is not None or thickness is not None:
+        raise InputError("--radius, --angle and --thickness: expected --indenter with them")
     check_outputs(out, picture=plot, sources=(file,), overwrite=overwrite)
     for i, path in enumerate(more):
         if path.resolve() in [other.resolve() for other in (file, *more[:i])]:
@@ -130,6 +164,11 @@ def estimate(
             "reading": signals.notes,
             **evaluation.summary(cost),
         }
+        if tip:
+            result = evaluation.analysis.result
+            known = evaluation.analysis.phases.contact_point is not None
+            if result.identifiable:
+                summary["material"] = elastic_modulus(result, tip, known)
         if recording:
             summary["as_online"] = agrees(evaluation, recording)
             summary["missing_ticks"] = gap_rows(recording.gaps)
@@ -152,6 +191,17 @@ def estimate(
 
         x, v, *_ = evaluation.regression
         save(estimates_figure(file.name, evaluation.t, x, v, evaluation.estimates), plot, overwrite)
+    if plot_fit:
+        from teleop.output.figures import save
+        from teleop.output.fit_figures import fit_figure, modulus_figure
+
+        if together is None:
+            figure = fit_figure(file.name, next(iter(evaluations.values())))
+        elif together["modulus"]:
+            figure = modulus_figure(together["modulus"])
+        else:
+            raise InputError("--plot-fit: no file has a complex modulus: expected palpations")
+        save(figure, plot_fit, overwrite)
     return 0
 
 

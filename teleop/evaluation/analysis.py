@@ -51,7 +51,7 @@ class Analysis:
         slow = np.zeros(len(f))
         if rows.order:
             inside = np.flatnonzero(phases.usable)
-            slow = f - without_baseline(f, record.t, rows.order)
+            slow = f - without_baseline(f, record.clock, rows.order)
             slow = slow - slow[inside].mean()
             x = record.palpation + float(x[inside].mean())
         return BatchData(

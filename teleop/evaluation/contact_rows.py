@@ -34,9 +34,7 @@ class Rows:
         x = record.x[self.rows] if len(self.rows) else np.zeros(1)
         self.origin = 0.5 * float(x.min() + x.max())
         self.scale = max(0.5 * float(np.ptp(x)), 1e-12)
-        self.basis = cosines(
-            record.t[self.rows], float(record.t[0]), float(record.t[-1] - record.t[0]), self.order
-        )
+        self.basis = cosines(record.clock[self.rows], 0.0, float(record.clock[-1]), self.order)
         self.f = record.f[self.rows]
         depth = np.clip(self.normalised(record.raw_x), -1.5, 1.5)
         self.powers = [record.smoothed(depth**n)[self.rows] for n in DEGREES]

@@ -129,7 +129,7 @@ def with_relaxation(rows: Rows, y: Floats, degrees: tuple[int, ...]) -> list[Can
     record = rows.record
     y = rows.in_contact(y)
     y = y / max(float(np.std(y)), 1e-300)
-    times = np.geomspace(4.0 * record.width, 2.0 * float(np.ptp(record.t)), TIMES).tolist()
+    times = np.geomspace(4.0 * record.width, 2.0 * float(record.clock[-1]), TIMES).tolist()
     parts: dict[float, Floats] = {}
 
     def tried(degree: int, chosen: tuple[float, ...]) -> Candidate:
@@ -214,7 +214,8 @@ def evaluate(
     at = min(max(int(at), 1), len(sharp_x) - 2)
     for j, z in enumerate(relaxing):
         gradient[first + degree + j] = loading_slope(x, v[near], z[index][near], pass_of)
-        along[first + degree + j] = (z[at + 1] - z[at - 1]) / (sharp_x[at + 1] - sharp_x[at - 1])
+        step = sharp_x[at + 1] - sharp_x[at - 1]
+        along[first + degree + j] = (z[at + 1] - z[at - 1]) / step if step else 0.0
     path_doubt = abs(float((along - gradient) @ theta)) / 1.5
     damping = np.zeros(m)
     damping[rows.v_column] = 1.0

@@ -84,7 +84,7 @@ def taken_together(evaluations: Mapping[str, Evaluation]) -> dict[str, Any]:
     if not reasons:
         reasons.append(
             f"one Kelvin-Voigt body is consistent with all {len(results)} files; a difference of k "
-            f"by a factor of {ratios['k']['detectable']:.3g} would be found in 80 % of such tests"
+            f"by {ratios['k']['detectable'] - 1.0:.2%} would be found in 80 % of such tests"
         )
     moduli = [(file, e.analysis.modulus()) for file, e in evaluations.items()]
     return {

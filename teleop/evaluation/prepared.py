@@ -60,15 +60,20 @@ class Prepared:
     """Standard deviation of the noise of the measured force [N]."""
 
     @cached_property
+    def clock(self) -> Floats:
+        """Time since the begin, without the gaps [s]."""
+        return np.asarray(self.period * np.arange(len(self.t)), dtype=np.float64)
+
+    @cached_property
     def order(self) -> int:
         """Cosines of the baseline that is slower than the palpation; 0 for none.
 
         A motion that goes to and fro fewer than three times has no baseline.
         """
-        order = baseline_order(self.band.low, float(self.t[-1] - self.t[0]))
+        order = baseline_order(self.band.low, float(self.clock[-1]))
         if order == 0 or self.band.coherence == 0.0:
             return 0
-        fast = float(np.std(without_baseline(self.x, self.t, order)))
+        fast = float(np.std(without_baseline(self.x, self.clock, order)))
         turns = turning_points(self.x, fast)
         return order if len(turns) - 2 >= 2 * FEWEST_CYCLES else 0
 
@@ -80,13 +85,13 @@ class Prepared:
         crossings = np.flatnonzero((self.palpation[:-1] < 0.0) & (self.palpation[1:] >= 0.0))
         if len(crossings) < 2:
             return self.band.centre
-        seconds = float(self.t[crossings[-1]] - self.t[crossings[0]])
+        seconds = float(self.clock[crossings[-1]] - self.clock[crossings[0]])
         return (len(crossings) - 1) / seconds
 
     @cached_property
     def palpation(self) -> Floats:
         """The smoothed position without what is slower than the palpation [m]."""
-        return without_baseline(self.x, self.t, self.order)
+        return without_baseline(self.x, self.clock, self.order)
 
     def smoothed(self, values: Floats) -> Floats:
         """Return values on the grid behind the kernel, shape (n,)."""
@@ -139,6 +144,10 @@ def prepare(signals: Signals, bandwidth: float | None = None, force_lag: float =
             decay = np.exp(-period / force_lag)
             x = lfilter([1.0 - decay], [1.0, -decay], x - x[0]) + x[0]
         pieces.append((even, x, f))
+    if not pieces:
+        raise ValueError(
+            f"no piece between gaps has {FEWEST} samples or more: expected longer pieces"
+        )
     longest = max(pieces, key=lambda piece: len(piece[0]))
     band = coherent_band(longest[1], longest[2], period)
     corner = bandwidth or min(CORNER * band.high, 0.2 / period)

@@ -80,7 +80,7 @@ def test_conditioned_signals_after_a_gap_do_not_depend_on_those_before_it(condit
     moved.x[:start] *= 3.0
     moved.f[:start] -= 5.0
     settings = EstimateSettings(
-        preset="paper", conditioning=conditioning, whole=True, resolution=1e-6
+        datum="file", preset="paper", conditioning=conditioning, whole=True, resolution=1e-6
     )
     one, other = evaluate(signals, settings), evaluate(moved, settings)
     after = one.t > signals.t[start]
@@ -93,7 +93,7 @@ def test_conditioned_signals_after_a_gap_do_not_depend_on_those_before_it(condit
 @pytest.mark.parametrize("conditioning", CONDITIONING)
 def test_velocity_has_settled_where_the_estimators_are_given_it_after_a_gap(conditioning):
     settings = EstimateSettings(
-        preset="paper", conditioning=conditioning, whole=True, resolution=1e-6
+        datum="file", preset="paper", conditioning=conditioning, whole=True, resolution=1e-6
     )
     holed, whole = (evaluate(linear(hole), settings) for hole in ((3.1, 5.25), (9.0, 9.0)))
     after = holed.t > 5.2
@@ -103,7 +103,7 @@ def test_velocity_has_settled_where_the_estimators_are_given_it_after_a_gap(cond
 
 def test_estimators_receive_the_duration_of_a_gap():
     signals = linear()
-    evaluation = evaluate(signals, EstimateSettings(preset="paper", whole=True))
+    evaluation = evaluate(signals, EstimateSettings(datum="file", preset="paper", whole=True))
     t, dt = evaluation.t, evaluation.regression.dt
     np.testing.assert_allclose(dt[1:], np.diff(t), atol=1e-12)
     settling = MatchedFilter(20.0).settling
@@ -113,14 +113,19 @@ def test_estimators_receive_the_duration_of_a_gap():
 
 @pytest.mark.parametrize("end", [5.1, 5.3, 5.47, 5.6, 5.8])
 def test_a_gap_does_not_shift_the_estimates_after_it(end):
-    evaluation = evaluate(linear((3.1, end)), EstimateSettings(preset="paper", whole=True))
+    evaluation = evaluate(
+        linear((3.1, end)), EstimateSettings(datum="file", preset="paper", whole=True)
+    )
     later = evaluation.t > end + 0.3
     np.testing.assert_allclose(evaluation.estimates["rls"].k[later], 2000.0, atol=15.0)
 
 
 @pytest.mark.parametrize("conditioning", CONDITIONING)
 def test_a_gap_of_any_length_does_not_change_the_settings_that_follow_the_data(conditioning):
-    signals, settings = linear(), EstimateSettings(conditioning=conditioning, resolution=1e-6)
+    signals, settings = (
+        linear(),
+        EstimateSettings(datum="file", conditioning=conditioning, resolution=1e-6),
+    )
     t = signals.t + 3600.0 * (signals.t > 4.0)
     long = signals._replace(t=t, dt=periods(t))
     short, long = evaluate(signals, settings), evaluate(long, settings)
@@ -143,7 +148,7 @@ def test_gaps_that_leave_no_settled_sample_are_refused():
     signals = linear((9.0, 9.0))
     every = signals._replace(gaps=tuple(range(0, len(signals.t), 20)))
     with pytest.raises(InputError, match="far enough from a gap for the filters to settle"):
-        evaluate(every, EstimateSettings(preset="paper", whole=True))
+        evaluate(every, EstimateSettings(datum="file", preset="paper", whole=True))
 
 
 def test_a_gap_in_a_table_is_reported(tmp_path, capsys):

@@ -1,0 +1,154 @@
+"""Elastic modulus from stiffness and the geometry of an indenter.
+
+With E* = E / (1 - nu^2) and the tangent stiffness k at a depth d of the specimen's surface:
+
+- flat punch of radius a (Sneddon): k = 2 a E*;
+- sphere of radius R (Hertz): k = 2 E* sqrt(R d), of contact radius a = sqrt(R d);
+- cone of half angle alpha (Sneddon): k = (4 / pi) E* tan(alpha) d, of contact radius
+  a = (2 / pi) tan(alpha) d.
+
+All are k = 2 a E*. On a layer of thickness h that is bonded to a rigid base, a flat punch is
+stiffer by Hayes' factor kappa(a / h, nu): k = 2 a kappa E*. kappa is the solution of his integral
+equation, phi(t) - (a / pi h) int_-1^1 K(a (t - s) / h) phi(s) ds = 1, kappa = int_0^1 phi dt, with
+K(u) = int_0^inf (1 - L(m)) cos(m u) dm and L the layer's compliance over that of a half-space. For
+a sphere and a cone the factor at their contact radius is an approximation.
+
+References
+----------
+I. N. Sneddon, "The relation between load and penetration in the axisymmetric Boussinesq problem for
+a punch of arbitrary profile", Int. J. Engineering Science 3(1), 1965; K. L. Johnson, "Contact
+Mechanics", Cambridge, 1985 (chapter 4, Hertz); W. C. Hayes, L. M. Keer, G. Herrmann, L. F. Mockros,
+"A mathematical analysis for indentation tests of articular cartilage", J. Biomechanics 5(5), 1972.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from teleop.errors import InputError
+from teleop.evaluation.result import Result
+
+IndenterName = Literal["flat", "sphere", "cone"]
+
+
+@dataclass(frozen=True)
+class Indenter:
+    """Shape of the tip, and the specimen under it.
+
+    Raises
+    ------
+    InputError
+        A size is missing, out of its range, or not of this shape.
+    """
+
+    shape: IndenterName
+    radius: float | None = None
+    """Radius of a flat punch or a sphere [m]."""
+    angle: float | None = None
+    """Half angle of a cone, between its axis and its side [rad]."""
+    thickness: float | None = None
+    """Thickness of the specimen on a rigid base [m]; None for a half-space."""
+    poisson: float = 0.5
+    """Poisson's ratio of the specimen."""
+
+    def __post_init__(self) -> None:
+        if self.shape == "cone":
+            if self.angle is None or not 0.0 < self.angle < 0.5 * math.pi:
+                raise InputError("--indenter cone: expected --angle between 0 and 90 degrees")
+        elif self.radius is None or not self.radius > 0.0:
+            raise InputError(f"--indenter {self.shape}: expected --radius above zero, in mm")
+        if self.thickness is not None and not self.thickness > 0.0:
+            raise InputError("--thickness: expected a thickness above zero, in mm")
+        if not 0.0 <= self.poisson <= 0.5:
+            raise InputError("--poisson: expected a ratio from 0 to 0.5")
+
+    def contact_radius(self, depth: float) -> float:
+        """Return the radius of the contact at a depth [m]."""
+        if self.shape == "flat":
+            assert self.radius is not None
+            return self.radius
+        if self.shape == "sphere":
+            assert self.radius is not None
+            return math.sqrt(self.radius * max(depth, 0.0))
+        assert self.angle is not None
+        return 2.0 / math.pi * math.tan(self.angle) * max(depth, 0.0)
+
+
+def hayes_factor(aspect: float, poisson: float, nodes: int = 48) -> float:
+    """Return how much stiffer a bonded layer is than a half-space under a flat punch.
+
+    Parameters
+    ----------
+    aspect
+        Radius of the contact over the thickness.
+    poisson
+        Poisson's ratio.
+    nodes
+        Nodes of the quadrature.
+    """
+    kolosov = 3.0 - 4.0 * poisson
+    m = np.linspace(0.0, 30.0, 3001)
+    decay = np.exp(-2.0 * m)
+    upper = kolosov * (1.0 - decay**2) - 4.0 * m * decay
+    lower = kolosov * (1.0 + decay**2) + (4.0 * m**2 + 1.0 + kolosov**2) * decay
+    rest = 1.0 - upper / lower
+    s, weights = np.polynomial.legendre.leggauss(nodes)
+    s, weights = 0.5 * (s + 1.0), 0.5 * weights
+
+    def kernel(u: np.ndarray) -> np.ndarray:
+        return np.asarray(np.trapezoid(rest * np.cos(u[..., None] * m), m, axis=-1))
+
+    both = kernel(aspect * (s[:, None] - s)) + kernel(aspect * (s[:, None] + s))
+    phi = np.linalg.solve(np.eye(nodes) - aspect / math.pi * both * weights, np.ones(nodes))
+    return float(weights @ phi)
+
+
+def elastic_modulus(result: Result, indenter: Indenter, depth_known: bool) -> dict[str, Any]:
+    """Return the elastic modulus with its 95 % interval as a document.
+
+    Parameters
+    ----------
+    result
+        The number to publish.
+    indenter
+        The geometry.
+    depth_known
+        Whether the depth is from a contact point; without it sphere and cone have no modulus.
+
+    Raises
+    ------
+    InputError
+        There is no stiffness, or no depth for a sphere or a cone.
+    """
+    if result.k is None or result.k_low is None or result.k_high is None:
+        raise InputError("elastic modulus: the record gives no stiffness")
+    depth = result.depth or 0.0
+    if indenter.shape != "flat" and not (depth_known and depth > 0.0):
+        raise InputError(
+            f"elastic modulus with a {indenter.shape}: the depth is not known, as the record has "
+            "no contact point: expected a record that begins or ends out of contact"
+        )
+    a = indenter.contact_radius(depth)
+    factor = 1.0
+    method = {"flat": "Sneddon", "sphere": "Hertz", "cone": "Sneddon"}[indenter.shape]
+    method = f"{method}, {indenter.shape}, contact radius {a * 1e3:.3g} mm"
+    if indenter.thickness is not None:
+        factor = hayes_factor(a / indenter.thickness, indenter.poisson)
+        approximate = "" if indenter.shape == "flat" else ", approximate for this shape"
+        method += f", Hayes' factor {factor:.3g}{approximate}"
+    else:
+        method += ", half-space"
+    scale = (1.0 - indenter.poisson**2) / (2.0 * a * factor)
+    return {
+        "modulus_pa": result.k * scale,
+        "modulus_low_pa": result.k_low * scale,
+        "modulus_high_pa": result.k_high * scale,
+        "poisson": indenter.poisson,
+        "contact_radius_m": a,
+        "hayes_factor": factor,
+        "method": method,
+    }

@@ -1,0 +1,157 @@
+"""Figures of a batch evaluation: model, residual and phases; the complex modulus."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from estimation.batch_models import BatchFit
+from teleop.evaluation.evaluation import Evaluation
+from teleop.output.figures import plain
+
+PHASE_COLOURS = {
+    "free": "#BBBBBB",
+    "loading": "#0072B2",
+    "hold": "#E69F00",
+    "unloading": "#009E73",
+}
+"""Colours that the colour-blind distinguish (Okabe and Ito)."""
+MODEL = "#D55E00"
+MOST_POINTS = 4000
+"""Samples drawn at most of a line."""
+
+
+def fit_figure(title: str, evaluation: Evaluation) -> Figure:
+    """Return force over displacement with the best model, force over time, and the residual.
+
+    Parameters
+    ----------
+    title
+        Name of the record.
+    evaluation
+        Its evaluation.
+    """
+    record, datum = evaluation.analysis.record, evaluation.datum
+    figure = Figure(figsize=(7.2, 7.6), layout="constrained")
+    grid = figure.add_gridspec(3, 1, height_ratios=(3.0, 2.0, 1.0))
+    over_x, over_t, residual = (figure.add_subplot(grid[i]) for i in range(3))
+    residual.sharex(over_t)
+    every = max(1, len(record.t) // MOST_POINTS)
+    x, f, t = ((record.x - datum.x) * 1e3, record.raw_f - datum.f, record.t)
+    draw_phases(over_x, evaluation, x, record.f - datum.f, every)
+    over_t.plot(t[::every], f[::every], color="#555555", linewidth=0.9, label="measured")
+    for phase in evaluation.analysis.phases.phases:
+        over_t.axvspan(
+            t[phase.start], t[phase.end - 1], color=PHASE_COLOURS[phase.name], alpha=0.10, lw=0
+        )
+    fit = best_fit(evaluation)
+    if fit is not None:
+        draw_fit(over_x, over_t, fit, (x, t), every)
+        left = record.f - datum.f - fit.predicted
+        residual.plot(t[::every], left[::every], color=MODEL, linewidth=0.6)
+    over_x.set_title(plain(title), loc="left", fontsize=11)
+    over_x.set_xlabel("displacement from the datum [mm]")
+    over_x.set_ylabel("force [N]")
+    over_t.set_ylabel("force [N]")
+    over_t.tick_params(labelbottom=False)
+    residual.set_ylabel("residual [N]")
+    residual.set_xlabel("time [s]")
+    residual.axhline(0.0, color="#888888", linewidth=0.6)
+    over_t.set_xlim(t[0], t[-1])
+    for axes in (over_x, over_t, residual):
+        axes.grid(alpha=0.25, linewidth=0.6)
+        axes.spines[["top", "right"]].set_visible(False)
+    over_x.legend(loc="upper left", fontsize=9, frameon=False)
+    over_t.legend(loc="upper right", fontsize=9, framealpha=0.85, edgecolor="none", ncols=2)
+    return figure
+
+
+def best_fit(evaluation: Evaluation) -> BatchFit | None:
+    """Return the best model whose parameters are identified; None without a result."""
+    if not evaluation.analysis.result.identifiable:
+        return None
+    return next((fit for fit in evaluation.models if fit.identifiable), None)
+
+
+def draw_phases(
+    axes: Axes, evaluation: Evaluation, x: np.ndarray, f: np.ndarray, every: int
+) -> None:
+    """Draw the smoothed force over displacement, each phase in its colour."""
+    labelled = set()
+    for phase in evaluation.analysis.phases.phases:
+        part = slice(phase.start, phase.end + 1, min(every, max(1, (phase.end - phase.start) // 8)))
+        axes.plot(
+            x[part],
+            f[part],
+            color=PHASE_COLOURS[phase.name],
+            linewidth=1.0,
+            label=None if phase.name in labelled else phase.name,
+        )
+        labelled.add(phase.name)
+
+
+def draw_fit(
+    over_x: Axes,
+    over_t: Axes,
+    fit: BatchFit,
+    measured: tuple[np.ndarray, np.ndarray],
+    every: int,
+) -> None:
+    """Draw the model's force over displacement and time."""
+    x, t = measured
+    part = slice(None, None, every)
+    over_x.plot(
+        x[part], fit.predicted[part], color=MODEL, linewidth=1.2, linestyle="--", label=fit.name
+    )
+    over_t.plot(
+        t[part], fit.predicted[part], color=MODEL, linewidth=1.0, linestyle="--", label=fit.name
+    )
+
+
+def modulus_figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
+    """Return k', k'' and tan delta over frequency with 95 % intervals.
+
+    Parameters
+    ----------
+    rows
+        Moduli of the files, see `Analysis.modulus`.
+    """
+    figure = Figure(figsize=(6.4, 6.0), layout="constrained")
+    panels = figure.subplots(3, 1, sharex=True)
+    ordered = sorted(rows, key=lambda row: float(row["frequency_hz"]))
+    frequency = [row["frequency_hz"] for row in ordered]
+    scale, prefix = (1e-3, "kN/m") if ordered[0]["storage"] >= 1e4 else (1.0, "N/m")
+    for axes, (name, label, size, colour) in zip(
+        panels,
+        (
+            ("storage", f"storage k\u2032 [{prefix}]", scale, "#0072B2"),
+            ("loss", f"loss k\u2033 [{prefix}]", scale, "#D55E00"),
+            ("tan_delta", "tan \u03b4 = k\u2033 / k\u2032", 1.0, "#000000"),
+        ),
+        strict=True,
+    ):
+        axes.errorbar(
+            frequency,
+            [row[name] * size for row in ordered],
+            [row[f"{name}_interval"] * size for row in ordered],
+            color=colour,
+            marker="o",
+            markersize=4,
+            capsize=4,
+            linewidth=0.8,
+        )
+        axes.set_ylabel(label)
+        axes.margins(y=0.15)
+    lower = panels[-1]
+    lower.set_xlabel("frequency [Hz]")
+    lower.set_xscale("log")
+    lower.set_xticks(frequency, [f"{value:.3g}" for value in frequency])
+    lower.minorticks_off()
+    for axes in panels:
+        axes.grid(alpha=0.25, linewidth=0.6)
+        axes.spines[["top", "right"]].set_visible(False)
+    return figure

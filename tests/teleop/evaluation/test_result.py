@@ -1,0 +1,121 @@
+"""The number to publish, on records of known truth; coverage is in benchmarks/corpus.py."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from estimation.coherent_band import coherent_band
+from estimation.testing_records import COVERAGE_KINDS, WITHOUT_STIFFNESS, intermittent_contact
+from teleop.cli import main
+from teleop.evaluation.analysis import analyse
+from teleop.evaluation.evaluation import EstimateSettings, evaluate
+from teleop.evaluation.formats.delimited import Signals, periods
+from teleop.evaluation.material import hayes_factor
+
+RATE = 200.0
+
+
+def signals_of(t, x, f):
+    return Signals(t, x, f, periods(t), "position")
+
+
+def sine(seconds=10.0, k=2000.0, b=20.0, drift=0.0, noise=5e-3):
+    t = np.arange(round(RATE * seconds)) / RATE
+    w = 4.0 * np.pi
+    x = 1e-3 * np.sin(w * t)
+    f = 5.0 + k * x + b * 1e-3 * w * np.cos(w * t)
+    f += np.random.default_rng(0).normal(0.0, noise, len(t))
+    return signals_of(t, x + drift * np.sin(0.22 * t), f)
+
+
+@pytest.mark.parametrize("kind", COVERAGE_KINDS)
+@pytest.mark.parametrize("seed", [1, 3])
+def test_the_interval_of_k_contains_the_truth(kind, seed):
+    record = COVERAGE_KINDS[kind](np.random.default_rng(seed))
+    result = analyse(signals_of(record.t, record.x, record.f)).result
+    assert result.k_low <= record.k <= result.k_high
+    assert result.k == pytest.approx(record.k, rel=0.1)
+
+
+@pytest.mark.parametrize("kind", WITHOUT_STIFFNESS)
+def test_a_record_that_supports_no_stiffness_gives_a_reason(kind):
+    record = WITHOUT_STIFFNESS[kind](np.random.default_rng(1))
+    result = analyse(signals_of(record.t, record.x, record.f)).result
+    assert not result.identifiable
+    assert result.k is None
+    assert result.b is None
+    assert result.reasons
+
+
+def test_a_drift_of_the_position_is_not_taken_for_the_motion():
+    evaluation = evaluate(sine(drift=8e-3), EstimateSettings())
+    assert evaluation.kept_force_variance > 0.9
+    result = evaluation.analysis.result
+    assert result.k_low <= 2000.0 <= result.k_high
+    assert result.k_high - result.k_low < 100.0
+
+
+def test_trials_of_different_length_give_the_same_stiffness():
+    results = [analyse(sine(seconds)).result for seconds in (2.0, 3.0, 5.0, 10.0, 30.0)]
+    for result in results:
+        assert result.k_low <= 2000.0 <= result.k_high
+        assert result.b_low <= 20.0 <= result.b_high
+
+
+def test_the_band_is_where_force_follows_the_displacement():
+    signals = sine(seconds=20.0, drift=8e-3)
+    band = coherent_band(signals.x, signals.f, 1.0 / RATE)
+    assert band.low > 1.5
+    assert band.centre == pytest.approx(2.0, abs=0.2)
+
+
+def test_the_contact_point_is_found_and_estimators_hold_out_of_contact():
+    record = intermittent_contact(np.random.default_rng(3))
+    evaluation = evaluate(signals_of(record.t, record.x, record.f), EstimateSettings())
+    point = evaluation.analysis.phases.contact_point
+    assert point.low <= record.contact <= point.high
+    assert evaluation.datum.source.startswith("the contact point")
+    assert evaluation.estimates["rls"].held.mean() > 0.2
+
+
+def test_parameters_at_the_edge_of_plausibility_are_not_identifiable():
+    evaluation = evaluate(sine(), EstimateSettings())
+    fits = {fit.name: fit for fit in evaluation.models}
+    assert not fits["hunt-crossley"].identifiable
+    assert not fits["stiffening"].parameters["k3"].identifiable
+    k = fits["kelvin-voigt with datum"].parameters["k"]
+    assert k.low <= 2000.0 <= k.high
+
+
+@pytest.mark.parametrize(
+    ("aspect", "poisson", "factor"), [(0.2, 0.3, 1.207), (0.2, 0.5, 1.281), (0.4, 0.3, 1.472)]
+)
+def test_hayes_factor_is_that_of_his_table(aspect, poisson, factor):
+    assert hayes_factor(aspect, poisson) == pytest.approx(factor, abs=2e-3)
+
+
+def test_the_command_prints_the_result_first_in_80_columns(capsys, tmp_path):
+    path = tmp_path / "sine.csv"
+    signals = sine()
+    rows = zip(signals.t, signals.x * 1e3, signals.f, strict=True)
+    path.write_text(
+        "Time [s],Position [mm],Force [N]\n"
+        + "".join(f"{t:.6f},{x:.7f},{f:.6f}\n" for t, x, f in rows)
+    )
+    command = ["estimate", str(path), "--indenter", "flat", "--radius", "5"]
+    assert main(command) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert "result" in lines[0]
+    assert lines[1].startswith("  stiffness k = 2 00")
+    assert all(len(line.rstrip()) <= 80 for line in lines)
+    picture = tmp_path / "fit.png"
+    assert main([*command, "--plot-fit", str(picture), "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    result = document["result"]
+    assert result["k_low"] <= 2000.0 <= result["k_high"]
+    assert document["best_model"].startswith("kelvin-voigt")
+    assert document["material"]["modulus_pa"] == pytest.approx(0.75 * result["k"] / 0.01)
+    assert picture.stat().st_size > 10_000
