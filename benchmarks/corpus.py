@@ -16,8 +16,8 @@ import numpy as np
 
 from estimation.testing_records import COVERAGE_KINDS, WITHOUT_STIFFNESS
 from teleop.evaluation.analysis import analyse
-from teleop.evaluation.formats.delimited import Signals, periods
 from teleop.evaluation.result import Result
+from teleop.evaluation.signals import Signals, periods
 
 KINDS = {**COVERAGE_KINDS, **WITHOUT_STIFFNESS}
 WRONG = 0.1

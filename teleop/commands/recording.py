@@ -38,9 +38,9 @@ class Columns:
     invert: Literal["position", "force", "both"] | None = None
     """What changes its sign: both must be positive in compression."""
     datum: str = "auto"
-    """Where position and force are zero: as in the file, at the first sample (start), at the
-    mean of the motion, or given as in 1.5mm,20N. By default as in the file for a column named
-    displacement, indentation or depth, and the mean for any other."""
+    """Where position and force are zero: at the contact point (contact), as in the file, at the
+    first sample (start), at the mean of the motion, or given as in 1.5mm,20N. By default the
+    contact point where the record begins or ends out of contact, and the mean otherwise."""
 
     def read(self, file: Path) -> tuple[Signals, Recording | None]:
         """The signals of a table, or those of a recorded trial, and that.

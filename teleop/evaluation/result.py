@@ -29,7 +29,9 @@ DEPTH = 0.02
 POOR = 0.9
 """R^2 below which the fit is called bad."""
 EXPLAINED = 0.8
-"""R^2 in intermittent contact below which there is no stiffness."""
+"""R^2 below which there is no stiffness, in intermittent contact or with a structural misfit."""
+STRUCTURAL = 4
+"""Degree of the best polynomial from which on a bad fit is a misfit and not noise."""
 SLIGHT = 0.02
 """Residual of Kelvin-Voigt, as a share of the force, below which it is sufficient."""
 SMALL_BASELINE = 0.05
@@ -170,7 +172,8 @@ def doubts(local: LocalStiffness, half_k: float, phases: Phases) -> list[str]:
             f"the stiffness is negative ({local.k:.4g} N/m): is force positive in compression, "
             "as position is, or does inertia dominate?"
         ]
-    if phases.free_force is not None and local.r2 < EXPLAINED:
+    structural = phases.free_force is not None or local.best.degree >= STRUCTURAL
+    if structural and local.r2 < EXPLAINED:
         return [
             f"in contact the position explains {local.r2:.0%} of the force variance: a rigid stop, "
             "slip, or a specimen that changes"

@@ -177,8 +177,8 @@ def measure_lag(position: Floats, force: Floats, dt: Floats) -> ForceLag:
         )
     if not 1e-5 < alone < 0.99 * LONGEST:
         raise InputError(
-            f"the best lag is {alone * 1e3:.2f} ms: expected one between 0.01 and "
-            f"{LONGEST * 1e3:g} ms, as on a spring without damping with the datum at its rest"
+            f"the estimated lag is {alone * 1e3:.2f} ms: expected 0.01 to {LONGEST * 1e3:g} ms, "
+            "from a spring without damping, with the datum at the unloaded spring"
         )
     speeds = stroke_speeds(position, dt)
     equal = math.pi**2 / 8.0 * alone * float(np.mean(speeds)) if len(speeds) else 0.0
