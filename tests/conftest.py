@@ -44,6 +44,7 @@ REAL_TIME = (
 COMPILER = pytest.StashKey[subprocess.Popen]()
 
 
+@pytest.hookimpl(tryfirst=True)  # before pytest-xdist reads the groups
 def pytest_collection_modifyitems(items):
     """Run tests in real time in one worker, and tests of compiled code last."""
     here = Path(__file__).parent

@@ -70,7 +70,7 @@ def test_the_fault_report_names_cause_limit_value_time_and_timing(stopped):
     trial, _ = stopped(Replaced("contact_force", 5000.0))
     text = (trial.black_box / "cause.txt").read_text()
     for line in (
-        "what      force limit: contact force 5000 N, at most 59.97 N",
+        f"what      force limit: contact force 5000 N, at most {trial.settings.limits.hard_force:.4g} N",
         "kind      force limit",
         "where     contact_force",
         "when      6.9500 s",

@@ -10,11 +10,13 @@ import json
 import math
 import signal
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import pytest
 import tomlkit
 
+from sim_backend import RIGID, paper_setup
 from sim_backend.wire.emulator import Emulator, PlannedFault
 from teleop.cli import main
 from teleop.control.clock import VirtualClock
@@ -153,7 +155,8 @@ def test_a_wrong_sign_or_scale_of_the_velocity_channel_alone_is_refused(in_memor
 
 @pytest.mark.parametrize("name", RIGS)
 def test_a_sound_rig_passes_and_its_watchdogs_act(in_memory, name):
-    checked = Checked(in_memory(name))
+    rigid = replace(paper_setup("autonomous", "soft"), transmission=RIGID)
+    checked = Checked(in_memory(name, custom_setup=rigid))
     assert checked.stayed_small()
     assert checked.report.fault is None
     assert not checked.driven

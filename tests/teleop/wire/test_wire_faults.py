@@ -151,5 +151,5 @@ def test_a_board_of_another_version_is_refused_at_the_start(stepped):
     def newer(emulator):
         emulator.devices["board"].version = 2
 
-    with pytest.raises(RigError, match="version 2 of the protocol, expected 1"):
+    with pytest.raises(RigError, match="protocol version 2, expected 1"):
         stepped("serial-board", prepare=newer).run()
