@@ -69,8 +69,9 @@ def test_the_box_holds_five_seconds_before_and_one_after_at_full_rate(stopped):
 def test_the_fault_report_names_cause_limit_value_time_and_timing(stopped):
     trial, _ = stopped(Replaced("contact_force", 5000.0))
     text = (trial.black_box / "cause.txt").read_text()
+    most = trial.settings.limits.hard_force
     for line in (
-        f"what      force limit: contact force 5000 N, at most {trial.settings.limits.hard_force:.4g} N",
+        f"what      force limit: contact force 5000 N, at most {most:.4g} N",
         "kind      force limit",
         "where     contact_force",
         "when      6.9500 s",
