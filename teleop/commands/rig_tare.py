@@ -81,5 +81,5 @@ def tare(
     if json:
         console.print_json({**asdict(found), "noise_n": zero.noise, "file": str(out)})
     else:
-        print_tare(found, zero.noise, out)
+        print_tare(found, zero.noise, out, rig)
     return 0

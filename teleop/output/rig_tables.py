@@ -159,11 +159,12 @@ def print_lag(summary: Mapping[str, Any]) -> None:
     )
 
 
-def print_tare(tare: Tare, noise: float, path: Path) -> None:
-    """Print the zeros of a rig."""
+def print_tare(tare: Tare, noise: float, path: Path, rig: Path | None) -> None:
+    """Print the zeros of a rig, and the command that applies them."""
+    on_rig = f"--rig {rig} " if rig else ""
     plain_console().print(
         f"master force zero {tare.master_force:+.4f} N\n"
         f"contact force zero {tare.contact_force:+.4f} N, noise {noise:.3f} N rms\n"
-        f"contact at {tare.slave_position * 1e3:+.4f} mm\n"
-        f"{tare.date}: stored in {path}; apply it with: teleop run --tare {path}"
+        f"contact datum {tare.slave_position * 1e3:+.4f} mm\n"
+        f"stored in {path}, {tare.date}; apply it with: teleop run {on_rig}--tare {path}"
     )

@@ -19,11 +19,11 @@ from estimation import MODELS
 from estimation.model import model_named
 from teleop.control.tare import read_tare
 from teleop.errors import InputError, as_input_error
-from teleop.files import unreadable
+from teleop.files import RECORDING, unreadable
 from teleop.recording.recording import load
 from teleop.trial.rig_loading import load_rig_file
 from teleop.trial.settings import TrialSettings
-from teleop.trial.settings_json import NAMES, adapter, from_document, to_document
+from teleop.trial.settings_json import DERIVED, NAMES, adapter, from_document, to_document
 
 
 def read_configuration(path: Path) -> TrialSettings:
@@ -42,9 +42,10 @@ def read_configuration(path: Path) -> TrialSettings:
         The file cannot be read; or a setting is unknown or not as expected. All problems are
         named, a line for each.
     """
-    document = load(path).settings if path.suffix.lower() == ".mcap" else read_toml(path)
+    recorded = path.suffix.lower() == RECORDING
+    document = load(path).settings if recorded else read_toml(path)
     try:
-        return settings_from(document, path.parent)
+        return from_document(document) if recorded else settings_from(document, path.parent)
     except InputError as error:
         lines = str(error).splitlines()
         raise InputError("\n".join(f"{path}: {line}" for line in lines)) from error
@@ -75,6 +76,8 @@ def settings_from(document: Mapping[str, Any], folder: Path) -> TrialSettings:
     InputError
         A setting is unknown or not as expected, or a file that it names cannot be read.
     """
+    if derived := [key for key in DERIVED if key in document]:
+        raise InputError("\n".join(f"{key}: unknown setting" for key in derived))
     named = dict(document)
     if isinstance(named.get("rig"), str):
         named["rig"] = load_rig_file(folder / named["rig"])

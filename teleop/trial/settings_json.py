@@ -87,13 +87,20 @@ def from_document(document: Mapping[str, Any]) -> TrialSettings:
         Names everything that is not as expected, a line for each problem.
     """
     keys = {NAMES.get(field.name, field.name): field.name for field in fields(TrialSettings)}
-    given = {keys.get(key, key): value for key, value in document.items() if key not in DERIVED}
+    stated = {key: value for key, value in document.items() if key not in DERIVED}
+    misnamed = [f"{key}: unknown setting: expected {NAMES[key]}" for key in stated if key in NAMES]
+    given = {keys.get(key, key): value for key, value in stated.items() if key not in NAMES}
     if isinstance(given.get("rig"), Mapping):
         given["rig"] = rig_file(given["rig"])
     try:
-        return adapter().validate_python(given)
+        settings = adapter().validate_python(given)
     except ValidationError as error:
-        raise InputError("\n".join(problems(error))) from error
+        raise InputError("\n".join(misnamed + problems(error))) from error
+    except InputError as error:
+        raise InputError("\n".join([*misnamed, str(error)])) from error
+    if misnamed:
+        raise InputError("\n".join(misnamed))
+    return settings
 
 
 def problems(error: ValidationError) -> list[str]:

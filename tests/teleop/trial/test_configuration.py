@@ -70,6 +70,23 @@ def test_all_problems_are_reported_at_once_each_with_the_file_and_the_key(writte
     }
 
 
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ("duration = 3", "duration: unknown setting: expected duration_s"),
+        ("depth = 3\nseed = []", "depth: unknown setting: expected depth_m"),
+        ("force_lag = 1\nduration_s = -1", "force_lag: unknown setting: expected force_lag_s"),
+        ("[preset]\nforgetting = 0.9", "preset: unknown setting"),
+        ("[limits]\nhard_force = 1000", "limits: unknown setting"),
+    ],
+)
+def test_a_key_without_its_unit_and_a_value_that_follows_from_others_are_refused(
+    written, text, problem
+):
+    with pytest.raises(InputError, match=problem):
+        read_configuration(written(text))
+
+
 def test_values_out_of_range_are_reported_at_once(written):
     with pytest.raises(InputError) as refused:
         read_configuration(written('rate_hz = 1\nduration_s = -1\ncondition = "odd"'))
