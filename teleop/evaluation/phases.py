@@ -28,8 +28,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
-from scipy.stats import t as student
+from scipy.special import chdtri, stdtrit
 
 from estimation.baseline import without_baseline
 from estimation.compiled import Floats
@@ -231,7 +230,7 @@ def contact_point(
     value = float(np.median(values))
     half = float(np.median([one.high - one.low for one in found])) / 2.0
     if len(values) > 2:
-        quantile = float(student.ppf(0.975, len(values) - 1))
+        quantile = float(stdtrit(len(values) - 1, 0.975))
         half = max(half, quantile * float(np.std(values, ddof=1)))
     return Interval(value, value - half, value + half)
 
@@ -247,7 +246,7 @@ def onset(x: Floats, v: Floats, f: Floats, noise: float) -> Interval | None:
         squares[i] = np.sum((f - regressors @ theta) ** 2)
     best = int(np.argmin(squares))
     variance = max(squares[best] / max(len(x) - 5, 1), noise**2)
-    allowed = points[squares <= squares[best] + chi2.ppf(0.95, 1) * variance]
+    allowed = points[squares <= squares[best] + chdtri(1, 0.05) * variance]
     step = points[1] - points[0]
     return Interval(float(points[best]), float(allowed[0] - step), float(allowed[-1] + step))
 
