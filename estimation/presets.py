@@ -21,7 +21,7 @@ GATE = GateSettings(force=0.1, speed=2e-3, window=0.02)
 
 @dataclass(frozen=True)
 class Preset(MethodSettings):
-    """Settings of a bank, from which each method computes its own.
+    """Settings that the estimators of a bank share; each derives its own parameters from them.
 
     Use `dataclasses.replace(preset, forgetting=0.95)` to change a setting.
     """

@@ -74,7 +74,7 @@ def palpated(summary: Mapping[str, Any]) -> str:
 
 
 def print_truth(console: Console, truth: Mapping[str, Any]) -> None:
-    """What the simulated cube is."""
+    """Print the true stiffness, damping, lag and lost motion of the simulated rig."""
     console.print(
         f"  truth (simulated): b {truth['b']:.3g} N s/m, k {number(truth['k_surface'], 0)} N/m at "
         f"the surface\n  to {number(truth['k_deepest'], 0)} N/m at the deepest; the force channel "
