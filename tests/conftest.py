@@ -21,36 +21,11 @@ for name in ("SIGINT", "SIGHUP", "SIGQUIT"):
         quits = name == "SIGQUIT"
         signal.signal(ending, signal.SIG_DFL if quits else signal.default_int_handler)
 
-REAL_TIME = (
-    "test_readme.py",
-    "test_third_party.py",
-    "test_site.py",
-    "teleop/commands/test_stopping_commands.py",
-    "teleop/control/test_clock.py",
-    "teleop/live/",
-    "teleop/recording/test_black_box.py",
-    "teleop/recording/test_recorder.py",
-    "teleop/recording/test_gaps.py",
-    "teleop/test_cli.py",
-    "teleop/trial/test_faults.py",
-    "teleop/trial/test_realtime.py",
-    "teleop/trial/test_run_outcome.py",
-    "teleop/trial/test_stop_key.py",
-    "teleop/trial/test_stop_switch.py",
-    "teleop/wire/test_commands.py",
-)
-"""Tests with trials in real time: one worker of pytest-xdist runs them one after the other."""
-
 COMPILER = pytest.StashKey[subprocess.Popen]()
 
 
-@pytest.hookimpl(tryfirst=True)  # before pytest-xdist reads the groups
 def pytest_collection_modifyitems(items):
-    """Run tests in real time in one worker, and tests of compiled code last."""
-    here = Path(__file__).parent
-    for item in items:
-        if item.path.relative_to(here).as_posix().startswith(REAL_TIME):
-            item.add_marker(pytest.mark.xdist_group("real time"))
+    """Run the tests of compiled code last, when it has been compiled."""
     items.sort(key=lambda item: "compiled_estimators" in item.fixturenames)
 
 
