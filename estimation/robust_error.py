@@ -21,6 +21,7 @@ import numpy as np
 from scipy.special import stdtrit
 
 from estimation.compiled import Floats
+from estimation.estimator import LEVEL_95
 
 FEWEST_COSINES = 4
 
@@ -51,7 +52,7 @@ class RobustFit(NamedTuple):
         time = np.pi * (np.arange(n) + 0.5) / n
         sums = np.cos(np.outer(j, time)) @ terms * math.sqrt(2.0)
         freedom = n / max(n - m, 1)
-        quantile = float(stdtrit(count, 0.975)) / 1.959964
+        quantile = float(stdtrit(count, 0.975)) / LEVEL_95
         ewc = float(np.mean(sums**2))
         white = float(np.sum(terms**2))
         return quantile * math.sqrt(freedom * max(ewc, 0.25 * white))

@@ -15,9 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimation.compiled import Floats
+from estimation.estimator import LEVEL_95
 from estimation.robust_error import RobustFit
-
-LEVEL_95 = 1.959964
 
 
 class BatchData(NamedTuple):

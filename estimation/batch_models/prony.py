@@ -12,8 +12,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import least_squares
 
-from estimation.batch_models.fit import LEVEL_95, Parameter, linear_solution
+from estimation.batch_models.fit import Parameter, linear_solution
 from estimation.compiled import Floats
+from estimation.estimator import LEVEL_95
 from estimation.robust_error import RobustFit
 
 

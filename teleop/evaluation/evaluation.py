@@ -24,6 +24,7 @@ from estimation import (
 from estimation.batch_models import BatchFit
 from estimation.compiled import Floats
 from estimation.conditioner_choice import make_conditioner
+from estimation.conditioning import BANDWIDTH
 from estimation.estimate_columns import estimate_arrays, estimate_columns
 from estimation.excitation import dominant_frequency
 from estimation.model import KELVIN_VOIGT
@@ -43,8 +44,6 @@ FEWEST_KEPT = 0.9
 """Share of the force variance below which conditioning is reported to remove the signal."""
 FEWEST = 10
 """Fewest moving samples that are evaluated."""
-PAPER_BANDWIDTH = 20.0
-"""Bandwidth of the conditioning for the paper's preset [Hz], that of `teleop run`."""
 
 
 @dataclass(frozen=True)
@@ -233,7 +232,7 @@ def evaluate(signals: Signals, settings: EstimateSettings) -> Evaluation:
     bandwidth = settings.bandwidth
     if bandwidth is None:
         highest = band.high if band.coherence > 0.0 else frequency
-        bandwidth = 10.0 * highest if settings.preset == "scaled" else PAPER_BANDWIDTH
+        bandwidth = 10.0 * highest if settings.preset == "scaled" else BANDWIDTH
     count = settings.resolution or smallest_step(signals.x)
     given = settings.preset if isinstance(settings.preset, Preset) else None
     model = settings.model or (given.model if given else KELVIN_VOIGT)

@@ -32,6 +32,7 @@ from scipy.special import chdtri, stdtrit
 
 from estimation.baseline import without_baseline
 from estimation.compiled import Floats
+from estimation.stiffening import Interval
 from teleop.evaluation.prepared import Prepared
 from teleop.evaluation.turning_points import turning_points
 
@@ -53,14 +54,6 @@ APPROACHES, MOST_POINTS = 10, 300
 """Approaches that are fitted for the contact point, and samples of each, approximately."""
 GUARD = 2.5
 """Samples this many kernel widths from the begin or end of a contact are not used for fits."""
-
-
-class Interval(NamedTuple):
-    """A value with its 95 % interval."""
-
-    value: float
-    low: float
-    high: float
 
 
 class Phase(NamedTuple):

@@ -23,9 +23,9 @@ from scipy.special import chdtrc
 
 from estimation import least_squares
 from estimation.compiled import Floats
+from estimation.estimator import LEVEL_95
 from teleop.evaluation.evaluation import Evaluation
 
-LEVEL_95 = 1.959964
 POWER_80 = 2.8
 """A difference of this many standard deviations is found in 80 % of the cases at 95 %."""
 LARGE = 1.1

@@ -15,11 +15,11 @@ from typing import Any
 
 import numpy as np
 
+from estimation.estimator import LEVEL_95
 from teleop.evaluation.local_stiffness import LocalStiffness
 from teleop.evaluation.phases import Phases
 from teleop.evaluation.prepared import Prepared
 
-LEVEL_95 = 1.959964
 WIDEST = 0.5
 """Half of the interval of k, as a share of k, from which on k is not identified."""
 MOTION = 10.0

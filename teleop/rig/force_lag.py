@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimation.compiled import Floats
+from estimation.estimator import LEVEL_95
 from estimation.stiffening import Interval, lagged
 from teleop.errors import InputError
 
@@ -33,8 +34,6 @@ SETTLED = 0.3
 """Time until the start of the record is forgotten [s]."""
 STEP = 0.02
 """Step of difference quotients, as a share of the parameter."""
-NORMAL_95 = 1.959963984540054
-"""97.5 % quantile of the normal distribution."""
 
 
 class ForceLag(NamedTuple):
@@ -244,4 +243,4 @@ def half_widths(fit: SpringFit, slopes: list[Floats]) -> list[float]:
     jacobian = np.stack(slopes, axis=1)
     variance = fit.squared * len(fit.residual) / max(fit.independent, 1.0)
     covariance = variance * np.linalg.pinv(jacobian.T @ jacobian)
-    return [NORMAL_95 * math.sqrt(value) for value in np.diag(covariance).tolist()]
+    return [LEVEL_95 * math.sqrt(value) for value in np.diag(covariance).tolist()]
