@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import gc
+import os
 import re
 import signal
 import subprocess
 import sys
-from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -21,34 +22,16 @@ for name in ("SIGINT", "SIGHUP", "SIGQUIT"):
         quits = name == "SIGQUIT"
         signal.signal(ending, signal.SIG_DFL if quits else signal.default_int_handler)
 
-COMPILER = pytest.StashKey[subprocess.Popen]()
+# The tests start hundreds of processes: each would compile all modules without the bytecode.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
 
 
-def pytest_collection_modifyitems(items):
-    """Run the tests of compiled code last, when it has been compiled."""
-    items.sort(key=lambda item: "compiled_estimators" in item.fixturenames)
-
-
-def pytest_collection_finish(session):
-    """Compile the estimators in another process during the other tests."""
-    wanted = any(item.path.name == "test_contract.py" for item in session.items)
-    if wanted and find_spec("numba") and not session.config.option.collectonly:
-        script = Path(__file__).parent / "estimation" / "compile_all.py"
-        session.config.stash[COMPILER] = subprocess.Popen([sys.executable, script])
-
-
-def pytest_sessionfinish(session):
-    """End the process that compiles."""
-    if process := session.config.stash.get(COMPILER, None):
-        process.terminate()
-        process.wait()
-
-
-@pytest.fixture(scope="session")
-def compiled_estimators(request):
-    """Wait until every estimator has been compiled."""
-    if process := request.config.stash.get(COMPILER, None):
-        assert process.wait() == 0
+@pytest.fixture(scope="module", autouse=True)
+def quick_garbage_collection():
+    """Exempt from garbage collection what earlier files have left: modules, tests, reports."""
+    gc.collect()
+    gc.freeze()
 
 
 ROOT = Path(__file__).parents[1]

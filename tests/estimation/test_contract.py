@@ -53,14 +53,12 @@ def test_keeps_the_contract_with_a_model_of_three_regressors(name):
         check(METHODS[name](replace(PRESET, model=MODELS["stiffening"])))
 
 
-@pytest.mark.usefixtures("compiled_estimators")
 @pytest.mark.parametrize("name", ESTIMATORS)
 def test_compiled_and_interpreted_give_the_same_numbers_to_the_bit(name):
     pytest.importorskip("numba", reason="needs the `fast` extra")
     check_compiled_equals_interpreted(ESTIMATORS[name]())
 
 
-@pytest.mark.usefixtures("compiled_estimators")
 @pytest.mark.parametrize("name", ESTIMATORS)
 def test_a_batch_that_is_compiled_is_the_same_as_its_pieces(name, palpation):
     s = palpation(seconds=MIN_SAMPLES_TO_COMPILE / 1000 + 1.0, noise=0.1)
