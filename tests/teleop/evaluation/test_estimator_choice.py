@@ -191,7 +191,7 @@ def test_what_a_comparison_of_short_files_would_find_is_reported(capsys, tmp_pat
         lines = file.read_text().splitlines(keepends=True)
         file.write_text("".join(lines[:40]))
     assert main(["estimate", *map(str, files), "--estimators", "all"]) == 0
-    assert "would be found in 80 % of such tests" in " ".join(capsys.readouterr().out.split())
+    assert "is detected in 80 % of such tests" in " ".join(capsys.readouterr().out.split())
 
 
 def test_a_model_that_no_estimator_takes_is_refused_before_anything_moves(capsys, tmp_path):
