@@ -33,7 +33,8 @@ def least_squares(
 ) -> Fit:
     """Return the parameters that minimise the sum of (f - phi' theta)^2.
 
-    If several parameter vectors do, return the one with the smallest norm, in scaled units.
+    If the minimum is not unique, the solution with the smallest norm is returned. The norm is that
+    of the parameters for regressors scaled to equal size.
 
     Parameters
     ----------

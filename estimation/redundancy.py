@@ -97,7 +97,7 @@ def ambiguity(
     estimator
         The multi-estimator. It processes the samples.
     x, v, f, dt
-        Displacement [m], velocity [m/s], force [N] and time since the sample before [s], each
+        Displacement [m], velocity [m/s], force [N] and time since the previous sample [s], each
         of shape (n,).
     margin
         Fraction of the smallest monitoring signal by which a candidate may exceed it, >= 0.

@@ -1,10 +1,10 @@
 """Hunt-Crossley with contact point, f = K d^n + B d^n v, d = x - xc.
 
-For given xc and n the force is linear in K and B, so only these two are searched for (variable
-projection). K and n trade for each other: d is divided by its largest value, D, in the search, and
-the stiffness K D^n is far better determined than K, whose unit depends on n. An exponent or a
-contact point at the edge of its range means that the record does not determine them, as where it
-never comes near the contact.
+For given contact point xc and exponent n the force is linear in K and B. Therefore only xc and n
+are found by search, and K and B by linear least squares (variable projection). The estimates of K
+and n are strongly correlated, and the unit of K depends on n. The search therefore divides d by its
+largest value D: the stiffness K D^n is determined much better than K. If n or xc is at the end of
+its range, the record does not determine it, for example because no sample is near the contact.
 
 References
 ----------
@@ -22,15 +22,15 @@ from estimation.batch_models.fit import BatchData, BatchFit, Shape, finished, li
 from estimation.compiled import Floats
 
 EXPONENT = (0.5, 5.0)
-"""Exponents that are searched."""
+"""Range of the exponent in the search."""
 PLAUSIBLE = (0.8, 4.5)
-"""Exponents that are taken for identified."""
+"""Range in which the exponent is identifiable."""
 BEFORE = 2.0
-"""Farthest contact point before the contact phase, in its travel."""
+"""Largest distance of the contact point from the lowest position in contact, in travels."""
 
 
 def fit_hunt_crossley(data: BatchData) -> BatchFit:
-    """Return the fit of Hunt-Crossley."""
+    """Fit the model of Hunt and Crossley."""
     x, v, f = (channel[data.rows] for channel in (data.x, data.v, data.f - data.unloaded))
     travel = float(np.ptp(x))
     near = float(x.min()) + 0.02 * travel

@@ -1,6 +1,6 @@
-"""Models that are linear in their parameters, by least squares.
+"""Models that are linear in their parameters, fitted by least squares.
 
-- Kelvin-Voigt, f = k x + b v, with x and f from the datum that was chosen;
+- Kelvin-Voigt, f = k x + b v, with x and f relative to the datum;
 - Kelvin-Voigt with datum, f = k x + b v + f0, whose k and b do not depend on the datum;
 - stiffening, f = k x + k3 x^3 + b v + f0: k is the stiffness at the datum.
 """
@@ -21,7 +21,7 @@ UNITS = {"k": "N/m", "b": "N s/m", "f0": "N", "k3": "N/m^3"}
 
 
 def fit_linear(name: str, data: BatchData) -> BatchFit:
-    """Return the fit of one of these models."""
+    """Fit one of these models; `name` is a key of `COLUMNS`."""
     parameters = COLUMNS[name]
     columns = np.column_stack([regressor(parameter, data) for parameter in parameters])
     theta = linear_solution(columns[data.rows], data.f[data.rows])

@@ -2,9 +2,9 @@
 
     f = k x + k1 z + f0,    z' = x' - z / tau
 
-f is linear in k, k1, f0 and the force of the damper's spring at the start, for a given tau, which
-is searched for from the smoothing's width to ten times the record (variable projection). A time
-constant longer than half of the record, or shorter than a few widths, is not identified.
+For a given tau, f is linear in k, k1, f0 and the initial value of z. tau is found by search, from
+the width of the smoothing to ten times the length of the record (variable projection). A time
+constant longer than half of the record, or shorter than a few widths, is not identifiable.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def relaxing(data: BatchData, tau: float) -> tuple[Floats, Floats]:
 
 
 def fit_standard_linear_solid(data: BatchData) -> BatchFit:
-    """Return the fit of the standard linear solid."""
+    """Fit the standard linear solid."""
     seconds = len(data.t) * float(data.t[1] - data.t[0])
     shortest = max(4.0 * data.width, 2.0 * float(data.t[1] - data.t[0]))
     longest = max(10.0 * seconds, 4.0 * shortest)

@@ -195,7 +195,7 @@ def rising(table: Table, t: Floats) -> np.ndarray[tuple[int], np.dtype[np.bool_]
     backwards = steps < 0.0
     if backwards.any() or kept.sum() < FEWEST:
         i = int(np.argmax(backwards) if backwards.any() else np.argmin(kept[1:]))
-        what = "runs backwards" if backwards.any() else "repeats"
+        what = "decreases" if backwards.any() else "repeats"
         raise InputError(
             f"{table.sample(i + 1)}: time {what}, from {t[i]:g} s to {t[i + 1]:g} s: "
             "expected increasing times, or --rate HZ for evenly sampled data"

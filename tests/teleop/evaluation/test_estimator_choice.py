@@ -204,7 +204,7 @@ def test_a_model_that_no_estimator_takes_is_refused_before_anything_moves(capsys
 def test_a_file_named_twice_is_refused(capsys, tmp_path):
     table = str(write_table(tmp_path / "sine.csv", 1.0, 20.0, 2100.0))
     assert main(["estimate", table, table]) == 2
-    assert "is named twice" in capsys.readouterr().err
+    assert "is given twice" in capsys.readouterr().err
 
 
 def test_of_several_files_the_bad_one_is_named(capsys, tmp_path):

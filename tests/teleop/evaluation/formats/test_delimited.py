@@ -112,7 +112,7 @@ def test_columns_can_be_named_and_given_a_unit(write):
         (GOOD.replace("1.5", "-inf"), "line 3: 'Position .mm.' is -inf, expected a finite"),
         (GOOD.replace("1.5", ""), "line 3: 'Position .mm.' is empty, expected a finite"),
         (GOOD.replace("0.01,1.5,150", "0.01,1.5"), "line 3: 2 cells, expected 3"),
-        (GOOD.replace("0.03", "0.005"), "line 4: time runs backwards, from 0.01 s to 0.005 s"),
+        (GOOD.replace("0.03", "0.005"), "line 4: time decreases, from 0.01 s to 0.005 s"),
         (GOOD.replace("0.03", "0.01"), "line 4: time repeats, from 0.01 s to 0.01 s"),
         (GOOD.rsplit("\n", 2)[0], "2 samples: expected at least 3"),
         (GOOD.partition("\n")[0], "0 samples: expected at least 3"),
@@ -164,9 +164,9 @@ def test_both_characters_for_micro_are_one_unit(write, mu):
 
 def test_a_unit_that_contradicts_the_header_is_told(write):
     for position in ("Position=m", "Position [m]"):
-        with pytest.raises(InputError, match="'Position' is in 'mm' by the header, not in 'm'"):
+        with pytest.raises(InputError, match="is in 'mm' according to the header, not in 'm'"):
             read_signals(write(GOOD), position=position)
-    with pytest.raises(InputError, match="must be three columns"):
+    with pytest.raises(InputError, match="must be three different columns"):
         read_signals(write(GOOD.replace(" [gf]", "")), position="Force=mm", force="Force=N")
 
 

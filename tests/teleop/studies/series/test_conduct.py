@@ -136,7 +136,7 @@ def test_a_folder_with_other_files_or_another_plan_is_refused(plan, tmp_path):
     read, trials = plan
     (tmp_path / "other").mkdir()
     (tmp_path / "other" / "file").write_text("")
-    with pytest.raises(InputError, match="expected an empty folder, or that of a series"):
+    with pytest.raises(InputError, match="expected an empty folder, or the folder of a series"):
         conduct(tmp_path / "other", read, trials)
     conduct(tmp_path / "out", read, trials, ask=Person())
     with pytest.raises(InputError, match="another plan"):
@@ -147,7 +147,10 @@ def test_a_folder_with_other_files_or_another_plan_is_refused(plan, tmp_path):
 def test_two_series_in_one_folder_are_refused(plan, tmp_path):
     folder = tmp_path / "out"
     folder.mkdir()
-    with locked(folder), pytest.raises(InputError, match="another series runs in this folder"):
+    with (
+        locked(folder),
+        pytest.raises(InputError, match="another series is running in this folder"),
+    ):
         conduct(folder, *plan)
 
 
