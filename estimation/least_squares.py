@@ -33,8 +33,8 @@ def least_squares(
 ) -> Fit:
     """Return the parameters that minimise the sum of (f - phi' theta)^2.
 
-    If the minimum is not unique, the solution with the smallest norm is returned. The norm is that
-    of the parameters for regressors scaled to equal size.
+    The regressors are scaled to equal size first. If the minimum is not unique, the solution with
+    the smallest norm of the scaled parameters is returned.
 
     Parameters
     ----------

@@ -37,7 +37,7 @@ class EstimatorSummary(NamedTuple):
     held: float
     """Share of the samples at which the estimate was held."""
     further: dict[str, float]
-    """Further parameters at the end."""
+    """Values of the model's further parameters at the end, by name."""
     note: str | None
     """Remark that the estimator makes on its estimates; None for none."""
 

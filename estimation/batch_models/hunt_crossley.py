@@ -48,7 +48,7 @@ def fit_hunt_crossley(data: BatchData) -> BatchFit:
     starts = [(near - 0.05 * travel, 1.5), (far * 0.5 + near * 0.5, 1.2)]
     if data.contact is not None and far < data.contact < near:
         starts = [(data.contact, 1.3)]
-    answers = [
+    solutions = [
         least_squares(
             residual,
             (xc / travel, n),
@@ -57,8 +57,8 @@ def fit_hunt_crossley(data: BatchData) -> BatchFit:
         )
         for xc, n in starts
     ]
-    answer = min(answers, key=lambda one: one.cost)
-    xc, n = float(answer.x[0] * travel), float(answer.x[1])
+    solution = min(solutions, key=lambda one: one.cost)
+    xc, n = float(solution.x[0] * travel), float(solution.x[1])
     stiffness, damping = linear_solution(columns(xc, n, x, v), f).tolist()
     size = float(x.max()) - xc
     depth = np.maximum(x - xc, 1e-9 * travel)

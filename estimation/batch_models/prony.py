@@ -71,8 +71,8 @@ def fit_terms(t: Floats, f: Floats, terms: int) -> tuple[Relaxation, Floats]:
     start = np.log(seconds / np.array([4.0, 30.0])[:terms])
     bounds = (math.log(0.5 * shortest), math.log(10.0 * seconds))
     start = np.clip(start, bounds[0] + 1e-3, bounds[1] - 1e-3)
-    answer = least_squares(residual, start, bounds=bounds)
-    log_times = np.sort(answer.x)[::-1]
+    solution = least_squares(residual, start, bounds=bounds)
+    log_times = np.sort(solution.x)[::-1]
     regressors = columns(log_times)
     theta = linear_solution(regressors, f)
     times = np.exp(log_times)

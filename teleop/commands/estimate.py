@@ -123,7 +123,7 @@ def estimate(
     from teleop.recording.gaps import gap_rows
 
     if more and (out or plot):
-        raise InputError("--out and --plot take one recording: expected one file")
+        raise InputError("--out and --plot need exactly one file")
     if plot_fit:
         check_outputs(None, picture=plot_fit, sources=(file, *more), overwrite=overwrite)
     tip = None

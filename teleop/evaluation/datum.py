@@ -55,7 +55,7 @@ def find_datum(signals: Signals, wanted: str, phases: Phases | None = None) -> D
             return Datum(point.value, level, f"the contact point, \u00b1 {half * 1e3:.2g} mm")
         if wanted == "contact":
             raise InputError(
-                "datum contact: the record never comes into contact from free motion: expected "
+                "datum contact: the record has no begin of contact after free motion: expected "
                 "auto, file, start, mean, or a position and a force"
             )
         wanted = "mean"

@@ -174,7 +174,10 @@ def averaged(weights: Floats, values: list[tuple[float, float]]) -> tuple[float,
 
 
 def relaxing_part(record: Prepared, y: Floats, tau: float) -> Floats:
-    """Return z of z' = y' - z / tau, zero at the start of each piece between gaps."""
+    """Return the relaxing part of an elastic force, shape (n,).
+
+    It is the solution z of z' = y' - z / tau, with z = 0 at the start of each piece between gaps.
+    """
     decay = math.exp(-record.period / tau)
     gain = tau / record.period * (1.0 - decay)
     pieces = np.split(y, record.starts[1:])

@@ -75,7 +75,7 @@ def recorded_settings(recording: Recording) -> EstimateSettings:
 def agrees(evaluation: Evaluation, recording: Recording) -> bool:
     """Return whether the estimates equal the recorded ones exactly, bit by bit.
 
-    If ticks are missing in the recording, the answer is False: the estimators of the trial used
+    If ticks are missing in the recording, the result is False: the estimators of the trial used
     those ticks, and their estimates cannot be recomputed.
     """
     if recording.gaps:

@@ -6,10 +6,14 @@ On a spring of stiffness k without damping the force is
 
 with L a first-order lag of time constant tau, play the play operator of half width delta, and c an
 offset. For a sine of amplitude A and angular frequency omega, both L and play delay the force. The
-effect is the same as that of an additional damping of -k tau and of about -4 k delta / (pi omega A)
-(Gelb and Vander Velde, Multiple-Input Describing Functions and Nonlinear System Design, 1968,
-section 2.3). Lag and lost motion can therefore be separated only if the speed omega A of the motion
-varies within the record.
+lag has the same effect as an additional damping of -k tau, and the lost motion as one of about
+-4 k delta / (pi omega A). Lag and lost motion can therefore be separated only if the speed omega A
+of the motion varies within the record.
+
+References
+----------
+A. Gelb, W. E. Vander Velde, "Multiple-Input Describing Functions and Nonlinear System Design",
+McGraw-Hill, 1968, section 2.3.
 """
 
 from __future__ import annotations

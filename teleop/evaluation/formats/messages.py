@@ -108,7 +108,7 @@ def tables_of(
 def first_messages(
     path: Path, topics: Sequence[str], messages: Callable[[Sequence[str]], Iterator[Message]]
 ) -> list[Topic]:
-    """Return the fields of each topic, which its first message has."""
+    """Return the topics, each with the fields of its first message."""
     found: dict[str, Topic] = {}
     for name, _, decode in messages(topics):
         if name not in found:

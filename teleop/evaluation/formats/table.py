@@ -51,7 +51,7 @@ class Table:
     notes: tuple[str, ...] = ()
     """Changes that the reader made to the data, in words."""
     problem: InputError | None = None
-    """Why the samples cannot be used; raised if this table is chosen."""
+    """Error to raise if this table is selected; None if its samples are valid."""
 
 
 def missing(library: str, what: str) -> InputError:

@@ -7,10 +7,10 @@ lost motion of the slave. All other cells of Table I are predictions. The follow
 - Depths. Table I determines only k3 times the depth squared. The depths were chosen by trial such
   that the force errors, which grow with depth, are about those of the paper. The force errors are
   therefore not an independent prediction. Under `autonomous` the depths are smaller, as the paper
-  states. They are large enough, and the sine is fast enough at 2 Hz, for adaptive identification
-  with the paper's gains to rise within the 0.6 s of the paper. The rise time of `ai` is therefore
-  not an independent prediction either. The depths under `mimic` are not known; they are those of
-  `free`.
+  states. These depths, and the frequency of 2 Hz, were chosen such that the rise time of adaptive
+  identification with the paper's gains is about the 0.6 s of the paper. The rise time of `ai` is
+  therefore not an independent prediction either. The depths under `mimic` are not known; they are
+  those of `free`.
 - The operator's tremor, given in `sim_backend/operators.py`, was also chosen to match the force
   errors: in the paper those on the soft and the medium cube are larger under `free` and `mimic`
   than under `autonomous`.
