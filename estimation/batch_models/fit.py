@@ -101,7 +101,7 @@ class BatchFit(NamedTuple):
         }
 
 
-class Shape(NamedTuple):
+class FittedParameter(NamedTuple):
     """A fitted parameter without its interval."""
 
     name: str
@@ -118,7 +118,9 @@ class Shape(NamedTuple):
     """Whether the parameter is identifiable too if its interval contains zero."""
 
 
-def finished(name: str, data: BatchData, shapes: list[Shape], predicted: Floats) -> BatchFit:
+def with_intervals(
+    name: str, data: BatchData, fitted: list[FittedParameter], predicted: Floats
+) -> BatchFit:
     """Compute the intervals and the goodness of fit.
 
     Parameters
@@ -127,27 +129,27 @@ def finished(name: str, data: BatchData, shapes: list[Shape], predicted: Floats)
         Name of the model.
     data
         The record.
-    shapes
+    fitted
         The fitted parameters of the model.
     predicted
         The force of the model [N], shape (n,).
     """
     residual = data.f[data.rows] - predicted[data.rows]
-    jacobian = np.column_stack([shape.jacobian for shape in shapes])
+    jacobian = np.column_stack([one.jacobian for one in fitted])
     scale = np.sqrt(np.mean(jacobian**2, axis=0))
     scale[scale == 0.0] = 1.0
     inverse = np.linalg.pinv(jacobian / scale, rcond=1e-9) / scale[:, None]
-    fit = RobustFit(np.array([shape.value for shape in shapes]), residual, inverse)
+    fit = RobustFit(np.array([one.value for one in fitted]), residual, inverse)
     parameters = {}
-    for i, shape in enumerate(shapes):
-        half = LEVEL_95 * fit.deviation(np.eye(len(shapes))[i])
-        low, high = shape.plausible
-        known = low < shape.value < high and math.isfinite(half)
-        known = known and (shape.may_vanish or half < abs(shape.value))
-        parameters[shape.name] = Parameter(
-            shape.value, shape.value - half, shape.value + half, shape.unit, known
+    for i, one in enumerate(fitted):
+        half = LEVEL_95 * fit.deviation(np.eye(len(fitted))[i])
+        low, high = one.plausible
+        known = low < one.value < high and math.isfinite(half)
+        known = known and (one.may_vanish or half < abs(one.value))
+        parameters[one.name] = Parameter(
+            one.value, one.value - half, one.value + half, one.unit, known
         )
-    n, m = len(residual), len(shapes)
+    n, m = len(residual), len(fitted)
     likelihood = n * math.log(max(float(np.mean(residual**2)), 1e-300))
     measured = data.raw_f[data.inside] - predicted[data.inside]
     variance = float(np.var(data.raw_f[data.inside]))

@@ -18,7 +18,13 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import least_squares
 
-from estimation.batch_models.fit import BatchData, BatchFit, Shape, finished, linear_solution
+from estimation.batch_models.fit import (
+    BatchData,
+    BatchFit,
+    FittedParameter,
+    with_intervals,
+    linear_solution,
+)
 from estimation.compiled import Floats
 
 EXPONENT = (0.5, 5.0)
@@ -64,11 +70,11 @@ def fit_hunt_crossley(data: BatchData) -> BatchFit:
     depth = np.maximum(x - xc, 1e-9 * travel)
     force = columns(xc, n, x, v) @ [stiffness, damping]
     power = (depth / size) ** n
-    shapes = [
-        Shape("K", stiffness / size**n, "N/m^n", power * size**n, (0.0, np.inf)),
-        Shape("B", damping / size**n, "N s/m^(n+1)", power * v * size**n),
-        Shape("n", n, "-", force * np.log(depth), PLAUSIBLE),
-        Shape("xc", xc, "m", -n * force / depth, (far + 0.02 * travel, near), True),
+    fitted = [
+        FittedParameter("K", stiffness / size**n, "N/m^n", power * size**n, (0.0, np.inf)),
+        FittedParameter("B", damping / size**n, "N s/m^(n+1)", power * v * size**n),
+        FittedParameter("n", n, "-", force * np.log(depth), PLAUSIBLE),
+        FittedParameter("xc", xc, "m", -n * force / depth, (far + 0.02 * travel, near), True),
     ]
     predicted = columns(xc, n, data.x, data.v) @ [stiffness, damping] + data.unloaded
-    return finished("hunt-crossley", data, shapes, predicted)
+    return with_intervals("hunt-crossley", data, fitted, predicted)

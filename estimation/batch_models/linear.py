@@ -9,7 +9,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from estimation.batch_models.fit import BatchData, BatchFit, Shape, finished, linear_solution
+from estimation.batch_models.fit import (
+    BatchData,
+    BatchFit,
+    FittedParameter,
+    with_intervals,
+    linear_solution,
+)
 from estimation.compiled import Floats
 
 COLUMNS = {
@@ -25,8 +31,8 @@ def fit_linear(name: str, data: BatchData) -> BatchFit:
     parameters = COLUMNS[name]
     columns = np.column_stack([regressor(parameter, data) for parameter in parameters])
     theta = linear_solution(columns[data.rows], data.f[data.rows])
-    shapes = [
-        Shape(
+    fitted = [
+        FittedParameter(
             parameter,
             float(value),
             UNITS[parameter],
@@ -35,7 +41,7 @@ def fit_linear(name: str, data: BatchData) -> BatchFit:
         )
         for i, (parameter, value) in enumerate(zip(parameters, theta, strict=True))
     ]
-    return finished(name, data, shapes, columns @ theta)
+    return with_intervals(name, data, fitted, columns @ theta)
 
 
 def regressor(parameter: str, data: BatchData) -> Floats:

@@ -15,7 +15,13 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 from scipy.signal import lfilter
 
-from estimation.batch_models.fit import BatchData, BatchFit, Shape, finished, linear_solution
+from estimation.batch_models.fit import (
+    BatchData,
+    BatchFit,
+    FittedParameter,
+    with_intervals,
+    linear_solution,
+)
 from estimation.compiled import Floats
 
 
@@ -59,11 +65,11 @@ def fit_standard_linear_solid(data: BatchData) -> BatchFit:
     slope = (columns(tau * (1.0 + step)) - columns(tau * (1.0 - step))) @ theta / (2e-3 * tau)
     k, k1, f0, start = theta.tolist()
     rows = data.rows
-    shapes = [
-        Shape("k", k, "N/m", regressors[rows, 0]),
-        Shape("k1", k1, "N/m", regressors[rows, 1], (0.0, math.inf)),
-        Shape("tau", tau, "s", slope[rows], (1.2 * shortest, 0.5 * seconds)),
-        Shape("f0", f0, "N", regressors[rows, 2], may_vanish=True),
-        Shape("f1", start, "N", regressors[rows, 3], may_vanish=True),
+    fitted = [
+        FittedParameter("k", k, "N/m", regressors[rows, 0]),
+        FittedParameter("k1", k1, "N/m", regressors[rows, 1], (0.0, math.inf)),
+        FittedParameter("tau", tau, "s", slope[rows], (1.2 * shortest, 0.5 * seconds)),
+        FittedParameter("f0", f0, "N", regressors[rows, 2], may_vanish=True),
+        FittedParameter("f1", start, "N", regressors[rows, 3], may_vanish=True),
     ]
-    return finished("standard linear solid", data, shapes, regressors @ theta)
+    return with_intervals("standard linear solid", data, fitted, regressors @ theta)

@@ -113,7 +113,7 @@ def estimate(
     from teleop.errors import InputError
     from teleop.evaluation.evaluation import Evaluation, evaluate
     from teleop.evaluation.material import Indenter, elastic_modulus
-    from teleop.evaluation.pooled import taken_together
+    from teleop.evaluation.pooled import evaluate_together
     from teleop.evaluation.replay import agrees
     from teleop.files import check_outputs, new_file
     from teleop.output import console
@@ -177,7 +177,7 @@ def estimate(
             print_evaluation(summary, path.name)
         evaluations[str(path)] = evaluation
         summaries.append(summary)
-    together = taken_together(evaluations) if len(evaluations) > 1 else None
+    together = evaluate_together(evaluations) if len(evaluations) > 1 else None
     if json:
         document = {"files": summaries, "together": together} if together else summaries[0]
         console.print_json(document)

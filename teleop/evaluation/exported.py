@@ -38,7 +38,7 @@ def exported_recording(table: Table) -> Recording | None:
     )
 
 
-def stored(table: Table, name: str, nothing: Any) -> Any:
+def stored(table: Table, name: str, default: Any) -> Any:
     """Return a JSON document that was exported with the columns.
 
     Parameters
@@ -47,7 +47,7 @@ def stored(table: Table, name: str, nothing: Any) -> Any:
         The exported table.
     name
         Name of the document.
-    nothing
+    default
         Value to return if there is no such document, or if it has another type.
 
     Raises
@@ -59,4 +59,4 @@ def stored(table: Table, name: str, nothing: Any) -> Any:
         value = json.loads(table.about.get(name, "null"))
     except ValueError as error:
         raise InputError(f"{table.where}: the {name} of the run are not JSON: {error}") from error
-    return value if isinstance(value, type(nothing)) else nothing
+    return value if isinstance(value, type(default)) else default

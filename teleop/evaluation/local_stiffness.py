@@ -53,7 +53,7 @@ class LocalStiffness:
     k: float
     """Stiffness [N/m]."""
     k_std: float
-    """Standard deviation of k [N/m]; the 95 % interval is 1.96 times as wide to either side."""
+    """Standard deviation of k [N/m]; 1.96 times it is the half width of the 95 % interval."""
     b: float
     """Damping [N s/m]."""
     b_std: float

@@ -1,20 +1,21 @@
 """Phases of a palpation: free motion, loading, hold and unloading, and the contact point.
 
 **Contact.** Out of contact the force stays at one level while the position moves. In contact the
-force changes with the position. A stretch of time in which the force stays near its lowest level
-is free motion if the position travels several times as far as the stiffness in contact would allow.
-This method needs neither a zero of position or force nor the names of the columns, and it works
-when the surface drifts. If there is no free motion, the record is in contact throughout, or never.
+force changes with the position, so that a nearly constant force permits only a small travel, which
+the stiffness determines. If the force stays near its lowest level for some time, and the position
+travels several times farther than that, this part of the record is free motion. The method needs
+neither a zero of position or force nor the names of the columns, and it works when the surface
+drifts. If there is no free motion, the record is in contact throughout, or never.
 It is never in contact if the force does not follow the displacement (`teleop.evaluation.result`).
 A force that stays at its highest level while the position moves indicates a saturated sensor.
 
 **Contact point.** The force of each approach is constant before the contact, and quadratic in the
 depth with damping after it: f = f0 + a d + q d^2 + b v [d > 0], d = (x - xc)+. This model is fitted
-to the measured signals for a grid of xc. The xc of the smallest sum of squares is the contact
-point. Its interval consists of the xc whose sum of squares does not exceed the smallest one by more
-than the noise explains. For several approaches the median is reported. The interval is that of a
-single approach: the median interval, or Student's t times the standard deviation between approaches
-if that is larger.
+to the measured signals for a grid of values xc. The value with the smallest sum of squares is the
+contact point. Its interval is the range of xc in which the sum of squares differs from the smallest
+one by no more than noise can cause. For several approaches the median is reported. The half width
+of the interval is then the median half width, or Student's t times the standard deviation between
+approaches if that is larger.
 
 **Phases.** In contact, loading and unloading are the monotone parts between turning points. A
 reversal counts if it exceeds 5 % of the travel. In a hold the position stays within 2 % of its

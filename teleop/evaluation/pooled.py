@@ -36,7 +36,7 @@ WORSE = 1.2
 """Residual of one fit to all files, relative to one fit to each, above which it is a misfit."""
 
 
-def taken_together(evaluations: Mapping[str, Evaluation]) -> dict[str, Any]:
+def evaluate_together(evaluations: Mapping[str, Evaluation]) -> dict[str, Any]:
     """Fit all recordings together, test whether the files agree, and return a dictionary for JSON.
 
     Parameters
@@ -58,7 +58,7 @@ def taken_together(evaluations: Mapping[str, Evaluation]) -> dict[str, Any]:
             break
         values = np.array([getattr(r, symbol) for r in results.values()])
         highest = np.array([getattr(r, f"{symbol}_high") for r in results.values()])
-        ratios[symbol] = compared(values, (highest - values) / LEVEL_95)
+        ratios[symbol] = compare_values(values, (highest - values) / LEVEL_95)
     misfit = {
         symbol: found["ratio"]
         for symbol, found in ratios.items()
@@ -106,7 +106,7 @@ def taken_together(evaluations: Mapping[str, Evaluation]) -> dict[str, Any]:
     }
 
 
-def compared(values: Floats, std: Floats) -> dict[str, float]:
+def compare_values(values: Floats, std: Floats) -> dict[str, float]:
     """Return the ratio of the largest to the smallest value, and the p-value of Cochran's test.
 
     Parameters

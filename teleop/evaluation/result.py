@@ -104,7 +104,7 @@ def publishable(
     other
         The same with another smoothing bandwidth; None to leave that comparison out.
     """
-    against = hindrances(record, phases)
+    against = reasons_before_fit(record, phases)
     if local is None and not against:
         against.append("too few samples in contact: expected a longer record or a faster rate")
     if local is None or against:
@@ -114,7 +114,7 @@ def publishable(
         change_k, change_b = 0.5 * (local.k - other.k), 0.5 * (local.b - other.b)
     half_k = LEVEL_95 * math.hypot(local.k_std, change_k)
     half_b = LEVEL_95 * math.hypot(local.b_std, change_b)
-    against = doubts(local, half_k, phases)
+    against = reasons_after_fit(local, half_k, phases)
     if against:
         return Result(reasons=tuple(against))
     inside = phases.usable
@@ -144,7 +144,7 @@ def publishable(
     )
 
 
-def hindrances(record: Prepared, phases: Phases) -> list[str]:
+def reasons_before_fit(record: Prepared, phases: Phases) -> list[str]:
     """Return the reasons why no stiffness can be fitted to the record; empty if it can."""
     found = []
     if phases.saturated:
@@ -173,7 +173,7 @@ def hindrances(record: Prepared, phases: Phases) -> list[str]:
     return found
 
 
-def doubts(local: LocalStiffness, half_k: float, phases: Phases) -> list[str]:
+def reasons_after_fit(local: LocalStiffness, half_k: float, phases: Phases) -> list[str]:
     """Return the reasons why a fitted stiffness is not reported; empty if it is.
 
     Parameters

@@ -68,11 +68,11 @@ def read(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
         except UnicodeError as error:
             raise not_text(path) from error
     for table in tables:
-        table.about |= described(path)
+        table.about |= exported_metadata(path)
     return tables
 
 
-def described(path: Path) -> dict[str, str]:
+def exported_metadata(path: Path) -> dict[str, str]:
     """Read the metadata file that `teleop export` writes next to a CSV file.
 
     Returns

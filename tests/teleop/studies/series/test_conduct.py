@@ -176,7 +176,7 @@ def test_a_series_that_is_killed_again_and_again_completes_and_loses_nothing(pla
     assert [row["cube"] for row in rows(tmp_path / "out")] == ["soft", "medium", "hard"]
 
 
-def test_the_command_asks_where_it_is_told_to(tmp_path, monkeypatch, capsys):
+def test_the_command_asks_before_each_trial_if_the_options_say_so(tmp_path, monkeypatch, capsys):
     (tmp_path / "plan.toml").write_text(PLAN)
     monkeypatch.chdir(tmp_path)
     answers = iter(["x\n", "\n", "s too soft\n", ""])
