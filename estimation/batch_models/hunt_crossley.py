@@ -22,8 +22,8 @@ from estimation.batch_models.fit import (
     BatchData,
     BatchFit,
     FittedParameter,
-    with_intervals,
     linear_solution,
+    with_intervals,
 )
 from estimation.compiled import Floats
 

@@ -13,8 +13,8 @@ from estimation.batch_models.fit import (
     BatchData,
     BatchFit,
     FittedParameter,
-    with_intervals,
     linear_solution,
+    with_intervals,
 )
 from estimation.compiled import Floats
 
