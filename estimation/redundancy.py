@@ -44,7 +44,9 @@ class Redundancy(NamedTuple):
 
 
 def redundancy(gamma: Candidate, epsilon: Candidate, plant: Candidate) -> Redundancy:
-    """Return when two candidates are indistinguishable on a plant without noise, Lemmas 1 and 2.
+    """Return the motions for which two candidates cannot be distinguished, Lemmas 1 and 2.
+
+    There is no noise.
 
     Parameters
     ----------

@@ -202,8 +202,8 @@ def evaluate(signals: Signals, settings: EstimateSettings) -> Evaluation:
     """Subtract the datum, condition the signals, and run the estimators over the motion.
 
     The filters restart after each gap, and the samples until they have settled are left out.
-    The estimators receive the length of the gap as the sample period. Those that forget thus
-    weight the samples before the gap by their true age.
+    The estimators receive the length of the gap as the sample period, so that the weight of the
+    samples before the gap depends on their true age.
 
     Raises
     ------
