@@ -1,8 +1,9 @@
-"""Baselines: what of a signal is slower than the palpation.
+"""Baselines: the part of a signal that is slower than the palpation.
 
-A baseline is a sum of the cosines cos(pi j (t - t0) / T), j = 0 ... m, of at most the frequency
-m / (2 T). Regressors that hold these cosines take a slow drift of force and position out of a
-fit (Frisch and Waugh) at the cost of the slow part of the information.
+A baseline is a sum of the cosines cos(pi j (t - t0) / T), j = 0 ... m. Its highest frequency is
+m / (2 T). If these cosines are among the regressors of a fit, a slow drift of force and position
+does not affect the other parameters (Frisch and Waugh). The information in the slow part of the
+motion is lost.
 
 References
 ----------
@@ -19,15 +20,15 @@ import numpy as np
 from estimation.compiled import Floats
 
 BELOW = 0.6
-"""A baseline reaches to this share of the lower end of the band of the motion."""
+"""Highest frequency of a baseline, relative to the lower end of the band of the motion."""
 MOST = 300
-"""Most cosines: the baseline of a longer record reaches less far up."""
+"""Largest number of cosines; it limits the highest frequency in a long record."""
 FEWEST_CYCLES = 3.0
-"""Fewest cycles of the lower end of the band in a record whose baseline is removed."""
+"""Least number of cycles, at the lower end of the band, in a record with a baseline."""
 
 
 def baseline_order(low: float, seconds: float) -> int:
-    """Return the number of cosines besides the constant; 0 where the record is one slow motion.
+    """Return the number of cosines without the constant; 0 for a record of few cycles.
 
     Parameters
     ----------
@@ -42,12 +43,22 @@ def baseline_order(low: float, seconds: float) -> int:
 
 
 def cosines(t: Floats, start: float, seconds: float, order: int) -> Floats:
-    """Return the constant and the cosines at these times, shape (n, 1 + order)."""
+    """Return the constant and the cosines as columns, shape (n, 1 + order).
+
+    Parameters
+    ----------
+    t
+        Times [s], shape (n,).
+    start, seconds
+        Start t0 and length T of the record [s].
+    order
+        Number of cosines without the constant.
+    """
     return np.asarray(np.cos(np.pi / seconds * np.outer(t - start, np.arange(order + 1))))
 
 
 def without_baseline(values: Floats, t: Floats, order: int) -> Floats:
-    """Return the values less the baseline that fits them best, shape (n,)."""
+    """Subtract the baseline that fits the values best, shape (n,)."""
     if order == 0:
         return values
     basis = cosines(t, float(t[0]), float(t[-1] - t[0]), order)

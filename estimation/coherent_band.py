@@ -1,14 +1,18 @@
 """The band of frequencies in which a force follows a displacement.
 
-The highest peak of the displacement's spectrum is not the motion that a force answers: a slow
-drift of the position, as of a raster scan, can be larger than the palpation. The spectrum here is
-that of the force which is coherent with the displacement, C(w) S_ff(w). Its lower end is that of
-the force rate, w^2 C S_ff, to which a slow baseline contributes little; its centre and its upper
-end are those of w C S_ff, between the power of the force, which the hold of a ramp and hold
-dominates, and that of its rate, which its corners dominate. C is the coherence by Thomson's
-multitaper method, which needs no division of the record into segments, so that it resolves 4 / T.
-A bin counts where its coherence exceeds what independent signals reach once in a million bins, and
-where the force exceeds its noise.
+The highest peak in the spectrum of the displacement need not be the palpation: a slow drift of the
+position, for example in a raster scan, can be larger. The band is therefore computed from the part
+of the force that is coherent with the displacement. Its power spectrum is C(w) S_ff(w), with the
+coherence C and the spectrum S_ff of the force.
+
+- The lower end is that of w^2 C S_ff, the power of the force rate, in which a slow baseline is
+  small.
+- The centre and the upper end are those of w C S_ff. This weight is a compromise: the holds of a
+  ramp-and-hold motion dominate C S_ff, and its corners dominate w^2 C S_ff.
+
+C is estimated by Thomson's multitaper method. It does not divide the record, of length T, into
+segments; its resolution is 4 / T. A frequency bin is used if two conditions hold: its coherence is
+higher than independent signals reach in one of a million bins, and its force exceeds the noise.
 
 References
 ----------
@@ -25,35 +29,35 @@ from scipy.signal.windows import dpss
 from estimation.compiled import Floats
 
 TAPERS = 7
-"""Tapers of the coherence; the time-bandwidth product is (TAPERS + 1) / 2."""
+"""Number of tapers; the time-bandwidth product is (TAPERS + 1) / 2."""
 COHERENT = (0.9, 0.5)
-"""Coherence from which on a bin counts; the second where no bin reaches the first.
+"""Least coherence of a bin that is used; the second value if no bin reaches the first.
 
-Independent signals exceed c with probability (1 - c)^(TAPERS - 1) in a bin: 1e-6 and 0.016.
+In a bin, independent signals exceed c with the probability (1 - c)^(TAPERS - 1): 1e-6 and 0.016.
 """
 ABOVE_NOISE = 10.0
-"""A bin counts where the force has this many times the median power of the upper half."""
+"""Least power of the force in a bin, relative to the median power in the upper half of the bins."""
 MOST_SAMPLES = 1 << 16
-"""Longer records are averaged in blocks first."""
+"""Largest number of samples; blocks of samples of a longer record are averaged first."""
 LOWEST, HIGHEST = 0.005, 0.95
-"""Shares of the power below the lower and the upper end."""
+"""Shares of the power below the lower and below the upper end of the band."""
 
 
 class CoherentBand(NamedTuple):
-    """Where the force that follows the displacement has its power."""
+    """Band of the force that is coherent with the displacement."""
 
     low: float
-    """Frequency below which 0.5 % of the power of its rate lies [Hz]."""
+    """Frequency below which 0.5 % of the power of the coherent force rate lies [Hz]."""
     centre: float
     """Median frequency of w C S_ff [Hz]."""
     high: float
-    """Frequency below which 95 % of w C S_ff lies, less the width of the tapers [Hz]."""
+    """Frequency below which 95 % of w C S_ff lies, minus the half bandwidth of the tapers [Hz]."""
     coherence: float
-    """Mean coherence, weighted with the power; 0 where nothing is coherent."""
+    """Mean coherence, weighted by the power; 0 if no bin is coherent."""
 
 
 def block_means(values: Floats, length: int) -> Floats:
-    """Return the means of blocks of this many samples; a rest that fills no block is dropped."""
+    """Return the means of blocks of `length` samples; an incomplete last block is dropped."""
     if length == 1:
         return values
     whole = len(values) // length

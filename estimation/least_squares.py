@@ -33,7 +33,8 @@ def least_squares(
 ) -> Fit:
     """Return the parameters that minimise the sum of (f - phi' theta)^2.
 
-    If several parameter vectors do, return the one with the smallest norm, in scaled units.
+    The regressors are scaled to equal size first. If the minimum is not unique, the solution with
+    the smallest norm of the scaled parameters is returned.
 
     Parameters
     ----------

@@ -44,7 +44,9 @@ class Redundancy(NamedTuple):
 
 
 def redundancy(gamma: Candidate, epsilon: Candidate, plant: Candidate) -> Redundancy:
-    """Return when two candidates are indistinguishable on a plant without noise, Lemmas 1 and 2.
+    """Return the motions for which two candidates cannot be distinguished, Lemmas 1 and 2.
+
+    There is no noise.
 
     Parameters
     ----------
@@ -97,7 +99,7 @@ def ambiguity(
     estimator
         The multi-estimator. It processes the samples.
     x, v, f, dt
-        Displacement [m], velocity [m/s], force [N] and time since the sample before [s], each
+        Displacement [m], velocity [m/s], force [N] and time since the previous sample [s], each
         of shape (n,).
     margin
         Fraction of the smallest monitoring signal by which a candidate may exceed it, >= 0.

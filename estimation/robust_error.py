@@ -1,10 +1,11 @@
-"""Variances of a least-squares fit that hold for residuals of unknown autocorrelation.
+"""Variances of a least-squares fit that are valid for residuals of unknown autocorrelation.
 
-The error of a linear combination g' theta of the parameters is the sum of u_t = w_t e_t, with e the
-residuals and w = X (X' X)^-1 g. Its variance is the spectrum of u at frequency zero, which the
-equal-weighted cosine (EWC) estimator averages over the first B cosines. Only its B degrees of
-freedom are few, so that the interval takes Student's t of B, which holds its level where a
-Newey-West interval with normal quantiles does not.
+The error of a linear combination g' theta of the parameters is the sum of u_t = w_t e_t, with the
+residuals e and w = X (X' X)^-1 g. Its variance is the spectrum of u at frequency zero. The
+equal-weighted cosine (EWC) estimator computes it as an average over the first B cosines, and has B
+degrees of freedom. The interval therefore uses Student's t distribution with B degrees of freedom.
+Its coverage is close to 95 %, which that of a Newey-West interval with normal quantiles often is
+not.
 
 References
 ----------
@@ -32,17 +33,19 @@ class RobustFit(NamedTuple):
     theta: Floats
     """Parameters, shape (m,)."""
     residual: Floats
-    """Shape (n,)."""
+    """Residuals, shape (n,)."""
     inverse: Floats
     """(X' X)^-1 X', shape (m, n)."""
 
     def deviation(self, gradient: Floats) -> float:
-        """Return the standard deviation of gradient' theta, scaled so that 1.96 of it are 95 %.
+        """Return the standard deviation of gradient' theta.
+
+        It is scaled such that 1.96 times its value is the half width of the 95 % interval.
 
         Parameters
         ----------
         gradient
-            Shape (m,).
+            Coefficients of the linear combination, shape (m,).
         """
         n, m = len(self.residual), len(self.theta)
         terms = (gradient @ self.inverse) * self.residual
@@ -59,19 +62,19 @@ class RobustFit(NamedTuple):
 
 
 def cosine_count(freedom: int) -> int:
-    """Return the number of cosines for this many samples more than parameters."""
+    """Return the number B of cosines; `freedom` is the number of samples minus parameters."""
     return max(FEWEST_COSINES, int(0.41 * max(freedom, 1) ** (2.0 / 3.0)))
 
 
 def robust_fit(regressors: Floats, f: Floats) -> RobustFit:
-    """Fit by least squares; the columns are scaled first.
+    """Fit by least squares; the columns are scaled to equal size first.
 
     Parameters
     ----------
     regressors
-        Shape (n, m).
+        Regressors X, shape (n, m).
     f
-        Shape (n,).
+        Values to fit, shape (n,).
     """
     scale = np.sqrt(np.mean(regressors**2, axis=0))
     scale[scale == 0.0] = 1.0

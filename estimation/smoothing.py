@@ -1,8 +1,8 @@
-"""Zero-phase smoothing of records: position, velocity and force behind one Gaussian kernel.
+"""Zero-phase smoothing of position, velocity and force with one Gaussian kernel.
 
-With H a filter, f = b v + k x implies H f = b H v + k H x. A Gaussian kernel and its derivative
-give H x and H v from the position as measured, without a delay, so that neither parameter is
-biased and the noise of a differentiated position is suppressed as that of the force is.
+If f = b v + k x, then H f = b H v + k H x for every linear filter H. Here H is a Gaussian kernel.
+It has no delay, so that neither b nor k is biased. H v is computed directly from the measured
+position with the derivative of the kernel, which suppresses the noise of differentiation.
 """
 
 from __future__ import annotations
@@ -12,18 +12,18 @@ import numpy as np
 from estimation.compiled import Floats
 
 REACH = 4.0
-"""Half length of the kernel in standard deviations."""
+"""Half length of the kernel, in standard deviations."""
 CORNER = 0.13252
-"""Frequency at which the kernel of a standard deviation of 1 s has half of the power [Hz]."""
+"""Half-power frequency of a kernel with a standard deviation of 1 s [Hz]."""
 
 
 def kernel_width(bandwidth: float) -> float:
-    """Return the standard deviation [s] of the kernel whose half-power frequency this is [Hz]."""
+    """Return the standard deviation [s] of the kernel with this half-power frequency [Hz]."""
     return CORNER / bandwidth
 
 
 def smooth(values: Floats, width: float) -> Floats:
-    """Return the values behind a Gaussian kernel; at the ends the line there goes on.
+    """Smooth values with a Gaussian kernel; they are extrapolated linearly at both ends.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ def smooth(values: Floats, width: float) -> Floats:
 
 
 def slope(values: Floats, width: float, period: float) -> Floats:
-    """Return the derivative of the values behind a Gaussian kernel [1/s].
+    """Return the derivative of the smoothed values, in their unit per second, shape (n,).
 
     Parameters
     ----------

@@ -37,9 +37,9 @@ class EstimatorSummary(NamedTuple):
     held: float
     """Share of the samples at which the estimate was held."""
     further: dict[str, float]
-    """Further parameters at the end."""
+    """Values of the model's further parameters at the end, by name."""
     note: str | None
-    """A remark of the estimator on these estimates; None for none."""
+    """Remark that the estimator makes on its estimates; None for none."""
 
 
 def summarise(
@@ -54,7 +54,7 @@ def summarise(
     regression
         The n samples that the estimator processed.
     estimates
-        Its estimates after each sample.
+        The estimates after each sample.
     estimator
         The estimator in its final state.
     """
@@ -77,6 +77,6 @@ def summarise(
 
 
 def interval_at_end(estimates: Estimates, std: Floats) -> float:
-    """Return half the width of the 95 % interval at the end; NaN if it is not determined."""
+    """Return half the width of the 95 % interval at the end; NaN if there is no interval."""
     known = not estimates.held.all() and std[-1] < UNKNOWN
     return LEVEL_95 * float(std[-1]) if known else math.nan

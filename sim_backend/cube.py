@@ -1,4 +1,4 @@
-"""The environment: a soft cube, by default glued to the slave's plate as in the paper."""
+"""The simulated environment: a soft cube, by default glued to the slave's plate as in the paper."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ class Cube:
     b
         Damping [N s/m], > 0.
     glued
-        Whether it holds on to the slave's plate; if not, there is no force without contact.
+        Whether the cube is glued to the slave's plate. If not, the force is zero out of contact.
 
     Raises
     ------
     ValueError
-        A parameter is out of its range.
+        A parameter is out of range.
     """
 
     k1: float
@@ -37,23 +37,23 @@ class Cube:
             raise ValueError(f"a cube needs k1 > 0, k3 >= 0 and b > 0, got {self}")
 
     def force(self, x: float, v: float) -> float:
-        """Force [N] at displacement x [m] and velocity v [m/s]."""
+        """Return the force [N] at displacement x [m] and velocity v [m/s]."""
         force = (self.k1 + self.k3 * x * x) * x + self.b * v
         return force if self.glued or (x > 0.0 and force > 0.0) else 0.0
 
     def stiffness(self, x: float) -> float:
-        """Slope of the spring force [N/m] at displacement x [m]."""
+        """Return the slope of the spring force [N/m] at displacement x [m]."""
         return self.k1 + 3.0 * self.k3 * x * x if self.glued or x > 0.0 else 0.0
 
     def compressed(self, x: float, compliance: float) -> float:
-        """Displacement y [m] that cube and a spring in series share in x = y + c f(y, 0).
+        """Return the displacement y [m] of the cube in series with a spring, x = y + c f(y, 0).
 
         Parameters
         ----------
         x
-            Displacement of both together [m].
+            Displacement of cube and spring together [m].
         compliance
-            That of the spring, c [m/N], >= 0.
+            Compliance c of the spring [m/N], >= 0.
         """
         if not (self.glued or x > 0.0):
             return x

@@ -11,29 +11,31 @@ from drivers import STANDSTILL, Command, Measurement, Rig, RigError
 
 
 class RigFault(ABC):  # noqa: B024
-    """Base class of faults, which change measurements and commands. By default it has no effect."""
+    """Base class of faults, which change measurements and commands; by default, nothing changes."""
 
     def read(self, measurement: Measurement) -> Measurement:
-        """Return the measurement that the controller gets."""
+        """Return the measurement that the controller receives."""
         return measurement
 
     def command(self, command: Command) -> Command:
-        """Return the command that the drives get."""
+        """Return the command that the drives receive."""
         return command
 
 
 def with_channel(measurement: Measurement, channel: str, value: float) -> Measurement:
-    """Return the measurement with another value of a channel, in its SI unit."""
+    """Return a copy of the measurement with `value` in a channel, in the SI unit of the channel."""
     changes: dict[str, Any] = {channel: value}
     return measurement._replace(**changes)
 
 
 @dataclass
 class Replaced(RigFault):
-    """A channel has a constant value, in its SI unit."""
+    """A channel has a constant value."""
 
     channel: str
+    """Name of the channel."""
     value: float
+    """Value, in the SI unit of the channel."""
 
     def read(self, measurement: Measurement) -> Measurement:
         """Replace the sample by the value."""
@@ -45,6 +47,7 @@ class Shifted(RigFault):
     """A channel has an offset and a drift."""
 
     channel: str
+    """Name of the channel."""
     step: float
     """Offset, in the SI unit of the channel."""
     rate: float = 0.0
@@ -70,8 +73,8 @@ class Frozen(RigFault):
     channel
         Name of the channel.
     ageing
-        Whether its age increases, as after a cable was disconnected. Otherwise the sensor keeps
-        sending the same value.
+        Whether the age of the sample increases, as after a cable was disconnected. If not, the
+        sensor sends the same value again and again.
     """
 
     def __init__(self, channel: str, ageing: bool) -> None:
@@ -93,7 +96,9 @@ class Reported(RigFault):
     """The rig reports a drive error or an open emergency-stop input."""
 
     drive_error: str = ""
+    """Text of the drive error; empty for none."""
     emergency_stop: bool = False
+    """Whether the emergency-stop input is open."""
 
     def read(self, measurement: Measurement) -> Measurement:
         """Add the report to the sample."""
@@ -123,7 +128,7 @@ class Unplugged(RigFault):
 
 
 class FaultyRig(Rig):
-    """A rig with a fault, from the call of `inject` on.
+    """A rig in which a fault is active after a call of `inject`.
 
     Parameters
     ----------
@@ -158,7 +163,7 @@ class FaultyRig(Rig):
         return self._enabled
 
     def write(self, command: Command) -> Command:
-        """Command the drives with the fault; return the command that a sound rig would apply."""
+        """Command the drives with the fault; return the command without the fault."""
         if not self._enabled:
             return self.rig.write(STANDSTILL)
         self.rig.write(self._fault.command(command))

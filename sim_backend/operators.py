@@ -1,14 +1,14 @@
 """Operators: intended motion of a person's hand during palpation.
 
-A person acts on the handle through the impedance of the arm. So the motion of the handle depends
-on the intended motion, the arm, and the admittance that the controller gives the handle.
+A person acts on the handle through the impedance of the arm. The motion of the handle therefore
+depends on the intended motion, the arm, and the admittance of the controller.
 
-Sources of the values. Pokes are minimum-jerk movements [1]. Arm stiffness 400 N/m and
-damping 12 N s/m lie in the range measured at the hand [2, 3]. Physiological tremor has 8 to
-12 Hz and, at the tool of a surgeon, a size of the order of 0.1 mm [4]; here its standard deviation
-is 0.12 mm. Depth and timing vary by
-10 to 15 % from one poke or cycle to the next, a poke is let go only in part, and a person starts
-0.2 s late; these are our choice.
+Sources of the values. Pokes are minimum-jerk movements [1]. The stiffness of the arm, 400 N/m, and
+its damping, 12 N s/m, are in the range measured at the hand [2, 3]. Physiological tremor has
+frequencies of 8 to 12 Hz. At the tool of a surgeon its amplitude is about 0.1 mm [4]; here the
+standard deviation is 0.12 mm. The following values are assumptions without a source. Depth and
+timing vary by 10 to 15 % from one poke or cycle to the next. The hand does not return completely
+after a poke. The first movement starts after 0.2 s.
 
 [1] T. Flash, N. Hogan, J. Neurosci. 5(7), 1985.
 [2] F. A. Mussa-Ivaldi, N. Hogan, E. Bizzi, J. Neurosci. 5(10), 1985.
@@ -26,7 +26,7 @@ from sim_backend.plant import Arm, Intention
 
 ARM = Arm(stiffness=400.0, damping=12.0)
 TREMOR_AMPLITUDE = 0.1e-3
-"""Amplitude of each of three tremor components of the intention [m]."""
+"""Amplitude of each of the three tremor components of the intended motion [m]."""
 REACTION = 0.2
 """Time from the start of the trial to the first movement [s]."""
 

@@ -1,10 +1,14 @@
-"""The paper's set-up as far as its Table I tells: cubes, force channel, lost motion, depths.
+"""The paper's set-up, as calibrated to its Table I: cubes, force channel, lost motion, depths.
 
-Force channel and slave are the same in all nine trials. Under a stiffening cube, a force channel
-that lags by tau, and lost motion delta, the RLS rows of Table I are about k_hat = k1 + k3 x^2 and
-b_hat = b - k_hat tau - 4 k_hat delta / (pi omega A) for a motion of amplitude A and angular
-frequency omega. k1, k3, lag and lost motion are the output of
-`python -m teleop.studies.paper.calibrate`, which states the assumptions behind the other values.
+Force channel and slave are the same in all nine trials. The cubes stiffen with depth, the force
+channel has a lag tau, and the slave has lost motion delta. For a motion of amplitude A and angular
+frequency omega, RLS then estimates about
+
+    k_hat = k1 + k3 x^2
+    b_hat = b - k_hat tau - 4 k_hat delta / (pi omega A)
+
+`python -m teleop.studies.paper.calibrate` computes k1, k3, lag and lost motion such that these are
+the RLS rows of Table I. Its documentation lists the assumptions about the other values.
 """
 
 from __future__ import annotations
@@ -17,7 +21,7 @@ from sim_backend.cube import Cube
 from sim_backend.transmission import RIGID, Transmission
 
 LOSS_TIME = 1.5e-3
-"""Damping of the cubes over their stiffness k1 [s]."""
+"""Damping of the cubes divided by their stiffness k1 [s]."""
 
 
 def silicone(k1: float, k3: float) -> Cube:
@@ -30,13 +34,13 @@ CUBES = {
     "medium": silicone(k1=4519.0, k3=4.102e7),
     "hard": silicone(k1=7461.0, k3=9.09e10),
 }
-"""The three cubes; the paper's 1, 2 and 3."""
+"""The three cubes, numbered 1, 2 and 3 in the paper."""
 
 FORCE_LAG = 2.66e-3
 """Time constant of the contact force channel [s]."""
 
 TRANSMISSION = Transmission(lost_motion=122e-6, compliance=7e-6)
-"""Between the encoder and the tip of the slave."""
+"""Transmission between the encoder and the tip of the slave."""
 
 DEPTH = {
     "free": {"soft": 15.5e-3, "medium": 6.5e-3, "hard": 1.3e-3},
@@ -48,7 +52,7 @@ DEPTH = {
 
 @dataclass(frozen=True)
 class Setup:
-    """What is palpated, through which force channel, and how deep.
+    """Cube, force channel, depth of palpation and transmission of a trial.
 
     Raises
     ------
@@ -57,15 +61,16 @@ class Setup:
     """
 
     cube: Cube
+    """Environment."""
     force_lag: float
     """Time constant of the contact force channel [s]."""
     depth: float
     """Depth of palpation [m] that operator or injector aims for."""
     transmission: Transmission = RIGID
-    """Between the encoder and the tip of the slave."""
+    """Transmission between the encoder and the tip of the slave."""
 
     def tip(self, position: Iterable[float]) -> list[float]:
-        """Position of the tip [m] by a sensor there, where the encoder reads `position` [m]."""
+        """Return the true positions of the tip for the positions of the encoder, both in [m]."""
         played, tip = 0.0, []
         for x in position:
             played = self.transmission.play(played, x)
@@ -73,7 +78,7 @@ class Setup:
         return tip
 
     def force(self, x: float) -> float:
-        """Force [N] of cube and transmission in series at displacement x [m], at rest."""
+        """Return the static force [N] of cube and transmission in series at displacement x [m]."""
         return self.cube.force(self.cube.compressed(x, self.transmission.compliance), 0.0)
 
     def __post_init__(self) -> None:
@@ -83,5 +88,5 @@ class Setup:
 
 
 def paper_setup(condition: str, cube: str) -> Setup:
-    """The paper's set-up for one of its nine trials."""
+    """Return the set-up of one of the paper's nine trials."""
     return Setup(CUBES[cube], FORCE_LAG, DEPTH[condition][cube], TRANSMISSION)

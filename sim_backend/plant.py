@@ -1,4 +1,4 @@
-"""Dynamics of the telemanipulator: a driven handle, a servoed slave on a cube, force channels."""
+"""Dynamics of the telemanipulator: handle, slave in contact with a cube, and force channels."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from sim_backend.cube import Cube
 from sim_backend.transmission import RIGID, Transmission
 
 MAX_STEP = 1e-3
-"""Longest integration step [s]; half of it changes nothing that a sensor would see."""
+"""Longest integration step [s]; with half of it, the sensors read the same values."""
 
 
 @dataclass(frozen=True)
 class PlantParameters:
-    """Parameters of drives and force channels, those of a laboratory linear actuator.
+    """Parameters of drives and force channels; the defaults are those of laboratory actuators.
 
     Raises
     ------
@@ -25,11 +25,11 @@ class PlantParameters:
     """
 
     handle_bandwidth: float = 40.0
-    """Of the handle's velocity servo, which is stiff against the hand [Hz]."""
+    """Bandwidth of the handle's velocity servo [Hz]; the force of the hand does not affect it."""
     slave_bandwidth: float = 80.0
-    """Of the proportional part of the slave's velocity servo [Hz]."""
+    """Bandwidth of the proportional part of the slave's velocity servo [Hz]."""
     slave_integral: float = 25.0
-    """Corner frequency of that servo's integral part [Hz]."""
+    """Corner frequency of the integral part of the slave's velocity servo [Hz]."""
     slave_mass: float = 3.0
     """Moving mass of the slave [kg]."""
     master_force_lag: float = 1e-3
@@ -37,11 +37,11 @@ class PlantParameters:
     contact_force_lag: float = 1e-3
     """Time constant of the contact force channel [s]."""
     transmission: Transmission = RIGID
-    """Between the slave's motor, with its encoder, and the tip."""
+    """Transmission between the slave's motor, with its encoder, and the tip."""
 
     @property
     def slave_compliance(self) -> float:
-        """How far the slave's servo lags its command for each newton against it [m/N]."""
+        """Position error of the slave's servo per newton of load [m/N]."""
         corners = self.slave_bandwidth * self.slave_integral
         return 1.0 / (self.slave_mass * (2.0 * math.pi) ** 2 * corners)
 
@@ -59,7 +59,7 @@ class Handle:
         self.x = self.v = 0.0
 
     def advance(self, u: float, dt: float) -> None:
-        """Let `dt` pass with the velocity command u held; exact."""
+        """Advance by `dt` [s] with a constant velocity command u [m/s]; the solution is exact."""
         slip = self.v - u
         left = slip * math.exp(-self._rate * dt)
         self.x += u * dt + (slip - left) / self._rate
@@ -67,17 +67,19 @@ class Handle:
 
 
 class Slave:
-    """The slave's motor, which moves the tip on its cube: position [m] and velocity [m/s].
+    """The slave's motor, which moves the tip: position [m] and velocity [m/s].
 
-    m x'' = m (K_p (u - x') + K_i e) - l(x, x') with e' = u - x', a proportional-integral
-    velocity servo against the load l: the force of the cube on the tip and the friction there.
+    The velocity servo has a proportional and an integral part. The load l is the force of the cube
+    on the tip plus the friction at the tip:
+
+        m x'' = m (K_p (u - x') + K_i e) - l(x, x'),    e' = u - x'
     """
 
     def __init__(self, cube: Cube, parameters: PlantParameters) -> None:
         self.cube = cube
         self.x = self.v = 0.0
         self.command = 0.0
-        """Velocity that it was last told [m/s]."""
+        """Last velocity command [m/s]."""
         self._error = 0.0
         self._transmission = parameters.transmission
         self._played = 0.0
@@ -91,7 +93,7 @@ class Slave:
         return self._tip_force(self._transmission.play(self._played, self.x), self.x, self.v)
 
     def _tip_force(self, played: float, x: float, v: float) -> float:
-        """Force of the cube [N] where the play operator of the transmission has this output."""
+        """Return the force of the cube [N] for the output of the transmission's play operator."""
         lost, compliance = self._transmission.lost_motion, self._transmission.compliance
         tip = self.cube.compressed(played, compliance)
         slips = played <= x - lost if v > 0.0 else played >= x + lost
@@ -99,7 +101,7 @@ class Slave:
         return self.cube.force(tip, speed)
 
     def load(self, x: float, v: float) -> float:
-        """Force [N] of cube and friction on the motor that went straight to (x, v)."""
+        """Return the load [N] after a linear motion to position x [m] with velocity v [m/s]."""
         compliance = self._transmission.compliance
         if compliance == 0.0:
             return self.cube.force(x, v)
@@ -114,17 +116,17 @@ class Slave:
         )
 
     def move_to(self, x: float, v: float) -> None:
-        """Take the motor straight to x [m], where it has the velocity v [m/s]."""
+        """Move the motor linearly to position x [m], and set its velocity to v [m/s]."""
         self.x, self.v = x, v
         self._played = self._transmission.play(self._played, x)
 
     def acceleration(self, x: float, v: float, error: float, u: float) -> float:
-        """X'' [m/s^2] in the state (x, v, e) under the velocity command u."""
+        """Return x'' [m/s^2] in the state (x, v, e) for the velocity command u [m/s]."""
         servo = self._proportional * (u - v) + self._integral * error
         return servo - self.load(x, v) / self._mass
 
     def advance(self, u: float, h: float) -> None:
-        """Let one step h pass with the velocity command u held; Runge-Kutta 4."""
+        """Advance by one Runge-Kutta step of h [s] with a constant velocity command u [m/s]."""
         self.command = u
         x, v1, error = self.x, self.v, self._error
         half = 0.5 * h
@@ -148,7 +150,7 @@ class ForceChannel:
         self._force = self.y = 0.0
 
     def advance(self, force: float, dt: float) -> None:
-        """Let `dt` pass in which the force went straight to `force`; exact."""
+        """Advance by `dt` [s] in which the force changes linearly to `force` [N]; exact."""
         behind = (force - self._force) / dt * self._lag
         decay = math.exp(-dt / self._lag)
         self.y = force - behind + (self.y - self._force + behind) * decay
@@ -156,27 +158,27 @@ class ForceChannel:
 
 
 class Arm(NamedTuple):
-    """Impedance of the operator's arm between where the hand wants to be and the handle."""
+    """Impedance of the operator's arm between the intended position of the hand and the handle."""
 
     stiffness: float
-    """[N/m]"""
+    """Stiffness [N/m]."""
     damping: float
-    """[N s/m]"""
+    """Damping [N s/m]."""
 
     def force(self, intended: Intention, handle: Handle) -> float:
-        """Force of the hand on the handle [N]."""
+        """Return the force of the hand on the handle [N]."""
         return self.stiffness * (intended.position - handle.x) + self.damping * (
             intended.velocity - handle.v
         )
 
 
 class Intention(NamedTuple):
-    """Where the operator's hand wants to be."""
+    """Motion that the operator intends."""
 
     position: float
-    """[m]"""
+    """Intended position [m]."""
     velocity: float
-    """[m/s]"""
+    """Intended velocity [m/s]."""
 
 
 UNATTENDED = Arm(0.0, 0.0)
@@ -184,18 +186,23 @@ AT_REST = Intention(0.0, 0.0)
 
 
 class Plant:
-    """The telemanipulator and its environment, advanced in time.
+    """Simulation of the telemanipulator and its environment.
 
     Parameters
     ----------
     cube
         The environment.
     parameters
-        Drives and force channels.
+        Parameters of drives and force channels.
     arm
-        The operator's arm; `UNATTENDED` for a handle that nobody holds.
+        The operator's arm; `UNATTENDED` if nobody holds the handle.
     max_step
         Longest integration step [s].
+
+    Raises
+    ------
+    ValueError
+        `max_step` is not positive.
     """
 
     def __init__(
@@ -215,7 +222,17 @@ class Plant:
         self._max_step = max_step
 
     def advance(self, dt: float, command: Command, intended: Intention = AT_REST) -> None:
-        """Let `dt` [s] pass with the command held, after which the hand intends to be there."""
+        """Advance by `dt` [s].
+
+        Parameters
+        ----------
+        dt
+            Time step [s].
+        command
+            Command of the drives, constant over the step.
+        intended
+            Intended motion of the hand at the end of the step.
+        """
         self.handle.advance(command.master_velocity, dt)
         self.master_force.advance(self._arm.force(intended, self.handle), dt)
         steps = max(1, math.ceil(dt / self._max_step - 1e-6))

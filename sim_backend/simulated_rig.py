@@ -1,4 +1,4 @@
-"""The simulated rig: the plant behind the sensors and drives of a telemanipulator."""
+"""The simulated rig: a plant with sensors, drives and an operator."""
 
 from __future__ import annotations
 
@@ -16,37 +16,37 @@ FRESH = Ages(*(0.0 for _ in CHANNELS))
 
 
 class SimulatedRig(Rig):
-    """A telemanipulator that exists in software alone.
+    """A simulated telemanipulator with the interface of a real rig.
 
-    The plant is advanced to the present whenever it is read, so it runs in whatever time the
-    clock keeps; with a virtual clock the same seed gives the same run to the bit.
+    Each reading advances the plant to the present time of the clock, real or virtual. With a
+    virtual clock, two runs with the same seed are exactly equal, bit by bit.
 
     Parameters
     ----------
     cube
         The environment.
     now
-        The clock's time [s].
+        Function that returns the time of the clock [s].
     operator
         The person at the handle; None for nobody.
     parameters
-        Drives and force channels.
+        Parameters of drives and force channels.
     sensors
         Imperfections of the sensors.
     max_velocity
-        The most that the drives can do [m/s].
+        Largest velocity of the drives [m/s].
     watchdog
-        Time [s] after which enabled drives that are not commanded stop, report the error
-        `watchdog`, and have to be enabled again.
+        Watchdog time [s]. If enabled drives receive no command for longer, they stop, report the
+        error `watchdog`, and must be enabled again.
     seed
         Seed of the sensor noise.
     start
-        Where the slave stands at first [m].
+        Initial position of the slave [m].
 
     Raises
     ------
     ValueError
-        The greatest velocity or the watchdog's time is not positive.
+        `max_velocity` or `watchdog` is not positive.
     """
 
     def __init__(
@@ -80,11 +80,11 @@ class SimulatedRig(Rig):
         self._time = 0.0
 
     def open(self) -> None:
-        """Start the plant's time; nothing moves yet."""
+        """Start the time of the plant; the drives are idle."""
         self._time = self._now()
 
     def read(self) -> Measurement:
-        """Let the plant catch up with the clock, and read every sensor."""
+        """Advance the plant to the time of the clock, and read every sensor."""
         now = self._now()
         if now > self._time:
             intended = AT_REST
@@ -112,24 +112,24 @@ class SimulatedRig(Rig):
         )
 
     def rearm(self) -> None:
-        """Forget that the watchdog has acted."""
+        """Clear the error of the watchdog."""
         self._error = ""
 
     def enable(self) -> bool:
-        """Let the drives take commands; the operator's time starts, too."""
+        """Enable the drives, and start the time of the operator."""
         self._enabled, self._error = True, ""
         self._start = self._commanded = self._time
         return True
 
     def write(self, command: Command) -> Command:
-        """Command the drives; velocities beyond their greatest are clipped.
+        """Command the drives; velocities are limited to the largest velocity of the drives.
 
-        Drives that are not enabled stand still.
+        Drives that are not enabled do not move.
 
         Raises
         ------
         ValueError
-            A velocity is not finite; the drives go on as before.
+            A velocity is not finite; the previous command remains active.
         """
         if not all(map(math.isfinite, command)):
             raise ValueError(f"a velocity command must be finite, got {command}")
@@ -140,9 +140,9 @@ class SimulatedRig(Rig):
         return self._applied
 
     def idle(self) -> None:
-        """Hold both drives by their brakes."""
+        """Disable both drives, and apply their brakes."""
         self._enabled = False
         self._applied = STANDSTILL
 
     def close(self) -> None:
-        """Nothing to release."""
+        """Do nothing: a simulated rig has no resources to release."""

@@ -1,22 +1,24 @@
 """The transmission between the slave's motor, with its encoder, and the tip.
 
-An elastic transmission of compliance c moves a tip that is held by dry friction of F_c. The tip
-then does not follow the motor on a reversal until the motor has moved by 2 delta, delta = F_c c:
-lost motion. With the spring force f_s(y) of the cube at the tip y, the equilibrium of the tip is
+A transmission of compliance c moves a tip on which dry friction F_c acts. After a reversal, the tip
+does not move until the motor has moved by 2 delta, with delta = F_c c. This distance is called lost
+motion. With the spring force f_s(y) of the cube at the tip y, the equilibrium of the tip is
 
     (x - y) / c = f_s(y) + phi,    |phi| <= F_c,    phi y' >= 0
 
-or, since g(y) = y + c f_s(y) rises with y,
+Since g(y) = y + c f_s(y) increases with y, this is equivalent to
 
     g(y) = p = play(x),    phi = (x - p) / c
 
-where play is the play operator of half width delta [1]: p stays as it is while |x - p| <= delta
-and is pushed along beyond it. To a sine of amplitude A the cube then shows the describing function
-of the play [2]. Its phase reads as damping of -4 k delta (A - delta) / (pi omega A^2), about
--4 k delta / (pi omega A), where k is the stiffness of cube and transmission in series.
+where play is the play operator of half width delta [1]: p is constant while |x - p| <= delta, and
+otherwise follows x at the distance delta. For a sine of amplitude A, the cube has the describing
+function of the play [2]. Its phase has the same effect as a damping of
+-4 k delta (A - delta) / (pi omega A^2), about -4 k delta / (pi omega A), where k is the stiffness
+of cube and transmission in series.
 
-The damping of the cube is taken from the speed of the tip that these equations give; the stretch
-of the transmission under the damping force is neglected. Friction and damping always take energy.
+The damping force of the cube is computed from the speed of the tip that follows from these
+equations. The stretch of the transmission due to the damping force is neglected. Friction and
+damping always dissipate energy.
 
 [1] M. Brokate, J. Sprekels, Hysteresis and Phase Transitions, Springer, 1996, section 2.1.
 [2] A. Gelb, W. E. Vander Velde, Multiple-Input Describing Functions and Nonlinear System Design,
@@ -40,16 +42,16 @@ class Transmission:
     """
 
     lost_motion: float = 0.0
-    """How far the tip stays behind the motor by dry friction, in either direction [m]."""
+    """Distance by which the tip lags the motor due to dry friction, in either direction [m]."""
     compliance: float = 0.0
-    """Stretch of the transmission for each newton on the tip [m/N]."""
+    """Stretch of the transmission per newton of force on the tip [m/N]."""
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
             if not 0.0 <= value < math.inf:
                 raise ValueError(f"{name} must be >= 0, got {value}")
         if self.lost_motion > 0.0 and self.compliance == 0.0:
-            raise ValueError("lost motion needs a compliance > 0: friction stretches it")
+            raise ValueError("lost motion needs a compliance > 0")
 
     @property
     def friction(self) -> float:
@@ -57,7 +59,7 @@ class Transmission:
         return self.lost_motion / self.compliance if self.compliance else 0.0
 
     def play(self, p: float, x: float) -> float:
-        """Output of the play operator that was p, with its input moved on to x [m]."""
+        """Return the output of the play operator [m] from its last output p and its input x [m]."""
         return min(max(p, x - self.lost_motion), x + self.lost_motion)
 
 

@@ -1,9 +1,10 @@
-"""What every batch fit has: parameters with intervals, and measures of the fit.
+"""Data and result of a batch fit: parameters with intervals, and goodness of fit.
 
-The fit is of smoothed samples, position and force alike, far enough apart for their noise to be
-independent. The information criteria and the autocorrelation are those of these residuals. R^2 and
-the residual are those of the force as measured. The intervals hold for residuals of any
-autocorrelation (`estimation.robust_error`), with the Jacobian of the model at the fit.
+Models are fitted to samples whose position and force are smoothed by the same kernel. The samples
+are far enough apart for their noise to be independent. The information criteria and the
+autocorrelation are computed from the residuals of these samples; R^2 and the root mean square
+residual from the measured force. The intervals are valid for residuals of any autocorrelation
+(`estimation.robust_error`); they use the Jacobian of the model at the fitted parameters.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from estimation.robust_error import RobustFit
 
 
 class BatchData(NamedTuple):
-    """A record on an even grid, arrays of shape (n,)."""
+    """A record of n samples with constant period; arrays have shape (n,) unless stated."""
 
     t: Floats
     """Time [s]."""
@@ -33,53 +34,61 @@ class BatchData(NamedTuple):
     raw_f: Floats
     """Force as measured, from the datum [N]."""
     rows: NDArray[np.intp]
-    """Samples of the fit."""
+    """Indices of the samples that are fitted, shape (rows,)."""
     inside: NDArray[np.intp]
-    """Samples in contact."""
+    """Indices of the samples in contact."""
     starts: tuple[int, ...] = (0,)
-    """First sample of each piece between gaps."""
+    """Index of the first sample of each piece between gaps."""
     width: float = 0.0
-    """Standard deviation of the smoothing [s]."""
+    """Standard deviation of the smoothing kernel [s]."""
     contact: float | None = None
-    """Contact point where it is known [m]."""
+    """Contact point [m]; None if it is not known."""
     unloaded: float = 0.0
-    """Force out of contact, or the sensor's zero where that is not known, from the datum [N]."""
+    """Force out of contact, relative to the datum [N]; the sensor's zero if it is not known."""
 
 
 class Parameter(NamedTuple):
     """An estimated parameter with its 95 % interval."""
 
     value: float
+    """Estimate, in `unit`."""
     low: float
+    """Lower end of the interval."""
     high: float
+    """Upper end of the interval."""
     unit: str
+    """Unit of the parameter."""
     identifiable: bool
-    """Whether the data determine it: within its plausible range, and better than its own size."""
+    """Whether the value is in its plausible range, and the interval narrow enough."""
 
 
 class BatchFit(NamedTuple):
     """One model fitted to a record."""
 
     name: str
+    """Name of the model."""
     parameters: dict[str, Parameter]
+    """Parameters by name."""
     r2: float
-    """Share of the variance of the measured force that it explains."""
+    """Share of the variance of the measured force that the model explains."""
     rms: float
     """Root mean square of the residual of the measured force [N]."""
     aic: float
+    """Akaike information criterion."""
     bic: float
+    """Bayesian information criterion."""
     autocorrelation: float
-    """Of the residual, from one independent sample to the next."""
+    """Correlation of successive residuals of the fitted samples."""
     predicted: Floats
-    """Force on the grid [N], shape (n,), NaN out of contact."""
+    """Force of the model [N], shape (n,); NaN out of contact."""
 
     @property
     def identifiable(self) -> bool:
-        """Whether the data determine all parameters but the offsets."""
+        """Whether all parameters other than offsets are identifiable."""
         return all(one.identifiable for name, one in self.parameters.items() if name != "f1")
 
     def summary(self) -> dict[str, object]:
-        """Return the fit as a document."""
+        """Return the fit as a dictionary for JSON."""
         parameters = {name: one._asdict() for name, one in self.parameters.items()}
         return {
             "name": self.name,
@@ -92,22 +101,27 @@ class BatchFit(NamedTuple):
         }
 
 
-class Shape(NamedTuple):
-    """A parameter before its interval is known."""
+class FittedParameter(NamedTuple):
+    """A fitted parameter without its interval."""
 
     name: str
+    """Name of the parameter."""
     value: float
+    """Estimate, in `unit`."""
     unit: str
+    """Unit of the parameter."""
     jacobian: Floats
-    """Derivative of the force at the rows, shape (rows,)."""
+    """Derivative of the force by the parameter at the fitted samples, shape (rows,)."""
     plausible: tuple[float, float] = (-math.inf, math.inf)
-    """Range outside of which the parameter is not identified."""
+    """Range outside of which the parameter is not identifiable."""
     may_vanish: bool = False
-    """Whether zero is a plausible value, so that an interval about it identifies the parameter."""
+    """Whether the parameter is identifiable too if its interval contains zero."""
 
 
-def finished(name: str, data: BatchData, shapes: list[Shape], predicted: Floats) -> BatchFit:
-    """Return the fit with its intervals and measures.
+def with_intervals(
+    name: str, data: BatchData, fitted: list[FittedParameter], predicted: Floats
+) -> BatchFit:
+    """Compute the intervals and the goodness of fit.
 
     Parameters
     ----------
@@ -115,27 +129,27 @@ def finished(name: str, data: BatchData, shapes: list[Shape], predicted: Floats)
         Name of the model.
     data
         The record.
-    shapes
-        Its parameters.
+    fitted
+        The fitted parameters of the model.
     predicted
-        Its force on the grid [N], shape (n,).
+        The force of the model [N], shape (n,).
     """
     residual = data.f[data.rows] - predicted[data.rows]
-    jacobian = np.column_stack([shape.jacobian for shape in shapes])
+    jacobian = np.column_stack([one.jacobian for one in fitted])
     scale = np.sqrt(np.mean(jacobian**2, axis=0))
     scale[scale == 0.0] = 1.0
     inverse = np.linalg.pinv(jacobian / scale, rcond=1e-9) / scale[:, None]
-    fit = RobustFit(np.array([shape.value for shape in shapes]), residual, inverse)
+    fit = RobustFit(np.array([one.value for one in fitted]), residual, inverse)
     parameters = {}
-    for i, shape in enumerate(shapes):
-        half = LEVEL_95 * fit.deviation(np.eye(len(shapes))[i])
-        low, high = shape.plausible
-        known = low < shape.value < high and math.isfinite(half)
-        known = known and (shape.may_vanish or half < abs(shape.value))
-        parameters[shape.name] = Parameter(
-            shape.value, shape.value - half, shape.value + half, shape.unit, known
+    for i, one in enumerate(fitted):
+        half = LEVEL_95 * fit.deviation(np.eye(len(fitted))[i])
+        low, high = one.plausible
+        known = low < one.value < high and math.isfinite(half)
+        known = known and (one.may_vanish or half < abs(one.value))
+        parameters[one.name] = Parameter(
+            one.value, one.value - half, one.value + half, one.unit, known
         )
-    n, m = len(residual), len(shapes)
+    n, m = len(residual), len(fitted)
     likelihood = n * math.log(max(float(np.mean(residual**2)), 1e-300))
     measured = data.raw_f[data.inside] - predicted[data.inside]
     variance = float(np.var(data.raw_f[data.inside]))
@@ -154,7 +168,17 @@ def finished(name: str, data: BatchData, shapes: list[Shape], predicted: Floats)
 
 
 def linear_solution(columns: Floats, f: Floats) -> Floats:
-    """Return the least-squares parameters; the columns are scaled first."""
+    """Return the least-squares parameters, shape (m,).
+
+    The columns are scaled to equal size first, which makes the solution more accurate.
+
+    Parameters
+    ----------
+    columns
+        Regressors, shape (rows, m).
+    f
+        Force [N], shape (rows,).
+    """
     scale = np.sqrt(np.mean(columns**2, axis=0))
     scale[scale == 0.0] = 1.0
     return np.asarray(np.linalg.lstsq(columns / scale, f, rcond=1e-10)[0] / scale)

@@ -1,10 +1,10 @@
 """Hunt-Crossley with contact point, f = K d^n + B d^n v, d = x - xc.
 
-For given xc and n the force is linear in K and B, so only these two are searched for (variable
-projection). K and n trade for each other: d is divided by its largest value, D, in the search, and
-the stiffness K D^n is far better determined than K, whose unit depends on n. An exponent or a
-contact point at the edge of its range means that the record does not determine them, as where it
-never comes near the contact.
+For given contact point xc and exponent n the force is linear in K and B. Therefore only xc and n
+are found by search, and K and B by linear least squares (variable projection). The estimates of K
+and n are strongly correlated, and the unit of K depends on n. The search therefore divides d by its
+largest value D: the stiffness K D^n is determined much better than K. If n or xc is at the end of
+its range, the record does not determine it, for example because no sample is near the contact.
 
 References
 ----------
@@ -18,19 +18,25 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import least_squares
 
-from estimation.batch_models.fit import BatchData, BatchFit, Shape, finished, linear_solution
+from estimation.batch_models.fit import (
+    BatchData,
+    BatchFit,
+    FittedParameter,
+    linear_solution,
+    with_intervals,
+)
 from estimation.compiled import Floats
 
 EXPONENT = (0.5, 5.0)
-"""Exponents that are searched."""
+"""Range of the exponent in the search."""
 PLAUSIBLE = (0.8, 4.5)
-"""Exponents that are taken for identified."""
+"""Range in which the exponent is identifiable."""
 BEFORE = 2.0
-"""Farthest contact point before the contact phase, in its travel."""
+"""Largest distance of the contact point from the lowest position in contact, in travels."""
 
 
 def fit_hunt_crossley(data: BatchData) -> BatchFit:
-    """Return the fit of Hunt-Crossley."""
+    """Fit the model of Hunt and Crossley."""
     x, v, f = (channel[data.rows] for channel in (data.x, data.v, data.f - data.unloaded))
     travel = float(np.ptp(x))
     near = float(x.min()) + 0.02 * travel
@@ -48,7 +54,7 @@ def fit_hunt_crossley(data: BatchData) -> BatchFit:
     starts = [(near - 0.05 * travel, 1.5), (far * 0.5 + near * 0.5, 1.2)]
     if data.contact is not None and far < data.contact < near:
         starts = [(data.contact, 1.3)]
-    answers = [
+    solutions = [
         least_squares(
             residual,
             (xc / travel, n),
@@ -57,18 +63,18 @@ def fit_hunt_crossley(data: BatchData) -> BatchFit:
         )
         for xc, n in starts
     ]
-    answer = min(answers, key=lambda one: one.cost)
-    xc, n = float(answer.x[0] * travel), float(answer.x[1])
+    solution = min(solutions, key=lambda one: one.cost)
+    xc, n = float(solution.x[0] * travel), float(solution.x[1])
     stiffness, damping = linear_solution(columns(xc, n, x, v), f).tolist()
     size = float(x.max()) - xc
     depth = np.maximum(x - xc, 1e-9 * travel)
     force = columns(xc, n, x, v) @ [stiffness, damping]
     power = (depth / size) ** n
-    shapes = [
-        Shape("K", stiffness / size**n, "N/m^n", power * size**n, (0.0, np.inf)),
-        Shape("B", damping / size**n, "N s/m^(n+1)", power * v * size**n),
-        Shape("n", n, "-", force * np.log(depth), PLAUSIBLE),
-        Shape("xc", xc, "m", -n * force / depth, (far + 0.02 * travel, near), True),
+    fitted = [
+        FittedParameter("K", stiffness / size**n, "N/m^n", power * size**n, (0.0, np.inf)),
+        FittedParameter("B", damping / size**n, "N s/m^(n+1)", power * v * size**n),
+        FittedParameter("n", n, "-", force * np.log(depth), PLAUSIBLE),
+        FittedParameter("xc", xc, "m", -n * force / depth, (far + 0.02 * travel, near), True),
     ]
     predicted = columns(xc, n, data.x, data.v) @ [stiffness, damping] + data.unloaded
-    return finished("hunt-crossley", data, shapes, predicted)
+    return with_intervals("hunt-crossley", data, fitted, predicted)

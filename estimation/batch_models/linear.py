@@ -1,6 +1,6 @@
-"""Models that are linear in their parameters, by least squares.
+"""Models that are linear in their parameters, fitted by least squares.
 
-- Kelvin-Voigt, f = k x + b v, with x and f from the datum that was chosen;
+- Kelvin-Voigt, f = k x + b v, with x and f relative to the datum;
 - Kelvin-Voigt with datum, f = k x + b v + f0, whose k and b do not depend on the datum;
 - stiffening, f = k x + k3 x^3 + b v + f0: k is the stiffness at the datum.
 """
@@ -9,7 +9,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from estimation.batch_models.fit import BatchData, BatchFit, Shape, finished, linear_solution
+from estimation.batch_models.fit import (
+    BatchData,
+    BatchFit,
+    FittedParameter,
+    linear_solution,
+    with_intervals,
+)
 from estimation.compiled import Floats
 
 COLUMNS = {
@@ -21,12 +27,12 @@ UNITS = {"k": "N/m", "b": "N s/m", "f0": "N", "k3": "N/m^3"}
 
 
 def fit_linear(name: str, data: BatchData) -> BatchFit:
-    """Return the fit of one of these models."""
+    """Fit one of these models; `name` is a key of `COLUMNS`."""
     parameters = COLUMNS[name]
     columns = np.column_stack([regressor(parameter, data) for parameter in parameters])
     theta = linear_solution(columns[data.rows], data.f[data.rows])
-    shapes = [
-        Shape(
+    fitted = [
+        FittedParameter(
             parameter,
             float(value),
             UNITS[parameter],
@@ -35,7 +41,7 @@ def fit_linear(name: str, data: BatchData) -> BatchFit:
         )
         for i, (parameter, value) in enumerate(zip(parameters, theta, strict=True))
     ]
-    return finished(name, data, shapes, columns @ theta)
+    return with_intervals(name, data, fitted, columns @ theta)
 
 
 def regressor(parameter: str, data: BatchData) -> Floats:

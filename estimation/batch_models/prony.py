@@ -1,7 +1,7 @@
 """Relaxation in a hold as a Prony series, f(t) = f_inf + sum_j f_j exp(-t / tau_j).
 
-One or two terms, by the Bayesian information criterion; the time constants are searched for, and
-the forces follow by linear least squares. A time constant longer than the hold is not identified.
+The Bayesian information criterion selects one or two terms. The time constants are found by search,
+and the forces by linear least squares. A time constant longer than the hold is not identifiable.
 """
 
 from __future__ import annotations
@@ -19,21 +19,21 @@ from estimation.robust_error import RobustFit
 
 
 class Relaxation(NamedTuple):
-    """A Prony series of a hold."""
+    """A Prony series that was fitted to a hold."""
 
     parameters: dict[str, Parameter]
-    """f_inf, f1, tau1 and, where the data support a second term, f2 and tau2."""
+    """`f_inf`, `f1`, `tau1`, and with a second term `f2` and `tau2`."""
     rms: float
     """Root mean square of the residual [N]."""
 
 
 def fit_prony(t: Floats, f: Floats) -> Relaxation | None:
-    """Return the Prony series of a hold; None where the force does not relax.
+    """Return the Prony series of a hold; None if the force does not relax.
 
     Parameters
     ----------
     t
-        Time since the begin of the hold [s], shape (n,), samples whose noise is independent.
+        Time since the begin of the hold [s], shape (n,). The noise of the samples is independent.
     f
         Force [N], shape (n,).
     """
@@ -56,7 +56,7 @@ def criterion(residual: Floats, parameters: int) -> float:
 
 
 def fit_terms(t: Floats, f: Floats, terms: int) -> tuple[Relaxation, Floats]:
-    """Return the series with this many terms, and its residual."""
+    """Fit a series with `terms` terms, and return it with its residual [N], shape (n,)."""
     seconds = float(t[-1] - t[0])
     shortest = 2.0 * float(t[1] - t[0])
 
@@ -71,8 +71,8 @@ def fit_terms(t: Floats, f: Floats, terms: int) -> tuple[Relaxation, Floats]:
     start = np.log(seconds / np.array([4.0, 30.0])[:terms])
     bounds = (math.log(0.5 * shortest), math.log(10.0 * seconds))
     start = np.clip(start, bounds[0] + 1e-3, bounds[1] - 1e-3)
-    answer = least_squares(residual, start, bounds=bounds)
-    log_times = np.sort(answer.x)[::-1]
+    solution = least_squares(residual, start, bounds=bounds)
+    log_times = np.sort(solution.x)[::-1]
     regressors = columns(log_times)
     theta = linear_solution(regressors, f)
     times = np.exp(log_times)

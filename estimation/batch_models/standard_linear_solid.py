@@ -2,9 +2,9 @@
 
     f = k x + k1 z + f0,    z' = x' - z / tau
 
-f is linear in k, k1, f0 and the force of the damper's spring at the start, for a given tau, which
-is searched for from the smoothing's width to ten times the record (variable projection). A time
-constant longer than half of the record, or shorter than a few widths, is not identified.
+For a given tau, f is linear in k, k1, f0 and the initial value of z. tau is found by search, from
+the width of the smoothing to ten times the length of the record (variable projection). A time
+constant longer than half of the record, or shorter than a few widths, is not identifiable.
 """
 
 from __future__ import annotations
@@ -15,7 +15,13 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 from scipy.signal import lfilter
 
-from estimation.batch_models.fit import BatchData, BatchFit, Shape, finished, linear_solution
+from estimation.batch_models.fit import (
+    BatchData,
+    BatchFit,
+    FittedParameter,
+    linear_solution,
+    with_intervals,
+)
 from estimation.compiled import Floats
 
 
@@ -34,7 +40,7 @@ def relaxing(data: BatchData, tau: float) -> tuple[Floats, Floats]:
 
 
 def fit_standard_linear_solid(data: BatchData) -> BatchFit:
-    """Return the fit of the standard linear solid."""
+    """Fit the standard linear solid."""
     seconds = len(data.t) * float(data.t[1] - data.t[0])
     shortest = max(4.0 * data.width, 2.0 * float(data.t[1] - data.t[0]))
     longest = max(10.0 * seconds, 4.0 * shortest)
@@ -59,11 +65,11 @@ def fit_standard_linear_solid(data: BatchData) -> BatchFit:
     slope = (columns(tau * (1.0 + step)) - columns(tau * (1.0 - step))) @ theta / (2e-3 * tau)
     k, k1, f0, start = theta.tolist()
     rows = data.rows
-    shapes = [
-        Shape("k", k, "N/m", regressors[rows, 0]),
-        Shape("k1", k1, "N/m", regressors[rows, 1], (0.0, math.inf)),
-        Shape("tau", tau, "s", slope[rows], (1.2 * shortest, 0.5 * seconds)),
-        Shape("f0", f0, "N", regressors[rows, 2], may_vanish=True),
-        Shape("f1", start, "N", regressors[rows, 3], may_vanish=True),
+    fitted = [
+        FittedParameter("k", k, "N/m", regressors[rows, 0]),
+        FittedParameter("k1", k1, "N/m", regressors[rows, 1], (0.0, math.inf)),
+        FittedParameter("tau", tau, "s", slope[rows], (1.2 * shortest, 0.5 * seconds)),
+        FittedParameter("f0", f0, "N", regressors[rows, 2], may_vanish=True),
+        FittedParameter("f1", start, "N", regressors[rows, 3], may_vanish=True),
     ]
-    return finished("standard linear solid", data, shapes, regressors @ theta)
+    return with_intervals("standard linear solid", data, fitted, regressors @ theta)

@@ -116,7 +116,7 @@ class DeviceMount(Mount):
         self.sources: dict[str, Source] = {}
         """Sources of the signals that are used as channels, by signal."""
         self.axes: dict[str, tuple[str, int]] = {}
-        """Axis and sign of each drive, by drive."""
+        """Axis and sign of each drive, by the name of the drive."""
 
     def sense(self, signal: str) -> float:
         """Return the value of a signal, from its channel or from the axis of the device."""

@@ -1,4 +1,4 @@
-"""`teleop estimate`: the estimators over a file."""
+"""`teleop estimate`: estimate stiffness and damping from a file."""
 
 from __future__ import annotations
 
@@ -46,11 +46,11 @@ def estimate(
 ) -> int:
     """Estimate stiffness and damping from a recorded position and force.
 
-    A recording of teleop run is evaluated with the settings of that run unless options give
-    others, which gives the run's own estimates to the bit.
+    A recording of teleop run is evaluated with the settings of that run, except for those that
+    options change. Without such options the estimates are exactly those of the run, bit by bit.
 
-    The result comes first: stiffness and damping with 95 % intervals, or why the data support
-    none. Then come the batch models, and the estimators that a trial runs online.
+    The output begins with the result: stiffness and damping with 95 % intervals, or the reasons
+    why the data are not sufficient. The batch models and the online estimators follow.
 
     Several files are evaluated one by one, and then compared: whether one Kelvin-Voigt body
     explains them all, and their complex modulus over frequency.
@@ -66,29 +66,29 @@ def estimate(
     more
         Further recordings of the same specimen.
     columns
-        Which columns to take, and where they are zero.
+        Columns to read, and their zeros.
     estimators
-        Names of estimators, such as rls,kalman,rls_sift, or all, which compares them; by
-        default those of the run, and rls,ai,me for a table.
+        Names of estimators, such as rls,kalman,rls_sift, or all, which also compares them. The
+        default is those of the run, and rls,ai,me for other files.
     model
-        What the environment is taken for, by the estimators that take any model.
+        Model of the environment, for the estimators that support several models.
     preset
-        Settings of the estimators: scaled from the data, or the paper's; by default those of
-        the run, and scaled for a table.
+        Settings of the estimators: scaled from the data, or those of the paper. The default is
+        those of the run, and scaled for other files.
     cube
-        The cube whose adaptation gain the paper's settings take.
+        Cube that selects the adaptation gain of the paper's settings.
     conditioning
-        How velocity is had from position: see `teleop run --help`; matched for a table.
+        How velocity is computed from position: see `teleop run --help`. The default for other
+        files is matched.
     bandwidth
-        Bandwidth of its filter [Hz]; by default ten times the highest frequency at which
-        force follows displacement, and 20 Hz with the paper's settings.
+        Bandwidth of the conditioning filter [Hz]. The default is ten times the highest frequency
+        at which force follows displacement, and 20 Hz with the paper's settings.
     force_lag
-        Lag of the force channel [s] that matched conditioning makes up for, as `teleop lag`
-        measures it.
+        Lag of the force channel [s], from `teleop lag`; matched conditioning compensates for it.
     whole
-        Take in the rest before and after the motion as well.
+        Include the rest before and after the motion.
     cost
-        Measure as well how long each estimator takes for a sample on this machine.
+        Also measure the computing time of each estimator per sample on this machine.
     out
         Write signals and estimates to this CSV file.
     plot
@@ -103,7 +103,7 @@ def estimate(
     angle
         Half angle of a cone, between its axis and its side [deg].
     thickness
-        Thickness of the specimen on a rigid base [mm]; by default it is a half-space.
+        Thickness of the specimen on a rigid base [mm]; the default is a half-space.
     poisson
         Poisson's ratio of the specimen.
     json
@@ -113,7 +113,7 @@ def estimate(
     from teleop.errors import InputError
     from teleop.evaluation.evaluation import Evaluation, evaluate
     from teleop.evaluation.material import Indenter, elastic_modulus
-    from teleop.evaluation.pooled import taken_together
+    from teleop.evaluation.pooled import evaluate_together
     from teleop.evaluation.replay import agrees
     from teleop.files import check_outputs, new_file
     from teleop.output import console
@@ -123,7 +123,7 @@ def estimate(
     from teleop.recording.gaps import gap_rows
 
     if more and (out or plot):
-        raise InputError("--out and --plot take one recording: expected one file")
+        raise InputError("--out and --plot need exactly one file")
     if plot_fit:
         check_outputs(None, picture=plot_fit, sources=(file, *more), overwrite=overwrite)
     tip = None
@@ -136,11 +136,11 @@ def estimate(
             poisson,
         )
     elif radius is not None or angle is not None or thickness is not None:
-        raise InputError("--radius, --angle and --thickness: expected --indenter with them")
+        raise InputError("--radius, --angle and --thickness need --indenter")
     check_outputs(out, picture=plot, sources=(file,), overwrite=overwrite)
     for i, path in enumerate(more):
         if path.resolve() in [other.resolve() for other in (file, *more[:i])]:
-            raise InputError(f"{path} is named twice: expected different recordings")
+            raise InputError(f"{path} is given twice: expected different recordings")
     given = {
         "preset": preset,
         "conditioning": conditioning,
@@ -177,7 +177,7 @@ def estimate(
             print_evaluation(summary, path.name)
         evaluations[str(path)] = evaluation
         summaries.append(summary)
-    together = taken_together(evaluations) if len(evaluations) > 1 else None
+    together = evaluate_together(evaluations) if len(evaluations) > 1 else None
     if json:
         document = {"files": summaries, "together": together} if together else summaries[0]
         console.print_json(document)
@@ -200,7 +200,9 @@ def estimate(
         elif together["modulus"]:
             figure = modulus_figure(together["modulus"])
         else:
-            raise InputError("--plot-fit: no file has a complex modulus: expected palpations")
+            raise InputError(
+                "--plot-fit: no file has a complex modulus: expected periodic palpations"
+            )
         save(figure, plot_fit, overwrite)
     return 0
 
@@ -208,7 +210,17 @@ def estimate(
 def chosen(
     recording: Recording | None, datum: str, cube: str, given: Mapping[str, Any]
 ) -> EstimateSettings:
-    """The settings of a recorded trial, or those for a table, with what the options change."""
+    """Return the settings of the evaluation.
+
+    Parameters
+    ----------
+    recording
+        Recorded trial whose settings are used; None for the defaults.
+    datum, cube
+        Values of these options.
+    given
+        Values of further options by the name of the setting; None for an option that was not given.
+    """
     from teleop.evaluation.evaluation import EstimateSettings
     from teleop.evaluation.replay import recorded_settings
 

@@ -1,4 +1,4 @@
-"""`teleop lag`: lag of the force channel and lost motion, from a reference spring."""
+"""`teleop lag`: measure the lag of the force channel and the lost motion on a reference spring."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ def lag(
 ) -> int:
     """Measure the lag of the force channel and lost motion on a reference spring without damping.
 
-    An unknown lag makes b - k * lag of the damping, and lost motion between the encoder and the
-    tip biases it, too. Record position and force while the rig excites a steel spring at several
-    frequencies up to some 10 Hz or at several amplitudes, and give the file: at one speed, lag
-    and lost motion cannot be told apart. Without a file a simulated spring is palpated with a
-    chirp.
+    A lag that is not compensated biases the damping b to b - k * lag. Lost motion between the
+    encoder and the tip biases it too. Record position and force while the rig excites a steel
+    spring, and give the file. Use several frequencies up to about 10 Hz, or several amplitudes: if
+    the motion has only one speed, lag and lost motion cannot be separated. Without a file, a
+    simulated spring is palpated with a chirp.
 
     Example: `teleop lag spring.csv`
 

@@ -1,4 +1,4 @@
-"""The batch evaluation of a record: phases, models, and the number to publish."""
+"""The batch evaluation of a record: phases, models, and the result to publish."""
 
 from __future__ import annotations
 
@@ -22,13 +22,11 @@ from teleop.evaluation.result import Result, publishable
 from teleop.evaluation.signals import Signals
 
 RAMP = 0.04
-"""Widest kernel as a share of the median duration of a loading."""
+"""Largest width of the kernel, relative to the median duration of a loading."""
 WIDER_BAND = 1.6
-"""The other bandwidth, whose answer adds to the interval, over the one that is used."""
+"""Ratio of a second bandwidth to the first; the change of k between them widens the interval."""
 FEWEST_HOLD = 10
-"""Fewest independent samples of a hold whose relaxation is fitted."""
-STRONG = 10.0
-"""Difference of the information criterion from which on a model is better."""
+"""Least number of independent samples in a hold whose relaxation is fitted."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +40,7 @@ class Analysis:
 
     @cached_property
     def data(self) -> BatchData | None:
-        """What the models are fitted to; None for too few samples in contact."""
+        """Samples that the models are fitted to; None if there are too few in contact."""
         record, phases = self.record, self.phases
         rows = Rows(record, phases)
         if len(rows.rows) < FEWEST_HOLD:
@@ -68,7 +66,7 @@ class Analysis:
         )
 
     def models(self, x: float, f: float) -> list[BatchFit]:
-        """Return the models about a datum [m, N], the best first."""
+        """Return the models for a datum at position x [m] and force f [N], the best first."""
         data = self.data
         if data is None:
             return []
@@ -85,7 +83,7 @@ class Analysis:
         )
 
     def summary(self) -> dict[str, Any]:
-        """Return phases, cycles, contact point and complex modulus as a document."""
+        """Return phases, cycles, contact point and complex modulus as a dictionary for JSON."""
         point = self.phases.contact_point
         return {
             "phases": self.rows,
@@ -97,11 +95,11 @@ class Analysis:
 
     @cached_property
     def rows(self) -> list[dict[str, Any]]:
-        """The phases with the slope of force over position in each, and relaxation in holds."""
+        """The phases, with the slope of force over position, and the relaxation in holds."""
         return [self.phase_row(phase) for phase in self.phases.phases]
 
     def phase_row(self, phase: Phase) -> dict[str, Any]:
-        """Return one phase as a document."""
+        """Return one phase as a dictionary for JSON."""
         record = self.record
         part = slice(phase.start, phase.end)
         t, x, f = record.t[part], record.x[part], record.f[part]
@@ -126,7 +124,7 @@ class Analysis:
         return row
 
     def cycles(self) -> list[dict[str, Any]]:
-        """Return k and b of each cycle in contact, from one begin of loading to the next."""
+        """Return k and b of each cycle in contact; a cycle lasts from one loading to the next."""
         data = self.data
         if data is None:
             return []
@@ -150,7 +148,11 @@ class Analysis:
         return found
 
     def modulus(self) -> dict[str, float] | None:
-        """Return k', k'' and tan delta at the frequency of a palpation; None for another motion."""
+        """Return the complex modulus at the frequency of the palpation.
+
+        It consists of k', k'' [N/m] and tan delta. None if the motion has no cycles or k is not
+        identifiable.
+        """
         result, record = self.result, self.record
         if record.order == 0 or result.k is None or result.b is None:
             return None
@@ -172,19 +174,19 @@ class Analysis:
 
 
 def relaxation_row(found: Relaxation) -> dict[str, Any]:
-    """Return a Prony series as a document."""
+    """Return a Prony series as a dictionary for JSON."""
     return {name: one._asdict() for name, one in found.parameters.items()} | {"rms": found.rms}
 
 
 def analyse(signals: Signals, force_lag: float = 0.0) -> Analysis:
-    """Evaluate a record in one batch.
+    """Evaluate all samples of a record together.
 
     Parameters
     ----------
     signals
         The record as measured.
     force_lag
-        Time constant of the force channel [s], which is compensated.
+        Time constant of the force channel [s], for which the evaluation compensates.
     """
     record = prepare(signals, None, force_lag)
     phases = find_phases(record)

@@ -1,4 +1,4 @@
-"""A bank whose estimators hold out of contact."""
+"""A bank whose estimators hold their estimates while there is no contact."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from teleop.evaluation.analysis import Analysis
 
 
 class ContactBank(Bank):
-    """A bank for one record, whose estimators hold wherever there is no contact.
+    """A bank for one record, whose estimators hold their estimates while there is no contact.
 
     Parameters
     ----------
     bank
-        Its estimators and its gate.
+        Bank from which the estimators and the gate are taken.
     contact
-        Whether there is contact, for each of the n samples that it is run over.
+        Whether there is contact at each sample of the record, shape (n,).
     """
 
     def __init__(self, bank: Bank, contact: NDArray[np.bool_]) -> None:
@@ -34,7 +34,19 @@ class ContactBank(Bank):
 
 
 def contact_at(analysis: Analysis, t: Floats) -> NDArray[np.bool_]:
-    """Return whether there is contact at these times [s]; nowhere where nothing is coherent."""
+    """Return whether there is contact at each time.
+
+    Parameters
+    ----------
+    analysis
+        Batch evaluation of the record.
+    t
+        Times [s], shape (n,).
+
+    Returns
+    -------
+    Array of shape (n,); all False if the force does not follow the displacement.
+    """
     record, phases = analysis.record, analysis.phases
     if record.band.coherence == 0.0:
         return np.zeros(len(t), dtype=np.bool_)

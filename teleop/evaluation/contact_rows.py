@@ -1,4 +1,4 @@
-"""The samples of a record that its fits take, and the regressors of a model at them."""
+"""The samples of a record that are fitted, and the regressors of each candidate model."""
 
 from __future__ import annotations
 
@@ -11,15 +11,23 @@ from teleop.evaluation.phases import Phases
 from teleop.evaluation.prepared import Prepared
 
 DEGREES = (1, 2, 3, 4, 5)
-"""Degrees of the polynomial."""
+"""Degrees of the polynomial that are tried."""
 STEADY = 0.01
-"""A force out of contact whose standard deviation is below this share of the range is a level."""
+"""Standard deviation of a steady force out of contact, at most, relative to the force range."""
 SPARE = 6
-"""Fewest samples more than parameters."""
+"""Least number of samples minus number of parameters."""
 
 
 class Rows:
-    """The samples of the fit, and the candidates' regressors."""
+    """The samples of the fit, and the regressors of the candidates.
+
+    Parameters
+    ----------
+    record, phases
+        The prepared record and its phases.
+    baseline
+        Whether the baseline may have cosines. It has none if the force out of contact is steady.
+    """
 
     def __init__(self, record: Prepared, phases: Phases, baseline: bool = True) -> None:
         self.record, self.phases = record, phases
@@ -43,11 +51,17 @@ class Rows:
         self.contacts = np.flatnonzero(np.diff(self.fine, prepend=-2) > 1)
 
     def normalised(self, x: Floats) -> Floats:
-        """Return the position from -1 to 1 over the contact."""
+        """Scale positions [m] so that the contact ranges from -1 to 1."""
         return (x - self.origin) / self.scale
 
     def polynomial(self, theta: Floats) -> Floats:
-        """Return P at the measured position, of the parameters of a candidate without z."""
+        """Return the polynomial P at the measured positions [N], shape (n,).
+
+        Parameters
+        ----------
+        theta
+            Parameters of a candidate up to those of P, without the relaxing parts.
+        """
         first = self.v_column + 1
         degree = len(theta) - first
         return np.asarray(
@@ -55,7 +69,7 @@ class Rows:
         )
 
     def in_contact(self, y: Floats) -> Floats:
-        """Return y with the value that it has at the contact point wherever there is none."""
+        """Return y with its values out of contact replaced by its value at the contact point."""
         point = self.phases.contact_point
         if point is None:
             return y
@@ -63,11 +77,13 @@ class Rows:
         return np.where(self.record.raw_x < point.value, y[near], y)
 
     def allow(self, terms: int) -> bool:
-        """Return whether there are samples enough for this many terms of the elastic force."""
+        """Return whether there are enough samples for this many terms of the elastic force."""
         return len(self.f) >= self.order + 2 + terms + SPARE
 
     def peak_spread(self, force: Floats) -> float:
-        """Return the standard deviation of the peaks of the contacts [N]; 0 for fewer than three.
+        """Return the standard deviation of the peak forces of the contacts [N].
+
+        It is 0 if there are fewer than three contacts.
 
         Parameters
         ----------
@@ -79,7 +95,7 @@ class Rows:
         return float(np.std(np.maximum.reduceat(force, self.contacts)))
 
     def regressors(self, degree: int, relaxing: list[Floats]) -> Floats:
-        """Return baseline, velocity, powers and relaxing parts, shape (n, m)."""
+        """Return baseline, velocity, powers of the position and relaxing parts, shape (n, m)."""
         record, rows = self.record, self.rows
         parts = [self.basis, record.v[rows, None], np.column_stack(self.powers[:degree])]
         parts += [z[rows, None] for z in relaxing]
@@ -87,5 +103,5 @@ class Rows:
 
     @property
     def v_column(self) -> int:
-        """Column of the velocity."""
+        """Index of the velocity among the regressors."""
         return self.order + 1

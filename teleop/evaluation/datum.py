@@ -1,4 +1,4 @@
-"""What of a recording is motion, and where its zero lies."""
+"""Find the moving part of a recording, and the zero of position and force (the datum)."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ from teleop.evaluation.units import quantity
 
 
 class Datum(NamedTuple):
-    """Where displacement and force are zero, in the file's own coordinates."""
+    """Position and force that count as zero, in the coordinates of the file."""
 
     x: float
-    """[m]"""
+    """Position [m]."""
     f: float
-    """[N]"""
+    """Force [N]."""
     source: str
-    """How it was chosen."""
+    """How the datum was chosen, in words."""
 
 
 def find_datum(signals: Signals, wanted: str, phases: Phases | None = None) -> Datum:
-    """Return where displacement and force are zero.
+    """Return the position and force that count as zero.
 
-    `contact` is the contact point and the force out of contact. `auto` is the same where the
-    record has both, and otherwise the mean of the moving part, about which a preloaded specimen
-    is linear. The name of a column has no influence.
+    `contact` is the contact point and the force out of contact. `auto` is the same if the
+    record has both. Otherwise it is the mean of the moving part, because a preloaded specimen is
+    approximately linear about its mean position. The names of the columns have no influence.
 
     Parameters
     ----------
@@ -39,12 +39,12 @@ def find_datum(signals: Signals, wanted: str, phases: Phases | None = None) -> D
     wanted
         `auto`, `contact`, `file`, `start`, `mean`, or a position and a force.
     phases
-        Phases of the record; found here if they are needed.
+        Phases of the record; None to compute them if they are needed.
 
     Raises
     ------
     InputError
-        The text is none of these, or there is no contact point.
+        `wanted` is none of these, or there is no contact point.
     """
     if wanted in ("auto", "contact"):
         if phases is None:
@@ -55,7 +55,7 @@ def find_datum(signals: Signals, wanted: str, phases: Phases | None = None) -> D
             return Datum(point.value, level, f"the contact point, \u00b1 {half * 1e3:.2g} mm")
         if wanted == "contact":
             raise InputError(
-                "datum contact: the record never comes into contact from free motion: expected "
+                "datum contact: the record has no begin of contact after free motion: expected "
                 "auto, file, start, mean, or a position and a force"
             )
         wanted = "mean"
@@ -81,10 +81,15 @@ def find_datum(signals: Signals, wanted: str, phases: Phases | None = None) -> D
 
 
 def moving_part(x: Floats) -> slice:
-    """The samples from the first to the last that leave the rest at either end.
+    """Return the part of the record between the rest at its begin and the rest at its end.
 
-    A position has left a rest when it is off by more than 2 % of the range that holds 98 %
-    of the samples, which one glitch of the sensor does not stretch.
+    A rest ends where the position differs from it by more than 2 % of the range. The range is
+    taken between the 1st and the 99th percentile, so that a single outlier does not change it.
+
+    Raises
+    ------
+    InputError
+        The position is the same in every sample.
     """
     if np.ptp(x) == 0.0:
         raise InputError("nothing moves: the position is the same in every sample")
@@ -95,6 +100,9 @@ def moving_part(x: Floats) -> slice:
 
 
 def smallest_step(x: Floats) -> float:
-    """Smallest change between positions [m], an encoder's count."""
+    """Return the smallest change between successive positions [m]; infinity if there is none.
+
+    For a position from an encoder this is one count.
+    """
     steps = np.abs(np.diff(x))
     return float(steps[steps > 0.0].min(initial=np.inf))

@@ -1,4 +1,4 @@
-"""The estimators over a recording, or over any file with a position and a force."""
+"""Run the estimators over a recording, or over any file with position and force."""
 
 from __future__ import annotations
 
@@ -48,36 +48,36 @@ FEWEST = 10
 
 @dataclass(frozen=True)
 class EstimateSettings:
-    """How a recording is to be evaluated."""
+    """Settings of an evaluation."""
 
     datum: str = "auto"
     """`auto`, `contact`, `file`, `start`, `mean`, or a position and a force such as `1.5mm,20N`."""
     preset: PresetName | Preset = "scaled"
-    """Settings of the estimators: scaled from the data, the paper's, or given."""
+    """Parameters of the estimators: `scaled` from the data, those of the `paper`, or a preset."""
     estimators: tuple[str, ...] | None = None
     """Names of the estimators; None for those of the preset."""
     model: Model | None = None
-    """Model of the estimators that take any; None for that of the preset."""
+    """Model of the estimators that support several models; None for that of the preset."""
     cube: str = "soft"
-    """The cube whose adaptation gain the paper's preset takes."""
+    """Cube that selects the adaptation gain of the paper's preset."""
     conditioning: ConditioningName = "matched"
     bandwidth: float | None = None
     """Bandwidth of the conditioning [Hz]; None for ten times the upper end of the coherent band."""
     force_lag: float = 0.0
-    """Lag of the force channel that matched conditioning makes up for [s]."""
+    """Lag of the force channel [s]; matched conditioning compensates for it."""
     whole: bool = False
-    """Whether to take in rest before and after the motion."""
+    """Whether to include rest before and after the motion."""
     resolution: float | None = None
     """Position of one encoder count [m]; None for the smallest step in the data."""
 
 
 @dataclass(frozen=True)
 class Evaluation:
-    """The estimators' answer to a recording; arrays of shape (n,)."""
+    """Online estimates and batch evaluation of one recording; arrays have shape (n,)."""
 
     t: Floats
     regression: Regression
-    """What the estimators were given."""
+    """The conditioned samples, which are the input of the estimators."""
     estimates: dict[str, Estimates]
     bank: Bank
     batch: Fit
@@ -89,7 +89,7 @@ class Evaluation:
     jitter: float
     """Largest deviation of a sample period from the median, as a share of it."""
     samples: int
-    """Samples in the recording, rest included."""
+    """Number of samples in the recording, including those at rest."""
     excitation: Floats
     """Excitation measure at the motion's dominant frequency."""
     analysis: Analysis
@@ -100,13 +100,13 @@ class Evaluation:
     """Times of the last sample before each gap and of the first after it [s]."""
 
     def summary(self, cost: bool = False) -> dict[str, Any]:
-        """What the recording comes to, as `teleop estimate --json` prints it.
+        """Return the results in the form that `teleop estimate --json` prints.
 
         Parameters
         ----------
         cost
-            Whether to measure the time that each estimator takes for a sample. It differs from
-            call to call; all else is the same.
+            Whether to measure the computing time of each estimator per sample. The measured
+            time differs from call to call.
         """
         estimates = {
             name: summarise(self.t, self.regression, series, self.bank[name])._asdict()
@@ -166,13 +166,13 @@ class Evaluation:
         return self.analysis.models(self.datum.x, self.datum.f)
 
     def batch_summary(self) -> dict[str, Any]:
-        """Return result, models and phases as a document."""
+        """Return result, models and phases as a dictionary for JSON."""
         result = self.analysis.result
         reasons = list(result.reasons)
         if self.kept_force_variance < FEWEST_KEPT:
             reasons.append(
                 f"conditioning at {self.bandwidth:.3g} Hz keeps {self.kept_force_variance:.0%} of "
-                "the force variance: the online estimates are of that part only"
+                "the force variance: the online estimates describe that part only"
             )
         identified = [fit.name for fit in self.models if fit.identifiable]
         best = identified[0] if identified and result.identifiable else None
@@ -185,7 +185,7 @@ class Evaluation:
         }
 
     def columns(self) -> tuple[dict[str, Floats], dict[str, str]]:
-        """Signals and estimates as columns with their units, for a file."""
+        """Return signals and estimates as columns of shape (n,), and the unit of each column."""
         x, v, f, *_ = self.regression
         columns = {"Time": self.t, "Displacement": x, "Velocity": v, "Force": f}
         units = {"Time": "s", "Displacement": "m", "Velocity": "m/s", "Force": "N"}
@@ -199,11 +199,11 @@ class Evaluation:
 
 
 def evaluate(signals: Signals, settings: EstimateSettings) -> Evaluation:
-    """Take the datum off, condition the signals, and run the estimators over the motion.
+    """Subtract the datum, condition the signals, and run the estimators over the motion.
 
-    At a gap the filters restart, and samples are left out until they have settled. The
-    estimators continue with the time that really passed, so that each forgets what it was
-    given before the gap by its age.
+    The filters restart after each gap, and the samples until they have settled are left out.
+    The estimators receive the length of the gap as the sample period, so that the weight of the
+    samples before the gap depends on their true age.
 
     Raises
     ------
@@ -212,8 +212,7 @@ def evaluate(signals: Signals, settings: EstimateSettings) -> Evaluation:
     """
     if len(signals.t) < FEWEST:
         raise InputError(
-            f"only {len(signals.t)} samples were given to the estimators: "
-            f"expected at least {FEWEST}"
+            f"the estimators received only {len(signals.t)} samples: expected at least {FEWEST}"
         )
     if np.ptp(signals.f) == 0.0:
         raise InputError("nothing to estimate from: the force is the same in every sample")

@@ -1,4 +1,4 @@
-"""Recordings that `teleop export` wrote for other programs, read back."""
+"""Read files that `teleop export` wrote, as recordings."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from teleop.evaluation.formats.table import Table
 from teleop.recording.recording import Recording, gaps_of
 
 COLUMNS = ("time", "paired_position", "paired_force", "paired_dt", "x", "dt", "dropped")
-"""Columns by which an export is recognised."""
+"""Columns that every exported recording has, and by which it is recognised."""
 
 
 def exported_recording(table: Table) -> Recording | None:
-    """The recording that was exported; None for any other table.
+    """Return the recording that was exported; None for any other table.
 
     Raises
     ------
@@ -38,10 +38,25 @@ def exported_recording(table: Table) -> Recording | None:
     )
 
 
-def stored(table: Table, name: str, nothing: Any) -> Any:
-    """A JSON document that was exported beside the columns."""
+def stored(table: Table, name: str, default: Any) -> Any:
+    """Return a JSON document that was exported with the columns.
+
+    Parameters
+    ----------
+    table
+        The exported table.
+    name
+        Name of the document.
+    default
+        Value to return if there is no such document, or if it has another type.
+
+    Raises
+    ------
+    InputError
+        The document is not JSON.
+    """
     try:
         value = json.loads(table.about.get(name, "null"))
     except ValueError as error:
-        raise InputError(f"{table.where}: the {name} of the run are no JSON: {error}") from error
-    return value if isinstance(value, type(nothing)) else nothing
+        raise InputError(f"{table.where}: the {name} of the run are not JSON: {error}") from error
+    return value if isinstance(value, type(default)) else default

@@ -3,15 +3,18 @@
 With E* = E / (1 - nu^2) and the tangent stiffness k at a depth d of the specimen's surface:
 
 - flat punch of radius a (Sneddon): k = 2 a E*;
-- sphere of radius R (Hertz): k = 2 E* sqrt(R d), of contact radius a = sqrt(R d);
-- cone of half angle alpha (Sneddon): k = (4 / pi) E* tan(alpha) d, of contact radius
+- sphere of radius R (Hertz): k = 2 E* sqrt(R d), with the contact radius a = sqrt(R d);
+- cone of half angle alpha (Sneddon): k = (4 / pi) E* tan(alpha) d, with the contact radius
   a = (2 / pi) tan(alpha) d.
 
-All are k = 2 a E*. On a layer of thickness h that is bonded to a rigid base, a flat punch is
-stiffer by Hayes' factor kappa(a / h, nu): k = 2 a kappa E*. kappa is the solution of his integral
-equation, phi(t) - (a / pi h) int_-1^1 K(a (t - s) / h) phi(s) ds = 1, kappa = int_0^1 phi dt, with
-K(u) = int_0^inf (1 - L(m)) cos(m u) dm and L the layer's compliance over that of a half-space. For
-a sphere and a cone the factor at their contact radius is an approximation.
+In all three cases k = 2 a E*. A layer of thickness h that is bonded to a rigid base is stiffer than
+a half-space. For a flat punch k = 2 a kappa E* with Hayes' factor kappa(a / h, nu). It follows from
+the integral equation
+
+    phi(t) - (a / pi h) int_-1^1 K(a (t - s) / h) phi(s) ds = 1,    kappa = int_0^1 phi dt
+
+with K(u) = int_0^inf (1 - L(m)) cos(m u) dm, and L the compliance of the layer divided by that of a
+half-space. For a sphere and a cone, the factor at their contact radius is an approximation.
 
 References
 ----------
@@ -42,10 +45,11 @@ class Indenter:
     Raises
     ------
     InputError
-        A size is missing, out of its range, or not of this shape.
+        A dimension that the shape needs is missing or out of range.
     """
 
     shape: IndenterName
+    """Shape of the tip."""
     radius: float | None = None
     """Radius of a flat punch or a sphere [m]."""
     angle: float | None = None
@@ -67,7 +71,7 @@ class Indenter:
             raise InputError("--poisson: expected a ratio from 0 to 0.5")
 
     def contact_radius(self, depth: float) -> float:
-        """Return the radius of the contact at a depth [m]."""
+        """Return the radius of the contact area [m] at a depth [m]."""
         if self.shape == "flat":
             assert self.radius is not None
             return self.radius
@@ -79,16 +83,16 @@ class Indenter:
 
 
 def hayes_factor(aspect: float, poisson: float, nodes: int = 48) -> float:
-    """Return how much stiffer a bonded layer is than a half-space under a flat punch.
+    """Return the stiffness of a bonded layer under a flat punch, relative to a half-space.
 
     Parameters
     ----------
     aspect
-        Radius of the contact over the thickness.
+        Radius of the contact divided by the thickness.
     poisson
         Poisson's ratio.
     nodes
-        Nodes of the quadrature.
+        Number of nodes of the Gauss-Legendre quadrature.
     """
     kolosov = 3.0 - 4.0 * poisson
     m = np.linspace(0.0, 30.0, 3001)
@@ -108,29 +112,29 @@ def hayes_factor(aspect: float, poisson: float, nodes: int = 48) -> float:
 
 
 def elastic_modulus(result: Result, indenter: Indenter, depth_known: bool) -> dict[str, Any]:
-    """Return the elastic modulus with its 95 % interval as a document.
+    """Return the elastic modulus [Pa] with its 95 % interval as a dictionary for JSON.
 
     Parameters
     ----------
     result
-        The number to publish.
+        Stiffness and depth.
     indenter
-        The geometry.
+        Shape of the tip, and the specimen.
     depth_known
-        Whether the depth is from a contact point; without it sphere and cone have no modulus.
+        Whether the depth is measured from a contact point, which a sphere and a cone need.
 
     Raises
     ------
     InputError
-        There is no stiffness, or no depth for a sphere or a cone.
+        The stiffness is not identifiable, or the depth for a sphere or a cone is not known.
     """
     if result.k is None or result.k_low is None or result.k_high is None:
-        raise InputError("elastic modulus: the record gives no stiffness")
+        raise InputError("elastic modulus: no stiffness is identifiable from the record")
     depth = result.depth or 0.0
     if indenter.shape != "flat" and not (depth_known and depth > 0.0):
         raise InputError(
-            f"elastic modulus with a {indenter.shape}: the depth is not known, as the record has "
-            "no contact point: expected a record that begins or ends out of contact"
+            f"elastic modulus with a {indenter.shape}: the depth is not known, because the record "
+            "has no contact point: expected a record that begins or ends out of contact"
         )
     a = indenter.contact_radius(depth)
     factor = 1.0

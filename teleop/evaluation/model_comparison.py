@@ -1,4 +1,4 @@
-"""How estimators compare on the same samples: accuracy, honesty, and on request cost."""
+"""Compare estimators on the same samples: accuracy, coverage of the intervals, computing time."""
 
 from __future__ import annotations
 
@@ -16,27 +16,27 @@ from estimation.checks import checked_samples
 from estimation.compiled import Floats, interpreted_sweep
 from estimation.model import KELVIN_VOIGT
 
-YARDSTICK = 1.0
-"""Window of batch least squares that one-step errors are held against [s]."""
+WINDOW = 1.0
+"""Window of the batch least squares that one-step errors are divided by [s]."""
 ROUNDING = 1e-9
-"""A yardstick below this share of the force is rounding, and nothing is held against it."""
+"""If batch least squares errs by less than this share of the force, the ratio is NaN."""
 TIMED = 2000
-"""Samples over which an estimator's cost is measured."""
+"""Number of samples over which the computing time of an estimator is measured."""
 
 
 class Comparison(NamedTuple):
-    """One estimator beside a reference (b, k), from the end of the first second on."""
+    """Errors of one estimator against a reference (b, k), without the first second."""
 
     one_step_ratio: float
-    """One-step error [N rms] over that of batch least squares over the last second."""
+    """Root mean square one-step error, divided by that of batch least squares over 1 s."""
     k_error: float
-    """Root mean square error of the stiffness, as a share of the reference."""
+    """Root mean square error of the stiffness, relative to the reference."""
     b_error: float
     """Root mean square error of the damping [N s/m]."""
     k_coverage: float
-    """Share of the samples whose 95 % interval of the stiffness holds the reference."""
+    """Share of the samples whose 95 % interval of the stiffness contains the reference."""
     b_coverage: float
-    """The same of the damping."""
+    """Share of the samples whose 95 % interval of the damping contains the reference."""
 
 
 def compare(
@@ -46,37 +46,37 @@ def compare(
     b: ArrayLike,
     k: ArrayLike,
 ) -> dict[str, Comparison]:
-    """Hold each estimator against a reference.
+    """Compare each estimator with a reference.
 
     Parameters
     ----------
     regression
-        The samples that the estimators were given, n of them.
+        The n samples that the estimators processed.
     bank
         The estimators.
     estimates
-        What they made of the samples.
+        Their estimates after each sample.
     b, k
         The reference: damping [N s/m] and stiffness [N/m], of shape (n,) or one number for all.
     """
     if not estimates:
         return {}
     x, v, f, dt, further = regression
-    settled = np.cumsum(dt) > min(YARDSTICK, 0.5 * float(dt.sum()))
+    settled = np.cumsum(dt) > min(WINDOW, 0.5 * float(dt.sum()))
     true_b, true_k = (np.broadcast_to(np.asarray(truth), x.shape)[settled] for truth in (b, k))
     models = (bank[name].model for name in estimates)
     model = next((m for m in models if m.further), KELVIN_VOIGT)
-    window = BatchWindow(YARDSTICK, sample_period=float(np.median(dt)), model=model)
+    window = BatchWindow(WINDOW, sample_period=float(np.median(dt)), model=model)
     batch = window.run(x, v, f, dt, further if model.further else None)
-    yardstick = rms((f - predicted_force(regression, batch))[settled])
-    if yardstick < ROUNDING * rms(f):
-        yardstick = math.nan
+    batch_error = rms((f - predicted_force(regression, batch))[settled])
+    if batch_error < ROUNDING * rms(f):
+        batch_error = math.nan
     found = {}
     for name, series in estimates.items():
         b_now, k_now, b_std, k_std = (column[settled] for column in series[:4])
         error = rms((f - predicted_force(regression, series))[settled])
         found[name] = Comparison(
-            one_step_ratio=error / yardstick,
+            one_step_ratio=error / batch_error,
             k_error=rms(k_now / true_k - 1.0),
             b_error=rms(b_now - true_b),
             k_coverage=coverage(k_now, k_std, true_k),
@@ -86,14 +86,14 @@ def compare(
 
 
 def rms(values: Floats) -> float:
-    """Root mean square."""
+    """Return the root mean square."""
     return float(np.sqrt(np.mean(values**2)))
 
 
 def cost(estimator: Estimator, regression: Regression) -> float:
-    """Time that this machine takes for a sample, interpreted [s]: the least of three runs.
+    """Measure the computing time per sample on this machine [s], the shortest of three runs.
 
-    A measurement of the machine: it differs from call to call.
+    The interpreted code is measured. The result differs from call to call.
     """
     part = regression.part(slice(TIMED))
     further = part.further if estimator.model.further else None

@@ -1,23 +1,25 @@
 """Phases of a palpation: free motion, loading, hold and unloading, and the contact point.
 
-**Contact.** Out of contact the position moves and the force stays at one level; in contact no
-motion leaves the force alone. So the record is out of contact where, within one stretch of time
-that the force spends near its lowest level, the position travels several times the distance that
-the stiffness above that level allows. This needs no zero of position or force, no name of a column,
-and holds where a surface drifts. A record whose force never rests at a level while the position
-moves is in contact throughout, or never: the second shows in that the force does not follow the
-displacement (`teleop.evaluation.result`). The same at the highest level is a saturated sensor.
+**Contact.** Out of contact the force stays at one level while the position moves. In contact the
+force changes with the position, so that a nearly constant force permits only a small travel, which
+the stiffness determines. If the force stays near its lowest level for some time, and the position
+travels several times farther than that, this part of the record is free motion. The method needs
+neither a zero of position or force nor the names of the columns, and it works when the surface
+drifts. If there is no free motion, the record is in contact throughout, or never.
+It is never in contact if the force does not follow the displacement (`teleop.evaluation.result`).
+A force that stays at its highest level while the position moves indicates a saturated sensor.
 
-**Contact point.** The force of each approach is a level before the contact, and a quadratic in the
-depth with damping after it: f = f0 + a d + q d^2 + b v [d > 0], d = (x - xc)+, fitted to the
-record as measured for a grid of xc. The least sum of squares gives xc, and the positions whose sum
-of squares the noise allows give its interval. Over several approaches the median is reported, and
-the interval is that of one approach: the larger of the median interval and of Student's t times
-their standard deviation.
+**Contact point.** The force of each approach is constant before the contact, and quadratic in the
+depth with damping after it: f = f0 + a d + q d^2 + b v [d > 0], d = (x - xc)+. This model is fitted
+to the measured signals for a grid of values xc. The value with the smallest sum of squares is the
+contact point. Its interval is the range of xc in which the sum of squares differs from the smallest
+one by no more than noise can cause. For several approaches the median is reported. The half width
+of the interval is then the median half width, or Student's t times the standard deviation between
+approaches if that is larger.
 
-**Phases.** In contact, loading and unloading are the monotone parts between turning points that
-exceed 5 % of the travel; a hold is where the position stays within 2 % of its range for longer
-than a third of the median monotone part.
+**Phases.** In contact, loading and unloading are the monotone parts between turning points. A
+reversal counts if it exceeds 5 % of the travel. In a hold the position stays within 2 % of its
+range for longer than a third of the median monotone part.
 """
 
 from __future__ import annotations
@@ -33,31 +35,32 @@ from scipy.special import chdtri, stdtrit
 from estimation.baseline import without_baseline
 from estimation.compiled import Floats
 from estimation.stiffening import Interval
+from teleop.evaluation.masks import eroded, hysteresis, runs, without_short
 from teleop.evaluation.prepared import Prepared
 from teleop.evaluation.turning_points import turning_points
 
 LEVEL = 0.015
-"""Least width of a level, as a share of the force range."""
+"""Least width of a force level, relative to the force range."""
 NOISE = 6.0
-"""Least width of a level in standard deviations of the smoothed force."""
+"""Least width of a force level, in standard deviations of the noise of the smoothed force."""
 TRAVEL = 4.0
-"""Travel within a level, as a multiple of what the stiffness allows, that is free motion."""
+"""Travel at one force level that counts as free motion, relative to what the stiffness allows."""
 LAG = 1.5
-"""Allowance for the travel at a turn of the force, which leads that of a lossy body's position."""
+"""Safety factor on the travel at a peak of the force, which precedes the peak of the position."""
 TURN = 0.05
-"""A turn of the motion is reported when it goes back by this share of the range."""
+"""Least reversal of the motion that separates loading from unloading, relative to the travel."""
 STILL = 0.02
-"""A hold stays within this share of the range of the position."""
+"""Range of the position within a hold, relative to that of the monotone part."""
 HOLD = 0.33
-"""Shortest hold as a share of the median monotone part."""
+"""Shortest hold, relative to the median duration of the monotone parts."""
 APPROACHES, MOST_POINTS = 10, 300
-"""Approaches that are fitted for the contact point, and samples of each, approximately."""
+"""Approximate number of approaches in the fit of the contact point, and samples of each."""
 GUARD = 2.5
-"""Samples this many kernel widths from the begin or end of a contact are not used for fits."""
+"""Samples less than this many kernel widths from the begin or end of a contact are not fitted."""
 
 
 class Phase(NamedTuple):
-    """A phase of the record."""
+    """A part of the record with one kind of motion."""
 
     name: str
     """`free`, `loading`, `hold` or `unloading`."""
@@ -69,25 +72,26 @@ class Phase(NamedTuple):
 
 @dataclass(frozen=True)
 class Phases:
-    """What the record consists of."""
+    """Contact, contact point and phases of a record of n samples."""
 
     contact: NDArray[np.bool_]
     """Whether there is contact, shape (n,)."""
     usable: NDArray[np.bool_]
-    """Contact, away from its begins and ends, where the smoothing does not mix phases."""
+    """Whether there is contact, and no begin or end of contact within the smoothing; shape (n,)."""
     free_force: float | None
-    """Force out of contact [N]; None where contact is never left."""
+    """Force out of contact [N]; None if the record is in contact throughout."""
     free_spread: float
     """Standard deviation of the smoothed force out of contact [N]."""
     contact_point: Interval | None
-    """Position of the contact [m]; None where contact is never begun."""
+    """Position at which contact begins [m]; None if the record has no approach."""
     saturated: bool
-    """Whether the force rests at its highest level while the position moves."""
+    """Whether the force stays at its highest level while the position moves."""
     phases: tuple[Phase, ...]
+    """The phases in the order of time."""
 
 
 def find_phases(record: Prepared) -> Phases:
-    """Return the phases of a prepared record."""
+    """Divide a prepared record into phases, and find the contact point."""
     x, f = record.x, record.f
     low, high = (float(v) for v in np.percentile(f, [0.5, 99.5]))
     width = max(NOISE * record.f_noise_smoothed, LEVEL * (high - low))
@@ -111,7 +115,22 @@ def find_phases(record: Prepared) -> Phases:
 def levels(
     record: Prepared, low: float, high: float, width: float
 ) -> tuple[NDArray[np.bool_] | None, bool]:
-    """Return the samples at a lowest level through free motion, and whether a highest one is."""
+    """Return the samples in free motion, and whether the sensor is saturated.
+
+    Parameters
+    ----------
+    record
+        The prepared record.
+    low, high
+        Lowest and highest force [N], outliers excluded.
+    width
+        Width of a force level [N].
+
+    Returns
+    -------
+    Mask of free motion, shape (n,), or None if there is none; and whether the force stays at its
+    highest level while the position moves.
+    """
     x, f = record.palpation, record.f
     if width > 0.2 * (high - low):
         return None, False
@@ -148,7 +167,7 @@ def levels(
 
 
 def clipped(record: Prepared) -> bool:
-    """Return whether many samples have the very same extreme force while the position moves."""
+    """Return whether many samples have exactly the same extreme force while the position moves."""
     f = record.raw_f
     for extreme in (f.max(), f.min()):
         equal = f == extreme
@@ -162,46 +181,10 @@ def clipped(record: Prepared) -> bool:
     return False
 
 
-def hysteresis(values: Floats, low: float, high: float) -> NDArray[np.bool_]:
-    """Return where the values are above `high`, or above `low` since they were above `high`."""
-    state = np.where(values > high, 1, np.where(values < low, 0, -1))
-    known = np.flatnonzero(state >= 0)
-    if not len(known):
-        return np.zeros(len(values), dtype=np.bool_)
-    last = np.searchsorted(known, np.arange(len(values)), side="right") - 1
-    return np.asarray(state[known[np.maximum(last, 0)]] == 1)
-
-
-def runs(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """Return first index and index after the last of each run of true values."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(np.int8), [0]])))
-    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
-
-
-def without_short(mask: NDArray[np.bool_], shortest: int) -> NDArray[np.bool_]:
-    """Return the mask without runs of fewer samples."""
-    kept = mask.copy()
-    for start, end in runs(mask):
-        if end - start < shortest:
-            kept[start:end] = False
-    return kept
-
-
-def eroded(mask: NDArray[np.bool_], guard: int) -> NDArray[np.bool_]:
-    """Return the mask without this many samples at each end of a run inside the record."""
-    kept = mask.copy()
-    for start, end in runs(mask):
-        if start > 0:
-            kept[start : start + guard] = False
-        if end < len(mask):
-            kept[max(end - guard, 0) : end] = False
-    return kept
-
-
 def contact_point(
     record: Prepared, contact: NDArray[np.bool_], free_force: float, width: float
 ) -> Interval | None:
-    """Return the position at which contact begins; None without an approach."""
+    """Return the position at which contact begins [m]; None if there is no approach."""
     found = []
     approaches = [(start, end) for start, end in runs(contact) if start > 0]
     every = max(1, len(approaches) // APPROACHES)
@@ -229,7 +212,15 @@ def contact_point(
 
 
 def onset(x: Floats, v: Floats, f: Floats, noise: float) -> Interval | None:
-    """Return the change-point of a level followed by a quadratic, with its interval."""
+    """Return the position at which a constant force changes to a quadratic, with its interval [m].
+
+    Parameters
+    ----------
+    x, v, f
+        Position [m], velocity [m/s] and measured force [N] of one approach, shape (n,).
+    noise
+        Standard deviation of the noise of the force [N].
+    """
     points = np.linspace(float(x.min()), float(x.max()), 82)[1:-1]
     squares = np.empty(len(points))
     for i, point in enumerate(points):
@@ -245,7 +236,7 @@ def onset(x: Floats, v: Floats, f: Floats, noise: float) -> Interval | None:
 
 
 def split(record: Prepared, contact: NDArray[np.bool_]) -> tuple[Phase, ...]:
-    """Return the phases in their order in time."""
+    """Return the phases in the order of time."""
     bounds = sorted({0, len(contact), *record.starts, *np.flatnonzero(np.diff(contact) != 0) + 1})
     whole = float(np.ptp(record.palpation))
     found: list[Phase] = []
@@ -278,7 +269,7 @@ def split(record: Prepared, contact: NDArray[np.bool_]) -> tuple[Phase, ...]:
 
 
 def merged(phases: list[Phase]) -> list[Phase]:
-    """Return the phases with adjacent ones of the same name as one."""
+    """Join adjacent phases of the same name."""
     joined: list[Phase] = []
     for phase in phases:
         if joined and joined[-1].name == phase.name and joined[-1].end == phase.start:

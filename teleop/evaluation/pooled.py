@@ -1,11 +1,13 @@
-"""Several recordings of one specimen taken together: whether one body explains them.
+"""Test whether one Kelvin-Voigt body explains several recordings of one specimen.
 
-k and b of the files, each with the interval of its own result, are compared by Cochran's Q, which
-is chi-squared of one degree of freedom less than files where one k, or one b, is common to all. The
-size of a difference is the ratio of the largest value to the smallest, with an interval from those
-of the two. The residual of one Kelvin-Voigt fit to all files is compared with that of one fit to
-each. That files agree shows one body only if the intervals are narrow: the smallest ratio that the
-test would have found in four of five cases is reported with it.
+Cochran's Q compares the k of the files, and likewise the b, each with its interval. If all m files
+have the same k, Q is chi-squared distributed with m - 1 degrees of freedom. The size of a
+difference is the ratio of the largest value to the smallest, with an interval that follows from the
+intervals of these two. The residual of one Kelvin-Voigt fit to all files is compared with the
+residuals of one fit to each file.
+
+Agreement is evidence of one body only if the intervals are narrow. Therefore the smallest ratio
+that the test detects with a probability of 80 % is reported too.
 
 References
 ----------
@@ -27,20 +29,20 @@ from estimation.estimator import LEVEL_95
 from teleop.evaluation.evaluation import Evaluation
 
 POWER_80 = 2.8
-"""A difference of this many standard deviations is found in 80 % of the cases at 95 %."""
+"""Difference in standard deviations that a test at the 5 % level detects with 80 % probability."""
 LARGE = 1.1
-"""Ratio of the largest to the smallest from which on files are called different."""
+"""Ratio of the largest to the smallest value above which files may count as different."""
 WORSE = 1.2
-"""The residual of one fit to all files, over that of a fit to each, that is a misfit."""
+"""Residual of one fit to all files, relative to one fit to each, above which it is a misfit."""
 
 
-def taken_together(evaluations: Mapping[str, Evaluation]) -> dict[str, Any]:
-    """Return one fit to all recordings, and whether the files agree, as `--json` prints it.
+def evaluate_together(evaluations: Mapping[str, Evaluation]) -> dict[str, Any]:
+    """Fit all recordings together, test whether the files agree, and return a dictionary for JSON.
 
     Parameters
     ----------
     evaluations
-        At least two, by the name of their file.
+        At least two evaluations, by the name of their file.
     """
     regressions = [e.regression for e in evaluations.values()]
     x, v, f = (np.concatenate([r[channel] for r in regressions]) for channel in range(3))
@@ -56,7 +58,7 @@ def taken_together(evaluations: Mapping[str, Evaluation]) -> dict[str, Any]:
             break
         values = np.array([getattr(r, symbol) for r in results.values()])
         highest = np.array([getattr(r, f"{symbol}_high") for r in results.values()])
-        ratios[symbol] = compared(values, (highest - values) / LEVEL_95)
+        ratios[symbol] = compare_values(values, (highest - values) / LEVEL_95)
     misfit = {
         symbol: found["ratio"]
         for symbol, found in ratios.items()
@@ -74,17 +76,17 @@ def taken_together(evaluations: Mapping[str, Evaluation]) -> dict[str, Any]:
     ]
     reasons += within
     reasons += [
-        f"{file} gives no stiffness, so it is not compared"
+        f"no stiffness is identifiable from {file}, so it is not compared"
         for file in evaluations
         if file not in results
     ]
     worse = fit.rms > WORSE * alone
     if worse and not misfit:
-        reasons.append("one fit to all files is worse than a fit to each")
+        reasons.append("one fit to all files has a larger residual than one fit to each file")
     if not reasons:
         reasons.append(
             f"one Kelvin-Voigt body is consistent with all {len(results)} files; a difference of k "
-            f"by {ratios['k']['detectable'] - 1.0:.2%} would be found in 80 % of such tests"
+            f"by {ratios['k']['detectable'] - 1.0:.2%} is detected in 80 % of such tests"
         )
     moduli = [(file, e.analysis.modulus()) for file, e in evaluations.items()]
     return {
@@ -104,8 +106,8 @@ def taken_together(evaluations: Mapping[str, Evaluation]) -> dict[str, Any]:
     }
 
 
-def compared(values: Floats, std: Floats) -> dict[str, float]:
-    """Return the ratio of the largest to the smallest value, and Cochran's test.
+def compare_values(values: Floats, std: Floats) -> dict[str, float]:
+    """Return the ratio of the largest to the smallest value, and the p-value of Cochran's test.
 
     Parameters
     ----------

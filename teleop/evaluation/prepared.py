@@ -1,10 +1,12 @@
-"""A record prepared for batch evaluation: even samples, smoothed without delay.
+"""Prepare a record for batch evaluation: evenly sampled, and smoothed without delay.
 
-The record is put on an even grid (linear interpolation; a gap ends a piece), averaged in blocks
-where it is sampled much faster than the force changes, and smoothed by one Gaussian kernel,
-position and force alike (`estimation.smoothing`), so that a model that is linear in its parameters
-holds for the smoothed signals as for the measured ones. The kernel's corner is a multiple of the
-upper end of the band in which force follows displacement (`estimation.coherent_band`).
+1. The record is interpolated linearly onto a grid of constant period. A gap ends a piece.
+2. If the sampling rate is much higher than the force needs, blocks of samples are averaged.
+3. Position and force are smoothed with the same Gaussian kernel (`estimation.smoothing`). A model
+   that is linear in its parameters therefore holds for the smoothed signals too.
+
+The corner frequency of the kernel is a multiple of the upper end of the band in which the force
+follows the displacement (`estimation.coherent_band`).
 """
 
 from __future__ import annotations
@@ -24,27 +26,27 @@ from teleop.evaluation.signals import Signals
 from teleop.evaluation.turning_points import turning_points
 
 CORNER = 5.0
-"""Corner of the kernel as a multiple of the upper end of the coherent band."""
+"""Corner frequency of the kernel, as a multiple of the upper end of the coherent band."""
 FINENESS = 4.0
-"""Grid points for each standard deviation of the kernel, at least, where the record has them."""
+"""Least number of grid points per standard deviation of the kernel, if the record has as many."""
 FEWEST = 16
-"""Fewest samples between two gaps that are used."""
+"""Least number of samples in a piece between two gaps; shorter pieces are not used."""
 
 
 @dataclass(frozen=True)
 class Prepared:
-    """A record on an even grid, arrays of shape (n,)."""
+    """A record on a grid of constant period; arrays have shape (n,)."""
 
     t: Floats
     """Time [s]."""
     raw_x: Floats
     """Position as measured, averaged over a grid period [m]."""
     raw_f: Floats
-    """Force likewise [N]."""
+    """Force as measured, averaged over a grid period [N]."""
     x: Floats
     """Smoothed position [m]."""
     v: Floats
-    """Its derivative [m/s]."""
+    """Derivative of the smoothed position [m/s]."""
     f: Floats
     """Smoothed force [N]."""
     period: float
@@ -61,14 +63,14 @@ class Prepared:
 
     @cached_property
     def clock(self) -> Floats:
-        """Time since the begin, without the gaps [s]."""
+        """Time since the first sample, not counting the gaps [s], shape (n,)."""
         return np.asarray(self.period * np.arange(len(self.t)), dtype=np.float64)
 
     @cached_property
     def order(self) -> int:
-        """Cosines of the baseline that is slower than the palpation; 0 for none.
+        """Number of cosines in the baseline, which is slower than the palpation; 0 for none.
 
-        A motion that goes to and fro fewer than three times has no baseline.
+        A motion of fewer than three cycles has no baseline.
         """
         order = baseline_order(self.band.low, float(self.clock[-1]))
         if order == 0 or self.band.coherence == 0.0:
@@ -79,7 +81,7 @@ class Prepared:
 
     @cached_property
     def frequency(self) -> float:
-        """Cycles of the palpation in a second [Hz]; NaN for a motion without cycles."""
+        """Frequency of the palpation [Hz]; NaN for a motion without cycles."""
         if self.order == 0:
             return float("nan")
         crossings = np.flatnonzero((self.palpation[:-1] < 0.0) & (self.palpation[1:] >= 0.0))
@@ -90,11 +92,11 @@ class Prepared:
 
     @cached_property
     def palpation(self) -> Floats:
-        """The smoothed position without what is slower than the palpation [m]."""
+        """Smoothed position minus its baseline [m], shape (n,)."""
         return without_baseline(self.x, self.clock, self.order)
 
     def smoothed(self, values: Floats) -> Floats:
-        """Return values on the grid behind the kernel, shape (n,)."""
+        """Return values on the grid smoothed with the kernel, shape (n,)."""
         pieces = np.split(values, self.starts[1:])
         return np.concatenate([smooth(piece, self.width / self.period) for piece in pieces])
 
@@ -104,22 +106,22 @@ class Prepared:
 
     @property
     def f_noise_smoothed(self) -> float:
-        """Standard deviation of white noise of the force that the smoothing leaves [N]."""
+        """Standard deviation of the noise of the smoothed force, if the noise is white [N]."""
         return self.f_noise * self.noise_gain
 
     @property
     def noise_gain(self) -> float:
-        """Share of the standard deviation of white noise that the smoothing leaves."""
+        """Factor by which the smoothing multiplies the standard deviation of white noise."""
         return float(min(1.0, np.sqrt(self.period / (2.0 * np.sqrt(np.pi) * self.width))))
 
     @property
     def stride(self) -> int:
-        """Samples between two whose smoothed noise is nearly independent (2.5 widths)."""
+        """Distance in samples at which smoothed noise is nearly independent (2.5 widths)."""
         return max(1, round(2.5 * self.width / self.period))
 
 
 def prepare(signals: Signals, bandwidth: float | None = None, force_lag: float = 0.0) -> Prepared:
-    """Prepare a record.
+    """Interpolate, average and smooth a record.
 
     Parameters
     ----------
@@ -129,6 +131,11 @@ def prepare(signals: Signals, bandwidth: float | None = None, force_lag: float =
         Half-power frequency of the kernel [Hz]; None to choose it from the coherent band.
     force_lag
         Time constant of the force channel [s]; the position is passed through the same lag.
+
+    Raises
+    ------
+    ValueError
+        No piece between gaps is long enough.
     """
     period = float(np.median(signals.dt))
     bounds = sorted({0, len(signals.t), *signals.gaps})
@@ -183,7 +190,7 @@ def prepare(signals: Signals, bandwidth: float | None = None, force_lag: float =
 
 
 def measurement_noise(values: Floats) -> float:
-    """Return the standard deviation of white noise, from third differences.
+    """Estimate the standard deviation of white noise from third differences.
 
     Parameters
     ----------
@@ -194,7 +201,10 @@ def measurement_noise(values: Floats) -> float:
 
 
 def smallest_step(x: Floats) -> float:
-    """Return the smallest change between positions [m], an encoder's count; 0 for none."""
+    """Return the smallest change between successive positions [m]; 0 if there is none.
+
+    For a position from an encoder this is one count.
+    """
     steps = np.abs(np.diff(x))
     size = float(np.max(np.abs(x))) or 1.0
     steps = steps[steps > 1e-12 * size]

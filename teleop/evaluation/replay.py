@@ -1,4 +1,4 @@
-"""A recorded trial as input of the estimators, and whether they give again what it computed."""
+"""Recompute the estimates of a recorded trial, and compare them with the recorded ones."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from teleop.recording.recording import Recording
 
 
 def recorded_signals(recording: Recording) -> Signals:
-    """What the estimators were given in a recorded trial, before conditioning.
+    """Return the samples of a recorded trial before conditioning.
 
-    Where ticks are missing, the recorded `paired_dt` is the time since a pair that is missing
-    too; the time since the pair before the gap takes its place.
+    The first sample after missing ticks has a `paired_dt` that counts from a missing sample.
+    It is replaced by the time since the last sample before the gap.
 
     Raises
     ------
@@ -40,12 +40,14 @@ def recorded_signals(recording: Recording) -> Signals:
 
 
 def recorded_settings(recording: Recording) -> EstimateSettings:
-    """The settings with which a recorded trial estimated; they give its estimates to the bit.
+    """Return the settings with which the estimators of a recorded trial ran.
+
+    With them, `evaluate` computes exactly the recorded estimates, bit by bit.
 
     Raises
     ------
     InputError
-        The recording does not tell them.
+        A setting is missing in the recording or invalid.
     """
     from pydantic import TypeAdapter, ValidationError
 
@@ -63,18 +65,18 @@ def recorded_settings(recording: Recording) -> EstimateSettings:
             }
         )
     except KeyError as error:
-        raise InputError(f"the recording has no setting {error} of its estimators") from error
+        raise InputError(f"the recording lacks the setting {error} of the estimators") from error
     except ValidationError as error:
         raise InputError(
-            "the recording's settings of its estimators are not as expected: "
-            + invalid_parts(error)
+            "the recording has invalid settings of the estimators: " + invalid_parts(error)
         ) from error
 
 
 def agrees(evaluation: Evaluation, recording: Recording) -> bool:
-    """Whether the estimates are those that the trial computed online, to the bit.
+    """Return whether the estimates equal the recorded ones exactly, bit by bit.
 
-    Never where ticks are missing: the trial's estimators were given those as well.
+    If ticks are missing in the recording, the result is False: the estimators of the trial used
+    those ticks, and their estimates cannot be recomputed.
     """
     if recording.gaps:
         return False

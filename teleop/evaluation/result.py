@@ -1,10 +1,13 @@
-"""One number to publish: stiffness and damping with 95 % intervals, or why there is none.
+"""The result to publish: stiffness and damping with 95 % intervals, or why there is none.
 
-k is the tangent stiffness at half of the force range, in loading (`local_stiffness`): it depends
-neither on a zero of position or force nor on the length of the record. A secant F / x does: it is
-reported beside the tangent with its change for a datum that is 0.1 mm off. The interval has the
-residual's autocorrelation, the spread between models, and the difference that another bandwidth
-makes. Where the data do not support k, k and b are None and the reasons say why.
+k is the tangent stiffness at half of the force range, in loading (`local_stiffness`). It depends
+neither on the zero of position and force nor on the length of the record. The secant stiffness
+F / x depends on both. It is reported with the tangent, and so is its change for a datum error of
+0.1 mm.
+
+The interval accounts for the autocorrelation of the residual, for the spread between models, and
+for the change of k with the smoothing bandwidth. If the data are not sufficient for k, then k and
+b are None and `reasons` explains why.
 """
 
 from __future__ import annotations
@@ -21,53 +24,58 @@ from teleop.evaluation.phases import Phases
 from teleop.evaluation.prepared import Prepared
 
 WIDEST = 0.5
-"""Half of the interval of k, as a share of k, from which on k is not identified."""
+"""Half width of the interval of k, relative to k, above which k is not identifiable."""
 MOTION = 10.0
-"""Least travel in contact, in 2.5 standard deviations of the noise of the position."""
+"""Least travel in contact, as a multiple of 2.5 standard deviations of the position noise."""
 DEPTH = 0.02
-"""Least travel in contact, as a share of the travel of the record."""
+"""Least travel in contact, relative to the travel of the record."""
 POOR = 0.9
-"""R^2 below which the fit is called bad."""
+"""R^2 below which a bad fit is reported."""
 EXPLAINED = 0.8
-"""R^2 below which there is no stiffness, in intermittent contact or with a structural misfit."""
+"""R^2 below which no stiffness is reported, in intermittent contact or for a structural misfit."""
 STRUCTURAL = 4
-"""Degree of the best polynomial from which on a bad fit is a misfit and not noise."""
+"""Degree of the best polynomial from which a bad fit counts as structural misfit, not noise."""
 SLIGHT = 0.02
-"""Residual of Kelvin-Voigt, as a share of the force, below which it is sufficient."""
+"""Residual of Kelvin-Voigt, relative to the force, below which that model is sufficient."""
 SMALL_BASELINE = 0.05
-"""A baseline below this share of the force range is not reported."""
+"""Size of a baseline, relative to the force range, below which it is not reported."""
 DATUM_ERROR = 1e-4
-"""Error of the datum for which the change of the secant is shown [m]."""
+"""Datum error for which the change of the secant stiffness is reported [m]."""
 
 
 @dataclass(frozen=True)
 class Result:
-    """The number to publish."""
+    """Stiffness and damping with 95 % intervals, and where they were taken."""
 
     k: float | None = None
-    """Stiffness [N/m]."""
+    """Tangent stiffness [N/m]; None if it is not identifiable."""
     k_low: float | None = None
+    """Lower end of the 95 % interval of k [N/m]."""
     k_high: float | None = None
+    """Upper end of the 95 % interval of k [N/m]."""
     b: float | None = None
-    """Damping [N s/m]."""
+    """Damping [N s/m]; None if it is not identifiable."""
     b_low: float | None = None
+    """Lower end of the 95 % interval of b [N s/m]."""
     b_high: float | None = None
+    """Upper end of the 95 % interval of b [N s/m]."""
     identifiable: bool = False
+    """Whether the data are sufficient for k and b."""
     reasons: tuple[str, ...] = ()
-    """Why there is no number, or what to know of it."""
+    """Why k is not identifiable, or remarks on a k that is."""
     force: float | None = None
-    """Where the tangent is taken: half of the force range [N]."""
+    """Force at which the tangent is taken: half of the force range [N]."""
     depth: float | None = None
-    """Its position from the contact point, or from the lowest position in contact [m]."""
+    """Depth at that force, from the contact point or the lowest position in contact [m]."""
     secant: float | None = None
-    """Force over depth there [N/m]."""
+    """Secant stiffness at that force: force over depth [N/m]."""
     secant_change: float | None = None
-    """Change of the secant for a datum that is 0.1 mm off, as a share."""
+    """Relative change of the secant for a datum error of 0.1 mm."""
     times: tuple[float, ...] = field(default=())
-    """Time constants of relaxation in the model that was used [s]."""
+    """Relaxation time constants of the best model [s]."""
 
     def summary(self) -> dict[str, Any]:
-        """Return the result as a document."""
+        """Return the result as a dictionary for JSON."""
         document = asdict(self)
         document["reasons"] = list(self.reasons)
         document["tangent"] = {
@@ -90,13 +98,13 @@ def publishable(
     record
         The prepared record.
     phases
-        Its phases.
+        Phases of the record.
     local
-        Stiffness and damping of its contact phases; None where there are too few samples.
+        Stiffness and damping in contact; None if there are too few samples.
     other
-        The same at another bandwidth.
+        The same with another smoothing bandwidth; None to leave that comparison out.
     """
-    against = hindrances(record, phases)
+    against = reasons_before_fit(record, phases)
     if local is None and not against:
         against.append("too few samples in contact: expected a longer record or a faster rate")
     if local is None or against:
@@ -106,7 +114,7 @@ def publishable(
         change_k, change_b = 0.5 * (local.k - other.k), 0.5 * (local.b - other.b)
     half_k = LEVEL_95 * math.hypot(local.k_std, change_k)
     half_b = LEVEL_95 * math.hypot(local.b_std, change_b)
-    against = doubts(local, half_k, phases)
+    against = reasons_after_fit(local, half_k, phases)
     if against:
         return Result(reasons=tuple(against))
     inside = phases.usable
@@ -136,8 +144,8 @@ def publishable(
     )
 
 
-def hindrances(record: Prepared, phases: Phases) -> list[str]:
-    """Return why the record supports no stiffness, before any fit."""
+def reasons_before_fit(record: Prepared, phases: Phases) -> list[str]:
+    """Return the reasons why no stiffness can be fitted to the record; empty if it can."""
     found = []
     if phases.saturated:
         found.append(
@@ -154,8 +162,8 @@ def hindrances(record: Prepared, phases: Phases) -> list[str]:
         if travel < 2.5 * MOTION * record.x_noise:
             found.append(
                 f"in contact the position moves by {travel * 1e6:.3g} um, too little for its noise "
-                f"of {record.x_noise * 1e6:.2g} um: a rigid stop, or a position that does not "
-                "resolve the indentation"
+                f"of {record.x_noise * 1e6:.2g} um: a rigid stop, or a position sensor that does "
+                "not resolve the indentation"
             )
         elif phases.free_force is not None and travel < DEPTH * float(np.ptp(record.x)):
             found.append(
@@ -165,12 +173,22 @@ def hindrances(record: Prepared, phases: Phases) -> list[str]:
     return found
 
 
-def doubts(local: LocalStiffness, half_k: float, phases: Phases) -> list[str]:
-    """Return why the fit gives no stiffness."""
+def reasons_after_fit(local: LocalStiffness, half_k: float, phases: Phases) -> list[str]:
+    """Return the reasons why a fitted stiffness is not reported; empty if it is.
+
+    Parameters
+    ----------
+    local
+        The fit.
+    half_k
+        Half width of the 95 % interval of k [N/m].
+    phases
+        Phases of the record.
+    """
     if local.k + half_k < 0.0:
         return [
-            f"the stiffness is negative ({local.k:.4g} N/m): is force positive in compression, "
-            "as position is, or does inertia dominate?"
+            f"the stiffness is negative ({local.k:.4g} N/m): check that force and position are "
+            "both positive in compression, and that inertia does not dominate"
         ]
     structural = phases.free_force is not None or local.best.degree >= STRUCTURAL
     if structural and local.r2 < EXPLAINED:
@@ -188,7 +206,15 @@ def doubts(local: LocalStiffness, half_k: float, phases: Phases) -> list[str]:
 
 
 def remarks(record: Prepared, phases: Phases, local: LocalStiffness, half_b: float) -> list[str]:
-    """Return what to know of a result."""
+    """Return the remarks that are reported with an identifiable stiffness.
+
+    Parameters
+    ----------
+    record, phases, local
+        The prepared record, its phases, and the fit.
+    half_b
+        Half width of the 95 % interval of b [N s/m].
+    """
     found = []
     best, plain = local.best, local.kelvin_voigt
     size = float(np.ptp(record.f[phases.usable]))
@@ -204,7 +230,7 @@ def remarks(record: Prepared, phases: Phases, local: LocalStiffness, half_b: flo
             what.append(f"force relaxes ({', '.join(f'{tau:.2g} s' for tau in best.times)})")
         found.append(
             f"Kelvin-Voigt is insufficient: {' and '.join(what)}; residual {plain.rms:.2g} N, "
-            f"{best.rms:.2g} N with that"
+            f"and {best.rms:.2g} N with that in the model"
         )
     if local.r2 < POOR:
         found.append(

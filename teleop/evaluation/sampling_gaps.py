@@ -1,4 +1,4 @@
-"""Gaps between samples, and the conditioning of signals across them."""
+"""Find gaps between samples, and condition the signals piece by piece between them."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ from estimation import Conditioner, Regression
 from estimation.compiled import Floats
 
 LONG = 20.0
-"""A sample period longer than this many median periods is a gap."""
+"""A sample period longer than this multiple of the median period is a gap."""
 
 
 def long_periods(dt: Floats) -> NDArray[np.intp]:
-    """Return the indices of the samples before which there is a gap."""
+    """Return the index of the first sample after each gap."""
     return np.flatnonzero(dt > LONG * np.median(dt))
 
 
 def closed_up(dt: Floats, gaps: Sequence[int]) -> Floats:
-    """Return the sample periods with the median period in place of each gap.
+    """Return the sample periods, with each gap replaced by the median period.
 
     Parameters
     ----------
     dt
-        Time since the sample before [s], shape (n,).
+        Time since the previous sample [s], shape (n,).
     gaps
-        Indices of the samples before which samples are missing.
+        Index of the first sample after each gap.
     """
     periods = dt.copy()
     periods[list(gaps)] = np.median(dt)
@@ -43,21 +43,22 @@ def condition(
     dt: Floats,
     gaps: Sequence[int],
 ) -> tuple[Regression, NDArray[np.bool_]]:
-    """Condition the signals between gaps.
+    """Condition each piece of the signals between gaps.
 
     Parameters
     ----------
     conditioner
-        Is reset at each gap.
+        The filters; they are reset at each gap.
     t, x, f, dt
-        Time [s], position [m], force [N] and time since the sample before [s], each of shape
+        Time [s], position [m], force [N] and time since the previous sample [s], each of shape
         (n,).
     gaps
-        Indices of the samples before which samples are missing.
+        Index of the first sample after each gap.
 
     Returns
     -------
-    The regression, and whether the filters have settled since the last gap, both of n samples.
+    The regression of n samples, and a mask of shape (n,) that is True where the filters have
+    settled since the last gap.
     """
     bounds = sorted({0, len(t), *gaps})
     settled = np.ones(len(t), dtype=np.bool_)

@@ -1,4 +1,4 @@
-"""Measured time, position and force, from a table of any format."""
+"""Read measured time, position and force from a file of any supported format."""
 
 from __future__ import annotations
 
@@ -19,32 +19,39 @@ from teleop.evaluation.units import LARGEST
 SHORTEST = 1e-9
 """Shortest sample period [s]."""
 FEWEST = 3
-"""Fewest samples of a table."""
+"""Least number of samples in a table."""
 COARSE = 0.1
-"""Share of repeated times above which the clock of the file is called too coarse."""
+"""Share of repeated times above which the option `--rate` is suggested."""
 BLOCKS_SHOWN = 12
+"""Largest number of tables that an error message lists."""
 
 
 class Signals(NamedTuple):
-    """Measured time [s], position [m] and force [N], arrays of shape (n,)."""
+    """Measured time, position and force; arrays have shape (n,)."""
 
     t: Floats
+    """Time [s]."""
     x: Floats
+    """Position [m]."""
     f: Floats
+    """Force [N], positive in compression."""
     dt: Floats
-    """Time since the sample before [s]."""
+    """Time since the previous sample [s]."""
     position_name: str
     """Name of the position's column, without its unit."""
     gaps: tuple[int, ...] = ()
-    """Numbers of the samples before which samples are missing."""
+    """Index of the first sample after each gap."""
     force_filter: str = ""
-    """What the file states of a filter of the force; empty for nothing."""
+    """Description of the force filter in the file; empty if the file has none."""
     notes: tuple[str, ...] = ()
-    """What was done to the samples when they were read."""
+    """Changes that were made to the samples on reading, in words."""
 
 
 def periods(t: Floats) -> Floats:
-    """Time since the sample before [s]; for the first sample the median of the others."""
+    """Return the time since the previous sample [s], shape (n,).
+
+    The first sample has no predecessor; its value is the median of the others.
+    """
     steps = np.diff(t)
     return np.concatenate(([np.median(steps)], steps))
 
@@ -63,36 +70,37 @@ def read_signals(
     path
         The file, in a format of `formats/registry.py`.
     position, force, time
-        Column to take, as NAME or, where the header has no unit, NAME=UNIT; by default the
-        one that has a usual name.
+        Column to read, as NAME, or as NAME=UNIT if the header has no unit. None for the column
+        that has one of the usual names.
     wanted
-        Everything else that the user asks.
+        All other options of the user.
 
     Raises
     ------
     InputError
-        The file, a column, a unit or a value is not as expected; names file and place.
+        The file, a column, a unit or a value is not as expected. The message has the file and
+        the place.
     """
     wanted = (wanted or Wanted())._replace(position=position, force=force, time=time)
     return signals_of(chosen_table(path, wanted), wanted)
 
 
 def chosen_table(path: Path, wanted: Wanted, whole: Collection[str] = ()) -> Table:
-    """The table of a file that has the columns, or the block that is wanted.
+    """Return the table of a file that has the wanted columns, or the block of the given number.
 
     Parameters
     ----------
     path
         The file.
     wanted
-        What the user asks.
+        The options of the user.
     whole
         Names of columns; a table that has all of them is loaded with every column.
 
     Raises
     ------
     InputError
-        The file cannot be read, or the table is not clear.
+        The file cannot be read, or more than one table has the columns.
     """
     tables = read_tables(path, picker(wanted, whole), wanted)
     if wanted.block is not None:
@@ -106,7 +114,7 @@ def chosen_table(path: Path, wanted: Wanted, whole: Collection[str] = ()) -> Tab
 
 
 def blocks(tables: Sequence[Table]) -> str:
-    """The tables of a file with their numbers, for messages."""
+    """Return a list of the tables in a file, with their numbers, for error messages."""
     shown = [
         f"{i} {table.title!r}, {table.samples} samples of {listed(table.headings)}"
         if table.title
@@ -118,9 +126,9 @@ def blocks(tables: Sequence[Table]) -> str:
 
 
 def signals_of(table: Table, wanted: Wanted) -> Signals:
-    """Time, position and force of a table in SI units.
+    """Return time, position and force of a table in SI units.
 
-    Samples that repeat the time of the sample before are left out, which `notes` reports.
+    A sample with the same time as the previous one is left out; `notes` has their number.
 
     Raises
     ------
@@ -157,7 +165,7 @@ def signals_of(table: Table, wanted: Wanted) -> Signals:
             count = int((~kept).sum())
             coarse = count > COARSE * len(t)
             notes.append(
-                f"{count} of {len(t)} samples left out, which repeat the time of the sample before"
+                f"{count} of {len(t)} samples have the time of the previous sample and are left out"
                 + ("; if the times are rounded, use --rate HZ" if coarse else "")
             )
             t, x, f = t[kept], x[kept], f[kept]
@@ -175,22 +183,22 @@ def signals_of(table: Table, wanted: Wanted) -> Signals:
 
 
 def rising(table: Table, t: Floats) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-    """Which samples have a later time than the one before.
+    """Return a mask of the samples whose time is later than that of the previous one, shape (n,).
 
     Raises
     ------
     InputError
-        Times run backwards, are too close, or too few are left.
+        The times decrease, are less than 1 ns apart, or too few samples are left.
     """
     steps = np.diff(t)
     kept = np.concatenate(([True], steps > 0.0))
     backwards = steps < 0.0
     if backwards.any() or kept.sum() < FEWEST:
         i = int(np.argmax(backwards) if backwards.any() else np.argmin(kept[1:]))
-        what = "runs backwards" if backwards.any() else "repeats"
+        what = "decreases" if backwards.any() else "repeats"
         raise InputError(
             f"{table.sample(i + 1)}: time {what}, from {t[i]:g} s to {t[i + 1]:g} s: "
-            "expected times that rise, or --rate HZ for samples at equal times"
+            "expected increasing times, or --rate HZ for evenly sampled data"
         )
     if (smallest := steps[steps > 0.0].min()) < SHORTEST:
         raise InputError(

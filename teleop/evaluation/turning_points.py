@@ -1,4 +1,4 @@
-"""Where a motion turns back."""
+"""Find the points where a motion reverses."""
 
 from __future__ import annotations
 
@@ -6,7 +6,15 @@ from estimation.compiled import Floats
 
 
 def turning_points(x: Floats, least: float) -> list[int]:
-    """Return the indices where the motion turns back by at least this much, and both ends."""
+    """Return the indices where the motion reverses, with 0 at the begin and n at the end.
+
+    Parameters
+    ----------
+    x
+        Position [m], shape (n,).
+    least
+        Distance by which the motion must reverse to count [m].
+    """
     turns = [0]
     highest = lowest = 0
     direction = 0

@@ -1,4 +1,4 @@
-"""Units of time, position and force, and the spellings in which measurement files have them."""
+"""Units of time, position and force, and their spellings in measurement files."""
 
 from __future__ import annotations
 
@@ -64,14 +64,14 @@ SPELLINGS = {
     "deg": "° degree degrees grad",
     "rad": "radian radians",
 }
-"""Other spellings of a unit, in any case. A force in g or kg is one in gf or kgf."""
+"""Other spellings of a unit, in any case. For a force, g and kg mean gf and kgf."""
 CANONICAL = {other: unit for unit, others in SPELLINGS.items() for other in others.split()}
 
 MICRO, GREEK_MU = "\u00b5", "\u03bc"
-"""The sign of micro and the letter that looks like it: Unicode has both, and prefers the letter."""
+"""The micro sign and the Greek letter mu, which look the same but are two Unicode characters."""
 
 LARGEST = 1e12
-"""Largest time, position and force in SI units that is taken for a measurement."""
+"""Limit of the absolute value of a time, position or force in SI units; larger is an error."""
 
 
 class Size(NamedTuple):
@@ -79,11 +79,11 @@ class Size(NamedTuple):
 
     scale: float
     on_lever: bool
-    """Whether it is an angle [rad] or a torque [N m], which needs a lever arm."""
+    """Whether this is a unit of angle [rad] or torque [N m], which needs a lever arm."""
 
 
 def canonical(unit: str) -> str:
-    """The unit in this module's spelling, such as `s` for `sec` and `N m` for `Nm`."""
+    """Return the unit in the spelling of this module, such as `s` for `sec`, `N m` for `Nm`."""
     unit = unit.strip().replace(GREEK_MU, MICRO)
     torque = re.fullmatch(r"([mk]?N)[\s.·*-]?(m|mm|cm)", unit)
     if torque:
@@ -92,7 +92,15 @@ def canonical(unit: str) -> str:
 
 
 def size_of(unit: str, kind: str) -> Size | None:
-    """Size of a unit of a kind of quantity; None if it is not one."""
+    """Return the size of a unit in SI units; None if it is not a unit of this kind.
+
+    Parameters
+    ----------
+    unit
+        The unit in any spelling.
+    kind
+        `time`, `position` or `force`.
+    """
     unit = canonical(unit)
     if unit in UNITS[kind]:
         return Size(UNITS[kind][unit], False)
@@ -102,7 +110,7 @@ def size_of(unit: str, kind: str) -> Size | None:
 
 
 def is_unit(text: str) -> bool:
-    """Whether this is a unit of time, position or force."""
+    """Return whether this is a unit of time, position or force."""
     return any(size_of(text, kind) for kind in UNITS)
 
 
@@ -110,7 +118,15 @@ NUMBER = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\d\s.]+)"
 
 
 def quantity(text: str, kind: str) -> float | None:
-    """A number with a unit of this kind, such as 1.5mm, in SI units; None if it is none."""
+    """Convert a text such as 1.5mm to SI units; None if it has no number with such a unit.
+
+    Parameters
+    ----------
+    text
+        A number and a unit.
+    kind
+        `time`, `position` or `force`.
+    """
     match = NUMBER.fullmatch(text.strip().replace(GREEK_MU, MICRO))
     if not match or match[2] not in UNITS[kind]:
         return None

@@ -120,7 +120,7 @@ def print_reading(console: Console, summary: Mapping[str, Any]) -> None:
     if summary["force_filter"]:
         console.print(
             f"  the file states a filter of the force: {summary['force_filter']!r}; "
-            "its delay biases b unless --force-lag makes up for it",
+            "its delay biases b unless --force-lag compensates for it",
             style="yellow",
         )
     for note in summary["reading"]:

@@ -1,14 +1,19 @@
-"""The lag of a force channel and the lost motion before its sensor, from a reference spring.
+"""Measure the lag of a force channel and the lost motion on a reference spring.
 
 On a spring of stiffness k without damping the force is
 
     f = L(k play(x)) + c
 
-with L a first-order lag tau, play the play operator of half width delta, and c an offset. Under a
-sine of amplitude A and angular frequency omega both delay the force, as damping of -k tau and of
-about -4 k delta / (pi omega A) does (Gelb and Vander Velde, Multiple-Input Describing Functions and
-Nonlinear System Design, 1968, section 2.3). So a record separates them only if omega A, the speed
-of the motion, differs within it.
+with L a first-order lag of time constant tau, play the play operator of half width delta, and c an
+offset. For a sine of amplitude A and angular frequency omega, both L and play delay the force. The
+lag has the same effect as an additional damping of -k tau, and the lost motion as one of about
+-4 k delta / (pi omega A). Lag and lost motion can therefore be separated only if the speed omega A
+of the motion varies within the record.
+
+References
+----------
+A. Gelb, W. E. Vander Velde, "Multiple-Input Describing Functions and Nonlinear System Design",
+McGraw-Hill, 1968, section 2.3.
 """
 
 from __future__ import annotations
@@ -25,15 +30,15 @@ from estimation.stiffening import Interval, lagged
 from teleop.errors import InputError
 
 LONGEST = 0.1
-"""Longest lag that can be found [s]."""
+"""Longest lag that can be measured [s]."""
 SPEEDS = 1.3
-"""Least ratio of fast to slow strokes with which a record separates lag and lost motion."""
+"""Least ratio of the speeds of fast and slow strokes at which lag and lost motion are separated."""
 STROKE = 0.02
-"""Shortest stroke that is looked at, as a share of the range of the position."""
+"""Shortest stroke that is used, relative to the range of the position."""
 SETTLED = 0.3
-"""Time until the start of the record is forgotten [s]."""
+"""Time until the initial transient of the filters has ended [s]."""
 STEP = 0.02
-"""Step of difference quotients, as a share of the parameter."""
+"""Step of difference quotients, relative to the parameter."""
 
 
 class ForceLag(NamedTuple):
@@ -42,14 +47,15 @@ class ForceLag(NamedTuple):
     lag: Interval
     """Time constant of a first-order lag with its 95 % interval [s]."""
     lost_motion: Interval
-    """How far the tip stays behind the encoder in either direction, with its interval [m]."""
+    """Distance by which the tip lags the encoder in either direction, with its interval [m]."""
     k: float
     """Stiffness of the spring [N/m]."""
     rms: float
     """Root mean square of the residual [N]."""
     separable: bool
-    """Whether the record tells lag and lost motion apart. If not, the lag is that of a rig
-    without lost motion, and the intervals hold whatever shares of the delay they have."""
+    """Whether the record separates lag and lost motion. If not, `lag` is computed under the
+    assumption of no lost motion, and the intervals include every combination of the two that
+    explains the delay."""
 
     def summary(self) -> dict[str, Any]:
         """Return the result in the form of `teleop lag --json`, in SI units."""
@@ -67,12 +73,12 @@ class ForceLag(NamedTuple):
 
 
 class SpringFit(NamedTuple):
-    """Least squares of stiffness and offset with lag and lost motion given."""
+    """Least-squares fit of stiffness and offset for a given lag and lost motion."""
 
     k: float
-    """[N/m]"""
+    """Stiffness [N/m]."""
     residual: Floats
-    """[N], of shape (n,) without the samples that are not settled."""
+    """Residual after the initial transient [N]."""
 
     @property
     def squared(self) -> float:
@@ -81,14 +87,20 @@ class SpringFit(NamedTuple):
 
     @property
     def independent(self) -> float:
-        """Independent samples of the residual, by its correlation from one to the next."""
+        """Effective number of independent residuals, from the correlation of successive ones."""
         r = self.residual
         correlation = max(0.0, float(r[1:] @ r[:-1]) / max(float(r @ r), 1e-300))
         return len(r) * (1.0 - correlation) / (1.0 + correlation)
 
 
 class SpringRecord:
-    """Position and force on a spring, ready to be fitted for any lag and lost motion."""
+    """Position and force on a spring, which can be fitted for any lag and lost motion.
+
+    Parameters
+    ----------
+    position, force, dt
+        Position [m], force [N] and time since the previous sample [s], each of shape (n,).
+    """
 
     def __init__(self, position: Floats, force: Floats, dt: Floats) -> None:
         self.position, self.dt = position, dt
@@ -96,7 +108,16 @@ class SpringRecord:
         self.force = force[self.settled]
 
     def fit(self, lag: float, lost_motion: float) -> SpringFit:
-        """Fit the spring; a negative lost motion leads by as much as a positive one lags."""
+        """Fit stiffness and offset.
+
+        Parameters
+        ----------
+        lag
+            Time constant of the force channel [s].
+        lost_motion
+            Lost motion [m]. A negative value makes the tip lead the encoder by that distance, so
+            that the search for the best value can pass through zero.
+        """
         tip = play(self.position, abs(lost_motion))
         if lost_motion < 0.0:
             tip = 2.0 * self.position - tip
@@ -107,13 +128,13 @@ class SpringRecord:
         return SpringFit(k, f - k * about)
 
     def slope(self, lag: float, lost_motion: float, lag_step: float, lost_step: float) -> Floats:
-        """Change of the residual with lag or lost motion, where one step is nil."""
+        """Return the derivative of the residual by lag or by lost motion; the other step is 0."""
         ahead = self.fit(lag + lag_step, lost_motion + lost_step).residual
         return (ahead - self.fit(lag, lost_motion).residual) / (lag_step + lost_step)
 
 
 def play(x: Floats, half_width: float) -> Floats:
-    """Output of the play operator, which starts at the first sample, of shape (n,)."""
+    """Return the output of the play operator, shape (n,); its initial value is `x[0]`."""
     if half_width == 0.0:
         return x
     out = np.empty_like(x)
@@ -128,7 +149,7 @@ def play(x: Floats, half_width: float) -> Floats:
 
 
 def stroke_speeds(position: Floats, dt: Floats) -> Floats:
-    """Speed of each stroke, from one turning point to the next [m/s]."""
+    """Return the mean speed of each stroke, from one turning point to the next [m/s]."""
     smooth = play(position, STROKE * float(np.ptp(position)))
     step = np.diff(smooth)
     moving = np.flatnonzero(step)
@@ -140,7 +161,7 @@ def stroke_speeds(position: Floats, dt: Floats) -> Floats:
 def measure_lag(position: Floats, force: Floats, dt: Floats) -> ForceLag:
     """Fit lag and lost motion to a spring without damping.
 
-    The reference must have no damping of its own: a steel spring.
+    The reference must have negligible damping, for example a steel spring.
 
     Parameters
     ----------
@@ -211,16 +232,18 @@ def measure_lag(position: Floats, force: Floats, dt: Floats) -> ForceLag:
 
 
 def not_separated(record: SpringRecord, alone: float, equal: float) -> ForceLag:
-    """The result of a record of one speed: lag and lost motion are bounded by either alone.
+    """Return the result for a record of one speed.
+
+    The upper bound of the lag assumes no lost motion, and that of the lost motion assumes no lag.
 
     Parameters
     ----------
     record
         The record.
     alone
-        The lag that explains it without lost motion [s].
+        Lag that explains the record without lost motion [s].
     equal
-        The lost motion that delays about as much [m]; 0 where there is no stroke.
+        Lost motion that causes about the same delay [m]; 0 if the record has no stroke.
     """
     from scipy.optimize import minimize_scalar
 
@@ -239,7 +262,15 @@ def not_separated(record: SpringRecord, alone: float, equal: float) -> ForceLag:
 
 
 def half_widths(fit: SpringFit, slopes: list[Floats]) -> list[float]:
-    """Half widths of the 95 % intervals of parameters, from slopes of the residual by them."""
+    """Return the half widths of the 95 % intervals of parameters.
+
+    Parameters
+    ----------
+    fit
+        Fit with the parameters.
+    slopes
+        Derivative of the residual by each parameter, each of the shape of the residual.
+    """
     jacobian = np.stack(slopes, axis=1)
     variance = fit.squared * len(fit.residual) / max(fit.independent, 1.0)
     covariance = variance * np.linalg.pinv(jacobian.T @ jacobian)

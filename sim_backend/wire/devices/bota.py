@@ -77,7 +77,7 @@ class EmulatedBota(EmulatedSerialDevice):
 
 
 def shifted(byte: int) -> int:
-    """Return the CRC-16/X.25 register after one byte, bit by bit, from 0."""
+    """Return the CRC-16/X.25 register after one byte, for the initial value 0."""
     for _ in range(8):
         byte = byte >> 1 ^ 0x8408 * (byte & 1)
     return byte
@@ -87,7 +87,7 @@ TABLE = [shifted(byte) for byte in range(256)]
 
 
 def crc(data: bytes) -> int:
-    """Return the CRC-16/X.25 of data."""
+    """Return the CRC-16/X.25 check sum of data."""
     register = 0xFFFF
     for byte in data:
         register = register >> 8 ^ TABLE[(register ^ byte) & 0xFF]

@@ -43,10 +43,13 @@ class Entry:
     """An entry of the object dictionary."""
 
     kind: str
-    """Letter of `struct`; `s` for a string."""
+    """Format character of `struct`; `s` for a string."""
     value: int | bytes = 0
+    """Present value."""
     writable: bool = False
+    """Whether the host may write the entry."""
     mappable: bool = False
+    """Whether the entry can be mapped into a PDO."""
 
     def pack(self) -> bytes:
         """Return the value as bytes of a message."""

@@ -1,4 +1,4 @@
-"""Tables from arrays by name: what binary formats have in common."""
+"""Build tables from named arrays, which all binary formats have."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from teleop.evaluation.formats.table import Heading, Pick, Table
 from teleop.evaluation.units import canonical
 
 FEWEST = 3
-"""Fewest samples of an array that is a column."""
+"""Least number of samples in an array that becomes a column."""
 WIDEST = 1000
-"""Most columns that a matrix is split into."""
+"""Largest number of columns of a matrix that is split into columns."""
 
 
 def vectors(name: str, value: Any, by_rows: bool = False) -> dict[str, Floats]:
-    """The columns in an array: itself, or those of a matrix, numbered from 1.
+    """Return the columns in an array: the array itself, or the columns of a matrix from 1.
 
     Parameters
     ----------
@@ -29,7 +29,7 @@ def vectors(name: str, value: Any, by_rows: bool = False) -> dict[str, Floats]:
     value
         The array, of any type.
     by_rows
-        Whether the columns of a matrix stand in its rows, as MATLAB stores them in HDF5.
+        Whether the matrix is transposed, as MATLAB stores it in HDF5.
     """
     array = np.asarray(value)
     if array.dtype.kind == "M":
@@ -50,7 +50,7 @@ def vectors(name: str, value: Any, by_rows: bool = False) -> dict[str, Floats]:
 
 
 def heading(name: str, unit: Any = None) -> Heading:
-    """The heading of a named array, whose unit is an attribute or stands in its name."""
+    """Return the heading of an array; without `unit`, the unit is taken from the name."""
     if isinstance(unit, bytes):
         unit = unit.decode(errors="replace")
     if isinstance(unit, str) and unit.strip() not in ("", "-"):
@@ -67,7 +67,7 @@ def table_of(
     title: str = "",
     about: Mapping[str, str] | None = None,
 ) -> Table:
-    """A table of arrays of one length.
+    """Build a table from arrays of equal length.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ def table_of(
     columns
         Arrays by name, each of shape (n,).
     pick
-        Chooses the columns.
+        Function that chooses the columns to load.
     units
         Unit of each column that has one.
     title, about
@@ -106,7 +106,7 @@ def tables_by_length(
     units: Mapping[str, Any],
     about: Mapping[str, str] | None = None,
 ) -> list[Table]:
-    """A table of all arrays of a length, for each length."""
+    """Build one table for each length, from all arrays of that length."""
     lengths: dict[int, dict[str, Floats]] = {}
     for name, column in columns.items():
         lengths.setdefault(len(column), {})[name] = column
@@ -120,7 +120,7 @@ def tables_by_group(
     units: Mapping[str, Mapping[str, Any]],
     about: Mapping[str, str] | None = None,
 ) -> list[Table]:
-    """The tables of each group of arrays, named by the group."""
+    """Build the tables of each group of arrays; the name of the group is their title."""
     tables = []
     for group, columns in groups.items():
         for table in tables_by_length(path, columns, pick, units.get(group, {}), about):
@@ -130,7 +130,7 @@ def tables_by_group(
 
 
 def texts(values: Mapping[str, Any], names: Sequence[str]) -> dict[str, str]:
-    """Those of the named values that are text."""
+    """Return those of the named values that are text."""
     found = {}
     for name in names:
         value = values.get(name)

@@ -1,4 +1,4 @@
-"""Bags of ROS 1 and ROS 2."""
+"""Read ROS bags: a file of ROS 1, or a folder of ROS 2."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from teleop.evaluation.formats.table import Pick, Table, missing, reading
 
 
 def read(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
-    """The table of the messages in a bag: a file of ROS 1, or a folder of ROS 2."""
+    """Read the messages of a ROS bag as a table; see `tables_of`."""
     try:
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore

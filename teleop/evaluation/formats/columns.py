@@ -1,4 +1,4 @@
-"""Which columns of a table are time, position and force, and in which units."""
+"""Find the columns of time, position and force in a table, and their units."""
 
 from __future__ import annotations
 
@@ -12,47 +12,52 @@ from teleop.evaluation.formats.table import Heading, Pick
 from teleop.evaluation.units import ON_LEVER, UNITS, canonical, is_unit, size_of
 
 SHOWN = 6
-"""Most names and columns that a message lists of a quantity."""
+"""Largest number of names, and of columns, that an error message lists for a quantity."""
 COLUMNS_SHOWN = 24
 AXES = frozenset("xyz0123456789")
-"""What stands in brackets after a name and is no unit."""
+"""Characters that name an axis, not a unit, in brackets after a column name."""
 
 
 NUMBERED = re.compile(r" ?\d$")
-"""How the name of the first of several sensors may end, such as `Load 1`."""
+"""Number at the end of the name of one of several sensors, such as `Load 1`."""
 MASTER = ("_", "m")
-"""How names of a master's channels end, such as `position_m`: no unit."""
+"""Separator and suffix of the channels of a master, such as `position_m`; not a unit."""
 
 
 class Wanted(NamedTuple):
-    """What a user asks of a measurement file."""
+    """Options with which a user selects columns of a measurement file."""
 
     position: str | None = None
     """Column of the position: NAME, NAME=UNIT, or its number from 1."""
     force: str | None = None
+    """Column of the force, likewise."""
     time: str | None = None
+    """Column of the time, likewise."""
     block: int | None = None
-    """Number of the table in a file with several, from 1."""
+    """Number of the table, from 1, in a file with several tables."""
     rate: float | None = None
-    """Sampling rate [Hz] of a file without a time column."""
+    """Sampling rate of a file without a time column [Hz]."""
     lever: float | None = None
-    """Lever arm [m] on which an angle and a torque are a position and a force."""
+    """Lever arm that converts an angle and a torque to a position and a force [m]."""
     invert: str | None = None
-    """position, force or both: which of them changes its sign."""
+    """Quantity whose sign is changed: `position`, `force` or `both`."""
     topic: str | None = None
-    """Topic of a file of messages."""
+    """Topic to read from a file of messages."""
 
 
 class Column(NamedTuple):
-    """A column of a table: where it is, and how large its unit is in SI units."""
+    """A column of a table."""
 
     place: int
+    """Index of the column."""
     name: str
+    """Name without unit."""
     scale: float
+    """Factor that converts its values to SI units."""
 
 
 def split_heading(cell: str) -> Heading:
-    """Name and unit of a header cell.
+    """Split a header cell into name and unit.
 
     Examples
     --------
@@ -75,23 +80,23 @@ Heading(name='Position (z)', unit='um'))
 
 
 def has_unit(name: str, unit: str) -> bool:
-    """Whether this is a usual name of a quantity that has this unit."""
+    """Return whether this is a usual name of a quantity, and the unit is one of that quantity."""
     return any(name in KNOWN[kind] and size_of(unit, kind) for kind in KNOWN)
 
 
 def last_name(name: str) -> str:
-    """A name without the groups or fields that it is in, as it is compared."""
+    """Return the last part of a name such as `group/field`, normalised by `plain`."""
     return plain(re.split(r"[/.](?=\w)", name)[-1])
 
 
 def units_of(kind: str) -> str:
-    """The units of a kind of quantity, for messages."""
+    """Return a list of the units of a kind of quantity, for error messages."""
     more = f" (with --lever: {', '.join(ON_LEVER[kind])})" if ON_LEVER[kind] else ""
     return ", ".join(UNITS[kind]) + more
 
 
 def listed(headings: Sequence[Heading]) -> str:
-    """The columns with their units, for messages."""
+    """Return a list of the columns with their units, for error messages."""
     shown = headings[:COLUMNS_SHOWN]
     more = ", ..." if len(headings) > len(shown) else ""
     names = ", ".join(repr(heading.name) for heading in shown) + more
@@ -101,30 +106,30 @@ def listed(headings: Sequence[Heading]) -> str:
 
 
 def find_column(where: str, headings: Sequence[Heading], kind: str, wanted: Wanted) -> Column:
-    """The column of a quantity, by name, or the one that is wanted.
+    """Find the column of a quantity: the one that the user names, or one with a usual name.
 
     Parameters
     ----------
     where
-        File and place of the header.
+        File and place of the header, for messages.
     headings
-        Of every column.
+        Name and unit of each column.
     kind
         `time`, `position` or `force`.
     wanted
-        What the user asks.
+        The options of the user.
 
     Raises
     ------
     InputError
-        There is no such column, or several, or its unit is missing or unknown.
+        There is no such column, or more than one, or its unit is missing or unknown.
     """
     asked: str | None = getattr(wanted, kind)
     place, unit = place_of(where, headings, kind, asked)
     name, stated = headings[place]
     if unit and stated and canonical(unit) != canonical(stated):
         raise InputError(
-            f"{where}: column {name!r} is in {stated!r} by the header, not in {unit!r}"
+            f"{where}: column {name!r} is in {stated!r} according to the header, not in {unit!r}"
         )
     unit = unit or stated
     if unit is None:
@@ -153,13 +158,13 @@ def find_column(where: str, headings: Sequence[Heading], kind: str, wanted: Want
 def place_of(
     where: str, headings: Sequence[Heading], kind: str, asked: str | None
 ) -> tuple[int, str | None]:
-    """Number of a quantity's column, and the unit that the user gives for it."""
+    """Return the index of a quantity's column, and the unit that the user gives (None for none)."""
     if asked is None:
         names = [plain(heading.name) for heading in headings]
         ends = [last_name(heading.name) for heading in headings]
         for synonym in map(plain, NAMES[kind]):
             matches = [i for i, name in enumerate(names) if name == synonym]
-            if not matches:  # of a vector x, y, z, which axis is meant is for the user to say
+            if not matches:  # the user must choose the axis of a vector x, y, z
                 matches = [
                     i
                     for i, end in enumerate(ends)
@@ -169,7 +174,7 @@ def place_of(
                 matches = [i for i, name in enumerate(names) if NUMBERED.sub("", name) == synonym]
             if matches:
                 return only(where, headings, kind, matches), None
-        rate = ", or --rate HZ for samples at equal times" if kind == "time" else ""
+        rate = ", or --rate HZ for evenly sampled data" if kind == "time" else ""
         raise InputError(
             f"{where}: no {kind} column: expected one named {', '.join(NAMES[kind][:SHOWN])}, ..., "
             f"or --{kind} COLUMN{rate}; columns: {listed(headings)}"
@@ -194,7 +199,13 @@ def place_of(
 
 
 def only(where: str, headings: Sequence[Heading], kind: str, matches: Sequence[int]) -> int:
-    """The one column that matches."""
+    """Return the only match.
+
+    Raises
+    ------
+    InputError
+        More than one column matches.
+    """
     if len(matches) > 1:
         numbers = ", ".join(str(i + 1) for i in matches[:SHOWN])
         raise InputError(
@@ -205,24 +216,27 @@ def only(where: str, headings: Sequence[Heading], kind: str, matches: Sequence[i
 
 
 def find_columns(where: str, headings: Sequence[Heading], wanted: Wanted) -> dict[str, Column]:
-    """The columns of position, force and, unless a rate is given, time.
+    """Find the columns of position, force and, unless a rate is given, time.
 
     Raises
     ------
     InputError
-        One is not found; see `find_column`.
+        A column is not found (see `find_column`), or two quantities have the same column.
     """
     kinds = ("position", "force") if wanted.rate else ("time", "position", "force")
     columns = {kind: find_column(where, headings, kind, wanted) for kind in kinds}
     if len({column.place for column in columns.values()}) < len(columns):
         names = f"{', '.join(kinds[:-1])} and {kinds[-1]}"
         count = "three" if len(kinds) == 3 else "two"
-        raise InputError(f"{where}: {names} must be {count} columns")
+        raise InputError(f"{where}: {names} must be {count} different columns")
     return columns
 
 
 def picker(wanted: Wanted, whole: Collection[str] = ()) -> Pick:
-    """What picks the columns of position, force and time; every column of a table with `whole`."""
+    """Return a function that picks the columns of position, force and time of a table.
+
+    If a table has all columns named in `whole`, the function picks every column.
+    """
 
     def pick(headings: Sequence[Heading]) -> Collection[int]:
         if whole and set(whole) <= {heading.name for heading in headings}:

@@ -24,31 +24,32 @@ from teleop.evaluation.formats.table import Heading, Pick, Table, stated_filter
 from teleop.json_documents import dumps, loads
 
 LONGEST_LINE = 1 << 18
-"""Most characters in a line of a table."""
+"""Largest number of characters in a line of a table."""
 HEAD = 1 << 16
-"""How much of a file tells its encoding and delimiter [bytes]."""
+"""Number of bytes at the begin of a file from which its encoding is determined."""
 PART = 1 << 20
-"""How much of a file is read at once [characters]."""
+"""Number of characters that are read at once."""
 PREAMBLE = 1000
-"""Most lines above a header that are searched for what they state."""
+"""Largest number of lines above a header that are searched for the filter of the force."""
 FEWEST = 3
-"""Fewest samples of a table whose columns have no usual names."""
+"""Least number of samples in a table whose columns have no usual names."""
 
 Part = tuple[int, list[str]]
-"""Lines, and the number of the first."""
+"""Number of the first line, and the lines."""
 
 
 def read(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
-    """The tables of a text file.
+    """Read the tables of a text file.
 
-    A header is searched below a preamble. Lines that begin with # are comments; one directly above
-    the samples may be their header. A line without a number ends a table, and so does one with
-    text in place of a sample below an empty line. Another table may begin below it.
+    The header may stand below a preamble. Lines that begin with # are comments. The last comment
+    above the samples can be their header. A line without any number ends a table. After an empty
+    line, a line with text in place of a number ends the table too. The file may have more tables
+    after it.
 
     Raises
     ------
     InputError
-        It is not a text file, or a line is too long.
+        The file is not text, or a line is too long.
     OSError
         The file cannot be read.
     """
@@ -67,12 +68,22 @@ def read(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
         except UnicodeError as error:
             raise not_text(path) from error
     for table in tables:
-        table.about |= described(path)
+        table.about |= exported_metadata(path)
     return tables
 
 
-def described(path: Path) -> dict[str, str]:
-    """What `teleop export` wrote beside a CSV file: `settings`, `session` and `events`."""
+def exported_metadata(path: Path) -> dict[str, str]:
+    """Read the metadata file that `teleop export` writes next to a CSV file.
+
+    Returns
+    -------
+    `settings`, `session` and `events` as JSON texts; empty if there is no such file.
+
+    Raises
+    ------
+    InputError
+        The metadata file cannot be read.
+    """
     beside = path.with_name(f"{path.name}-metadata.json")
     try:
         notes = loads(read_input(beside)).get("notes")
@@ -86,17 +97,17 @@ def described(path: Path) -> dict[str, str]:
 
 
 def not_text(path: Path) -> InputError:
-    """The one line that refuses a binary file."""
+    """Return the error for a binary file."""
     return InputError(f"{path}: not a text file: expected a table in UTF-8, UTF-16 or a code page")
 
 
 def parts(path: Path, text: io.TextIOWrapper) -> Iterator[Part]:
-    """The lines of a text file, in parts.
+    """Yield the lines of a text file in parts.
 
     Raises
     ------
     InputError
-        It is not a text file, or a line is too long.
+        The file is not text, or a line is too long.
     """
     number, rest = 1, ""
     while block := text.read(PART):
@@ -118,7 +129,7 @@ def parts(path: Path, text: io.TextIOWrapper) -> Iterator[Part]:
 
 
 def tables_in(path: Path, lines: Iterable[Part], pick: Pick) -> list[Table]:
-    """The tables in the lines of a file; see `read`."""
+    """Find the tables in the lines of a file; see `read`."""
     scan: Scan | None = None
     for first, part in lines:
         scan = scan or Scan(path, pick, dialect_of(part))
@@ -129,23 +140,23 @@ def tables_in(path: Path, lines: Iterable[Part], pick: Pick) -> list[Table]:
 
 
 def title_of(lines: Sequence[str]) -> str:
-    """What a table is called by the lines above its header: the last tag, or the last line."""
+    """Return the last tag such as <Data> above the header of a table, or else the last line."""
     lines = [line.strip(' \t,;"') for line in lines]
     tags = [line for line in lines if re.fullmatch(r"<(?!/|end|data|info)[^<>]+>", line, re.I)]
     return (tags or lines or [""])[-1]
 
 
 class Scan:
-    """Finds tables in the lines of a file.
+    """Parser that finds the tables in the lines of a file.
 
     Parameters
     ----------
     path
         The file.
     pick
-        Chooses the columns to load.
+        Function that chooses the columns to load.
     dialect
-        How cells are written.
+        Delimiter, decimal mark and separator of thousands.
     """
 
     def __init__(self, path: Path, pick: Pick, dialect: Dialect) -> None:
@@ -158,7 +169,7 @@ class Scan:
         self._rows: Rows | None = None
 
     def feed(self, first: int, lines: list[str]) -> None:
-        """Take in lines, of which the first has this number."""
+        """Process lines; `first` is the number of the first of them."""
         i = 0
         while i < len(lines):
             if self._rows:
@@ -180,12 +191,12 @@ class Scan:
             i += 1
 
     def end(self) -> list[Table]:
-        """The tables that were found, with their columns.
+        """Return the tables that were found, with their columns.
 
         Raises
         ------
         InputError
-            There is no line that is a header.
+            The file is empty.
         """
         self._close()
         if not self._tables and not self._above:
@@ -201,14 +212,14 @@ class Scan:
         return [table for table, _ in self._tables]
 
     def _close(self) -> None:
-        """End a table; a few numbers within a preamble are none."""
+        """End the current table, and discard it if it is only a few numbers in a preamble."""
         if self._rows and not self._rows.picked and self._rows.samples < FEWEST:
             self._tables.pop()
             self._above = self._before
         self._rows = None
 
     def _only_a_header(self) -> None:
-        """Take a line for a header that has no samples below it."""
+        """Add tables without samples, for lines that can be a header."""
         for number, line in self._above:
             names = fitted(self._cells(number, line), 0)
             found = headings_above([names], len(names))
@@ -234,7 +245,7 @@ class Scan:
             self._stated.append(line)
 
     def _start(self, number: int, cells: list[str]) -> Rows | None:
-        """The table whose first samples are in this row; None where it has no header."""
+        """Begin a table whose first samples are in this row; None if it has no header."""
         above = self._above[-2:]
         width = len(cells)
         rows = [self._header_cells(n, line, width) for n, line in above]
@@ -259,7 +270,7 @@ class Scan:
         return self._add(number, names, "") if not self._above or self._pick(names) else None
 
     def _header_cells(self, number: int, line: str, width: int) -> list[str]:
-        """The cells of a header; names between spaces may have spaces before their unit."""
+        """Split a header; if spaces delimit it, a name and its unit in brackets stay together."""
         cells = self._cells(number, line)
         if self._dialect.delimiter is None and len(cells) != width:
             return re.findall(r"[^\s\[(]+(?:\s*[\[(][^\])]*[\])])?", line)

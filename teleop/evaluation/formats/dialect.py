@@ -1,4 +1,4 @@
-"""How a text table writes its cells: delimiter, decimal mark and separator of thousands."""
+"""Dialect of a text table: delimiter, decimal mark and separator of thousands."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ from typing import NamedTuple
 from teleop.evaluation.formats.layout import is_number, is_samples
 
 DELIMITERS = ("\t", ";", ",", "|", None)
-"""Between cells; None for spaces."""
+"""Delimiters between cells that are tried; None for spaces."""
 
 HEAD = 1000
-"""How many lines tell the dialect."""
+"""Number of lines from which the dialect is determined."""
 
 
 CLOCK = re.compile(r"(\d+):(\d\d):(\d\d(?:[.,]\d+)?)")
 
 
 def clock(cell: str) -> float:
-    """Seconds since midnight of a time of day, or since 1970 of a date in the ISO format.
+    """Convert a time of day to seconds since midnight, or an ISO date to seconds since 1970.
 
     Raises
     ------
     ValueError
-        It is neither.
+        The cell is neither.
     """
     if match := CLOCK.fullmatch(cell):
         hours, minutes, seconds = (float(part.replace(",", ".")) for part in match.groups())
@@ -37,7 +37,7 @@ def clock(cell: str) -> float:
 
 
 def is_clock(cell: str) -> bool:
-    """Whether a cell has a time of day or a date, see `clock`."""
+    """Return whether a cell has a time of day or a date; see `clock`."""
     try:
         return ":" in cell and clock(cell) >= 0.0
     except ValueError:
@@ -45,21 +45,22 @@ def is_clock(cell: str) -> bool:
 
 
 class Dialect(NamedTuple):
-    """How a text table writes its cells."""
+    """Delimiter, decimal mark and separator of thousands of a text table."""
 
     delimiter: str | None
-    """None for spaces."""
+    """Character between cells; None for spaces."""
     decimal: str = "."
-    """Decimal mark. With a comma a point is one as well, unless it separates thousands."""
+    """Decimal mark. If it is a comma, a point is also accepted unless it separates thousands."""
     thousands: str | None = None
+    """Separator of thousands; None for none."""
 
     def split(self, line: str) -> list[str]:
-        """The cells of a line.
+        """Split a line into cells.
 
         Raises
         ------
         csv.Error
-            It cannot be split.
+            The line cannot be split.
         """
         if self.delimiter is None:
             return line.split()
@@ -68,12 +69,12 @@ class Dialect(NamedTuple):
         return [cell.strip() for cell in next(csv.reader([line], delimiter=self.delimiter), [])]
 
     def number(self, cell: str) -> float:
-        """The number in a cell.
+        """Convert a cell to a number.
 
         Raises
         ------
         ValueError
-            It is none.
+            The cell is not a number.
         """
         if "_" in cell:
             raise ValueError(cell)
@@ -88,7 +89,7 @@ class Dialect(NamedTuple):
 
 
 def dialect_of(lines: Sequence[str]) -> Dialect:
-    """The delimiter and decimal mark that make samples of most of the first lines."""
+    """Return the dialect with which most of the first lines can be read as samples."""
     lines = [line for line in lines[:HEAD] if line.strip() and not line.startswith("#")]
     best, dialect = (0.0, 0.0), None
     for delimiter in DELIMITERS:
@@ -108,7 +109,7 @@ def dialect_of(lines: Sequence[str]) -> Dialect:
 
 
 def marks(numbers: Sequence[str], delimiter: str | None) -> tuple[str, str | None]:
-    """Decimal mark and separator of thousands of numbers."""
+    """Return the decimal mark and the separator of thousands (None for none) of numbers."""
     both = [cell for cell in numbers if "," in cell and "." in cell]
     if both:
         return (".", ",") if both[0].rfind(".") > both[0].rfind(",") else (",", ".")

@@ -1,4 +1,4 @@
-"""Which encoding a text file is in, from how it begins."""
+"""Determine the encoding of a text file from its first bytes."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from teleop.evaluation.formats.names import KNOWN, plain
 from teleop.evaluation.units import is_unit
 
 CODE_PAGES = ("utf-8", "cp1252", "gb18030", "cp932")
-"""Encodings without a mark at the beginning, of which the first is taken if others do no better."""
+"""Encodings without a byte order mark, in the order of preference."""
 BOMS = (
     (codecs.BOM_UTF8, "utf-8-sig"),
     (codecs.BOM_UTF16_LE, "utf-16"),
@@ -20,17 +20,17 @@ BOMS = (
 
 
 def encoding_of(head: bytes, names: Sequence[str] = ()) -> str | None:
-    """The encoding of a text file; None if it is not text.
+    """Return the encoding of a text file; None if it is not text.
 
-    Without a byte order mark it is the code page in which most cells are names or units of
-    measured quantities.
+    If the file has no byte order mark, the encoding is the one in which the most cells are names
+    or units of measured quantities.
 
     Parameters
     ----------
     head
-        How the file begins.
+        The first bytes of the file.
     names
-        Names of columns that are in it, as the user gives them.
+        Names of columns in the file, from the options of the user.
     """
     for mark, name in BOMS:
         if head.startswith(mark):
@@ -61,7 +61,7 @@ def encoding_of(head: bytes, names: Sequence[str] = ()) -> str | None:
 
 
 def decodes(head: bytes, code_page: str) -> bool:
-    """Whether the beginning of a file has no fault in this code page."""
+    """Return whether the bytes are valid in this encoding."""
     try:
         codecs.getincrementaldecoder(code_page)().decode(head)
     except UnicodeDecodeError:
@@ -70,5 +70,5 @@ def decodes(head: bytes, code_page: str) -> bool:
 
 
 def plainly_chinese(head: bytes) -> bool:
-    """Whether all that is not ASCII is pairs of the common Chinese characters, not in a word."""
+    """Return whether all non-ASCII text is common Chinese characters, none next to a letter."""
     return decodes(head, "gb2312") and not re.search(rb"[A-Za-z][\x80-\xff]", head)

@@ -1,4 +1,4 @@
-"""HDF5 files, and MATLAB files of version 7.3, which are HDF5."""
+"""Read HDF5 files, and MATLAB files of version 7.3, which are HDF5."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from teleop.evaluation.formats.table import Pick, Table, missing, reading
 from teleop.json_documents import dumps
 
 UNIT = ("unit", "units", "Unit", "Units")
-"""Attributes that have the unit of a dataset."""
+"""Names of the attribute that holds the unit of a dataset."""
 
 
 def read(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
-    """The tables in an HDF5 file: the datasets of one length in each group."""
+    """Read an HDF5 file: one table for the datasets of each length in each group."""
     groups: dict[str, dict[str, Floats]] = {}
     units: dict[str, dict[str, Any]] = {}
     with open_input(path) as disk, reading(path, "HDF5"), opened(disk) as file:
@@ -47,7 +47,7 @@ def read(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
 
 
 def read_matlab(path: Path, pick: Pick) -> list[Table]:
-    """The tables in a MATLAB file of version 7.3: arrays of one length, also within structs."""
+    """Read a MATLAB file of version 7.3; see `teleop.evaluation.formats.matlab.read`."""
     columns: dict[str, Floats] = {}
     units: dict[str, Any] = {}
     with open_input(path) as disk, reading(path, "HDF5"), opened(disk) as file:
@@ -67,7 +67,7 @@ def read_matlab(path: Path, pick: Pick) -> list[Table]:
 
 
 def opened(disk: Any) -> Any:
-    """The HDF5 file on a disk file."""
+    """Open an HDF5 file from a file object."""
     try:
         import h5py
     except ImportError as error:
@@ -76,7 +76,7 @@ def opened(disk: Any) -> Any:
 
 
 def datasets(path: Path, group: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Every dataset with its name, in the order of the file."""
+    """Yield each dataset with its path within the file, in the order of the file."""
     import h5py
 
     for name, item in group.items():

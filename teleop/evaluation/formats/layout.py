@@ -1,4 +1,4 @@
-"""Where the header of a table stands: above the samples, with a row of units below it or not."""
+"""Find the header of a table above its samples, with or without a row of units below the names."""
 
 from __future__ import annotations
 
@@ -16,25 +16,25 @@ NOT_FINITE = re.compile(r"[-+]?(?:nan|inf|infinity)", re.IGNORECASE)
 
 
 def is_number(cell: str) -> bool:
-    """Whether a cell has a number, or says that it has none."""
+    """Return whether a cell has a number, or a mark for a missing number such as NaN."""
     return bool(NUMERIC.fullmatch(cell) or NOT_FINITE.fullmatch(cell))
 
 
 def is_samples(cells: Sequence[str]) -> bool:
-    """Whether a row has numbers in at least two cells, and in half of those that are filled."""
+    """Return whether at least two cells of a row, and half of the non-empty ones, are numbers."""
     numbers = sum(map(is_number, cells))
     return numbers >= 2 and 2 * numbers >= sum(map(bool, cells))
 
 
 def fitted(cells: list[str], width: int) -> list[str]:
-    """A row without the empty cells at its end that are beyond the header's width."""
+    """Return a row without empty cells at its end beyond `width` cells."""
     while len(cells) > width and not cells[-1]:
         cells = cells[:-1]
     return cells
 
 
 def is_units(cells: Sequence[str]) -> bool:
-    """Whether a row below the names has their units."""
+    """Return whether a row consists of units."""
     filled = [cell.strip("[]() ") for cell in cells if cell]
     brackets = sum(cell[:1] in ("[", "(") for cell in cells)
     known = sum(is_unit(cell) or cell in ("-", "%", "") for cell in filled)
@@ -42,18 +42,18 @@ def is_units(cells: Sequence[str]) -> bool:
 
 
 def headings_above(rows: Sequence[list[str]], width: int) -> tuple[list[Heading], int] | None:
-    """The headings of samples, from the rows above them; None where there is no header.
+    """Return the headings of samples from the rows above them; None if there is no header.
 
     Parameters
     ----------
     rows
-        Rows that are not empty, of which the last is directly above the samples.
+        Non-empty rows; the last one is directly above the samples.
     width
-        Number of cells of the samples.
+        Number of cells in a row of samples.
 
     Returns
     -------
-    The headings, and which of the rows has the names.
+    The headings, and the index of the row with the names.
     """
     found = [fitted(row, 0) for row in rows[-2:]]
     if not found or not matches(found[-1], width):
@@ -73,5 +73,5 @@ def headings_above(rows: Sequence[list[str]], width: int) -> tuple[list[Heading]
 
 
 def matches(row: Sequence[str], width: int) -> bool:
-    """Whether a row may be the header of samples of this width, or of fewer columns."""
+    """Return whether a row can be the header of samples with `width` cells or fewer."""
     return 2 <= len(row) <= width and not is_samples(row)

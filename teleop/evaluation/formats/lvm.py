@@ -1,4 +1,4 @@
-"""Text files of LabVIEW (.lvm)."""
+"""Read LabVIEW measurement files (.lvm), which are text."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ SEPARATORS = {"Tab": "\t", "Comma": ","}
 
 
 def read(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
-    """The tables in a LabVIEW measurement file, one for each segment.
+    """Read the tables of a LabVIEW measurement file, one for each segment.
 
-    Without a column of time, its place takes `X0` and `Delta_X` of the segment's header.
+    If a segment has no time column, the times follow from `X0` and `Delta_X` of its header.
 
     Raises
     ------
     InputError
-        It is not a LabVIEW measurement file.
+        The file is not a LabVIEW measurement file.
     OSError
         The file cannot be read.
     """
@@ -47,19 +47,19 @@ def read(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
 
 
 def is_header(line: str) -> bool:
-    """Whether the header of a segment begins with this line."""
+    """Return whether this line begins the header of a segment."""
     return line.startswith(("Channels\t", "Channels,", "LabVIEW Measurement"))
 
 
 class Segments:
-    """Finds the segments in the lines of a file.
+    """Parser that finds the segments in the lines of a file.
 
     Parameters
     ----------
     path
         The file.
     pick
-        Chooses the columns to load.
+        Function that chooses the columns to load.
     """
 
     def __init__(self, path: Path, pick: Pick) -> None:
@@ -73,7 +73,7 @@ class Segments:
         self._found: list[tuple[Table, Rows, list[float] | None]] = []
 
     def feed(self, first: int, lines: list[str]) -> None:
-        """Take in lines, of which the first has this number."""
+        """Process lines; `first` is the number of the first of them."""
         i = 0
         while i < len(lines):
             if self._rows:
@@ -92,7 +92,7 @@ class Segments:
             i += 1
 
     def _take(self, number: int, line: str) -> None:
-        """Take in a line of a header, or that with the names of the columns."""
+        """Process a line of a header, or the line with the names of the columns."""
         if line.startswith(END):
             self._in_header = False
         elif is_header(line):
@@ -111,7 +111,7 @@ class Segments:
             self._stated.append(line)
 
     def _start(self, number: int, line: str) -> None:
-        """Begin the samples below a line of names."""
+        """Begin a segment; `line` has the names of its columns."""
         names = [name.strip() for name in line.split(self._delimiter)]
         while len(names) > 1 and names[-1] in ("", "Comment"):
             names.pop()
@@ -136,7 +136,7 @@ class Segments:
         self._found.append((table, self._rows, waveform))
 
     def tables(self) -> list[Table]:
-        """The tables that were found, with their columns."""
+        """Return the tables that were found, with their columns."""
         for table, rows, waveform in self._found:
             numbers = rows.numbers()
             table.columns, table.problem = rows.columns(), rows.problem

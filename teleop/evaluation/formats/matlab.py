@@ -1,4 +1,4 @@
-"""MATLAB files: version 5 to 7 by scipy; version 7.3 is HDF5."""
+"""Read MATLAB files: versions 5 to 7 with scipy, and version 7.3 as HDF5."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from teleop.evaluation.formats.table import Pick, Table, reading
 from teleop.json_documents import dumps
 
 EXPORTED = ("settings", "events")
-"""Variables of an export of ours that are text."""
+"""Text variables in a file that `teleop export` wrote."""
 
 
 def read(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
-    """The tables in a MATLAB file: arrays of one length, also within structs.
+    """Read a MATLAB file: one table for the arrays of each length, including those in structs.
 
-    A field `units` of the file, or of a struct, has the unit of each array by its name.
+    A struct `units`, in the file or within another struct, may hold the unit of each array by name.
     """
     with open_input(path) as file:
         if file.read(10) == b"MATLAB 7.3":
@@ -44,7 +44,7 @@ def read(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
 
 
 def collect(name: str, value: Any, columns: dict[str, Floats], units: dict[str, Any]) -> None:
-    """Take in the arrays and the units of a variable or a struct."""
+    """Add the arrays and the units of a variable, or of a struct and its fields."""
     if not isinstance(value, dict):
         columns.update(vectors(name, value))
         return

@@ -1,4 +1,4 @@
-"""MCAP files that teleop did not record: messages of ROS 2, or JSON."""
+"""Read MCAP files that teleop did not record: messages of ROS 2, or JSON."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ from teleop.recording.cdr import MESSAGE_NAME
 LARGEST_RECORD = 128 << 20
 """Largest record that is read [bytes]."""
 FAULTS = (McapError, struct.error, ValueError, OverflowError, MemoryError, KeyError, EOFError)
-"""What a damaged file raises."""
+"""Exceptions that the libraries raise for a damaged file."""
 
 
 def is_foreign(path: Path) -> bool:
-    """Whether this is a whole MCAP file that has no ticks of teleop."""
+    """Return whether this is a complete MCAP file that teleop did not record."""
     try:
         with open_input(path) as file:
             summary = summary_of(file)
@@ -38,17 +38,17 @@ def is_foreign(path: Path) -> bool:
 
 
 def summary_of(file: BinaryIO) -> Summary | None:
-    """The summary at the end of an MCAP file."""
+    """Return the summary at the end of an MCAP file; None if it has none."""
     return SeekingReader(file, record_size_limit=LARGEST_RECORD).get_summary()
 
 
 def read(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
-    """The table of the messages in an MCAP file; see `tables_of`."""
+    """Read the messages of an MCAP file as a table; see `tables_of`."""
     with open_input(path) as file:
         with reading(path, "MCAP"):
             summary = summary_of(file)
         if summary is None:
-            raise InputError(f"{path}: the MCAP file has no summary: expected a whole file")
+            raise InputError(f"{path}: the MCAP file has no summary: expected a complete file")
         channels = summary.channels
         decoders = {
             i: decoder_of(path, c, summary.schemas.get(c.schema_id)) for i, c in channels.items()
@@ -79,7 +79,7 @@ def read(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
 def decoder_of(
     path: Path, channel: Channel, schema: Schema | None
 ) -> Callable[[bytes], Any] | None:
-    """What decodes the messages of a channel; None where nothing does."""
+    """Return the function that decodes the messages of a channel; None if there is none."""
     if channel.message_encoding == "json":
         return json.loads
     if channel.message_encoding != "cdr":

@@ -1,4 +1,4 @@
-"""Tables from messages of ROS bags and MCAP files: every number in a message is a column."""
+"""Build tables from messages of ROS bags and MCAP files: each number in a message is a column."""
 
 from __future__ import annotations
 
@@ -21,29 +21,29 @@ SI_FIELDS = {
     r"(^|\.)torque\.[xyz]$": "N m",
     r"(^|\.)(position|translation|point)\.[xyz]$": "m",
 }
-"""Fields of ROS messages, which are in SI units (REP 103), with their unit."""
+"""Units of the fields of ROS messages, which are in SI units (REP 103)."""
 LONGEST_LIST = 64
-"""Most numbers of a list in a message that are columns."""
+"""Largest number of elements of a list that become columns."""
 SECONDS = ("sec", "secs")
 NANOSECONDS = ("nanosec", "nsec", "nsecs")
 
 FieldPath = tuple[str | int, ...]
 Message = tuple[str, int, Callable[[], Any]]
-"""Topic, time at which it was recorded [ns], and what decodes it."""
+"""Topic of a message, time at which it was recorded [ns], and a function that decodes it."""
 
 
 @dataclass
 class Topic:
-    """What is kept of a topic."""
+    """Fields of the messages of a topic, and the values that were read from them."""
 
     name: str
     fields: list[FieldPath]
     stamp: FieldPath | None
-    """Where its messages have the time at which they were measured."""
+    """Field with the time of measurement; None to use the time of recording."""
     wanted: dict[int, FieldPath] = field(default_factory=dict)
     """Field of each picked column of the table."""
     times: list[int] = field(default_factory=list)
-    """[ns]"""
+    """Time of each message [ns]."""
     values: list[list[float]] = field(default_factory=list)
 
 
@@ -54,11 +54,12 @@ def tables_of(
     pick: Pick,
     wanted: Wanted,
 ) -> list[Table]:
-    """The table of all numbers in messages, named `/topic.field`, or `field` of a single topic.
+    """Build a table with a column for each number in the messages.
 
-    The times are the stamps of the messages' headers, and the times of recording where there
-    are none. Columns of other topics are interpolated at the times of the first picked topic with
-    the most messages.
+    The columns are named `/topic.field`, or `field` if there is only one topic. The times are the
+    stamps in the headers of the messages. Messages without a stamp have the time of recording. If
+    the columns come from several topics, those of the other topics are interpolated at the times
+    of the topic with the most messages.
 
     Parameters
     ----------
@@ -67,16 +68,16 @@ def tables_of(
     topics
         Topics whose messages can be decoded.
     messages
-        Gives the messages of some topics.
+        Function that yields the messages of given topics.
     pick
-        Chooses the columns.
+        Function that chooses the columns to load.
     wanted
-        What the user asks: `topic` chooses one topic.
+        The options of the user; `topic` selects one topic.
 
     Raises
     ------
     InputError
-        There is no such topic, or a message is not like the first of its topic.
+        There is no such topic, or a message has other fields than the first of its topic.
     """
     if wanted.topic is not None:
         if wanted.topic not in topics:
@@ -107,7 +108,7 @@ def tables_of(
 def first_messages(
     path: Path, topics: Sequence[str], messages: Callable[[Sequence[str]], Iterator[Message]]
 ) -> list[Topic]:
-    """The fields of each topic, from its first message."""
+    """Return the topics, each with the fields of its first message."""
     found: dict[str, Topic] = {}
     for name, _, decode in messages(topics):
         if name not in found:
@@ -122,7 +123,7 @@ def first_messages(
 
 
 def fields_of(value: Any, place: FieldPath) -> Iterator[FieldPath]:
-    """Where the numbers in a message are."""
+    """Yield the path of each number in a message."""
     if isinstance(value, (bool, int, float, np.number)):
         yield place
     elif isinstance(value, dict):
@@ -140,13 +141,13 @@ def fields_of(value: Any, place: FieldPath) -> Iterator[FieldPath]:
 
 
 def names_of(value: Any) -> Sequence[str]:
-    """Names of the fields of a message."""
+    """Return the names of the fields of a message."""
     names: Iterable[str] = getattr(value, "__dataclass_fields__", getattr(value, "__slots__", ()))
     return [name for name in names if not name.startswith("_")]
 
 
 def seconds_of(value: Any) -> int | None:
-    """A stamp [ns]; None if it is none."""
+    """Convert a stamp of a ROS header to [ns]; None if the value is not a stamp."""
     parts = []
     for names in (SECONDS, NANOSECONDS):
         part = next((getattr(value, name) for name in names if hasattr(value, name)), None)
@@ -157,7 +158,7 @@ def seconds_of(value: Any) -> int | None:
 
 
 def part_of(message: Any, place: FieldPath) -> Any:
-    """What a message has at a place."""
+    """Return the value at a path in a message."""
     for step in place:
         if isinstance(step, int) or isinstance(message, dict):
             message = message[step]
@@ -167,13 +168,19 @@ def part_of(message: Any, place: FieldPath) -> Any:
 
 
 def written(place: FieldPath) -> str:
-    """The name of a field, such as `position[0]` or `force.z`."""
+    """Return the name of a field, such as `position[0]` or `force.z`."""
     text = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in place)
     return text.removeprefix(".")
 
 
 def decoded(where: str, decode: Callable[[], Any]) -> Any:
-    """A message; InputError if it cannot be decoded."""
+    """Decode a message.
+
+    Raises
+    ------
+    InputError
+        The message cannot be decoded.
+    """
     try:
         return decode()
     except Exception as error:  # decoders raise errors of any kind for damaged content
@@ -184,7 +191,7 @@ def decoded(where: str, decode: Callable[[], Any]) -> Any:
 def collect(
     path: Path, used: Sequence[Topic], messages: Callable[[Sequence[str]], Iterator[Message]]
 ) -> None:
-    """Read the wanted fields of the topics."""
+    """Append the wanted fields of all messages to their topics."""
     topics = {topic.name: topic for topic in used}
     for name, recorded, decode in messages(list(topics)):
         topic = topics[name]
@@ -201,7 +208,7 @@ def collect(
 
 
 def joined(path: Path, headings: Sequence[Heading], used: Sequence[Topic]) -> Table:
-    """One table of the wanted fields, at the times of the topic with the most messages."""
+    """Join the wanted fields into one table, at the times of the topic with the most messages."""
     start = min(min(topic.times) for topic in used)
     base = max(used, key=lambda topic: len(topic.times))
     t = seconds(base, start)
@@ -216,12 +223,15 @@ def joined(path: Path, headings: Sequence[Heading], used: Sequence[Topic]) -> Ta
         if topic is not base:
             times = seconds(topic, start)
             if (np.diff(times) < 0.0).any():
-                raise InputError(f"{path}: the times of {topic.name} run backwards")
+                raise InputError(f"{path}: the times of {topic.name} decrease")
             notes.append(f"{topic.name} interpolated at the times of {base.name}")
         for i, column in zip(topic.wanted, values.T, strict=True):
             columns[i] = column[within] if topic is base else np.interp(t[within], times, column)
     if len(within) < len(t):
-        notes.append(f"{len(t) - len(within)} messages of {base.name} outside of the others' times")
+        notes.append(
+            f"{len(t) - len(within)} messages of {base.name} are left out: outside of the time "
+            "range of another topic"
+        )
     return Table(
         str(path),
         headings,
@@ -233,5 +243,5 @@ def joined(path: Path, headings: Sequence[Heading], used: Sequence[Topic]) -> Ta
 
 
 def seconds(topic: Topic, start: int) -> Floats:
-    """The times of a topic [s] since a start [ns]."""
+    """Return the times of a topic since `start`, converted from [ns] to [s]."""
     return np.multiply(np.array(topic.times, dtype=np.int64) - start, 1e-9, dtype=np.float64)

@@ -1,4 +1,4 @@
-"""Names that time, position and force have in the files of testing machines and programs."""
+"""Usual names of time, position and force in the files of testing machines and programs."""
 
 from __future__ import annotations
 
@@ -119,13 +119,13 @@ NAMES = {
         "drehmoment",
     ),
 }
-"""Names by which a quantity's column is found, in any case, `_` like a space; first the usual."""
+"""Column names of each quantity, the most common first. Case is ignored; `_` equals a space."""
 
 
 def plain(name: str) -> str:
-    """A name as it is compared: without case, `_` and repeated spaces."""
+    """Normalise a name for comparison: lower case, `_` as space, no repeated spaces."""
     return " ".join(name.replace("_", " ").casefold().split()).rstrip(".:")
 
 
 KNOWN = {kind: {plain(name) for name in names} for kind, names in NAMES.items()}
-"""The names of each quantity, as they are compared."""
+"""The names of each quantity, normalised by `plain`."""

@@ -1,4 +1,4 @@
-"""Numbers in the lines of a text table, in bulk where all lines are alike."""
+"""Read numbers from the lines of a text table; many lines at once if they have the same form."""
 
 from __future__ import annotations
 
@@ -18,27 +18,27 @@ from teleop.evaluation.formats.table import Heading
 
 QUOTED = re.compile(r'"[^"\n]*"')
 ODD = 64
-"""So many lines are read one by one if they are not alike."""
+"""Blocks of this many lines or fewer are read line by line if their form differs."""
 
 
 def count_cells(line: str, delimiter: str | None) -> int:
-    """Number of cells of a line without quotes."""
+    """Return the number of cells in a line without quotes."""
     return line.count(delimiter) + 1 if delimiter else len(line.split())
 
 
 class Rows:
-    """The picked columns of a table, from its lines.
+    """Reader of the picked columns of a table.
 
     Parameters
     ----------
     place
-        Names a line of the file by its number.
+        Function that returns the file and place of a line by its number, for messages.
     headings
-        Of every column.
+        Name and unit of each column.
     picked
-        Numbers of the columns to load.
+        Indices of the columns to load.
     dialect
-        How cells are written.
+        Delimiter, decimal mark and separator of thousands.
     """
 
     def __init__(
@@ -57,9 +57,16 @@ class Rows:
         self._numbers: list[NDArray[np.int64]] = []
 
     def feed(self, first: int, lines: list[str]) -> int:
-        """Take in lines, of which the first has this number; returns how many belong to the table.
+        """Process lines, and return how many of them belong to the table.
 
-        A line without a number ends the table, and so does a bad one below an empty line.
+        A line without any number ends the table. After an empty line, an invalid line ends it too.
+
+        Parameters
+        ----------
+        first
+            Number of the first line in the file.
+        lines
+            The lines.
         """
         if not self.picked or self.problem:
             return self._skip(lines)
@@ -98,7 +105,7 @@ class Rows:
         return self._skip(lines) if self.problem else taken
 
     def _in_bulk(self, lines: list[str]) -> Floats | None:
-        """The values of lines that are alike and without fault, else None."""
+        """Return the values of lines that all have the same valid form, else None."""
         delimiter, decimal, thousands = self._dialect
         width = len(self.headings)
         text = "\n".join(lines)
@@ -130,7 +137,7 @@ class Rows:
         return values if len(values) == len(lines) else None
 
     def _row(self, number: int, line: str) -> list[float] | None:
-        """The picked values of a line; None for a line without any number."""
+        """Return the picked values of a line; None for a line without any number."""
         where = self._place(number)
         try:
             cells = fitted(self._dialect.split(line), len(self.headings))
@@ -140,12 +147,12 @@ class Rows:
             return None
         if len(cells) != len(self.headings):
             raise InputError(
-                f"{where}: {len(cells)} cells, expected {len(self.headings)} by the header"
+                f"{where}: {len(cells)} cells, expected {len(self.headings)} as in the header"
             )
         return [self._value(where, cells[i], i) for i in self.picked]
 
     def _value(self, where: str, cell: str, column: int) -> float:
-        """The number in a cell."""
+        """Convert a cell to a number; `where` and the column are for the error message."""
         try:
             return self._dialect.number(cell)
         except ValueError:
@@ -154,7 +161,7 @@ class Rows:
             raise InputError(f"{where}: {title!r} is {shown}") from None
 
     def _skip(self, lines: list[str]) -> int:
-        """How many lines have a number: those of a table that is not loaded."""
+        """Count the lines of a table that is not loaded, up to the first line without a number."""
         taken = len(lines)
         for i, line in enumerate(lines):
             if not line or line.isspace() or line.startswith("#"):
@@ -171,11 +178,11 @@ class Rows:
 
     @property
     def samples(self) -> int:
-        """Number of samples so far."""
+        """Number of samples that were read so far."""
         return sum(map(len, self._numbers))
 
     def columns(self) -> dict[int, Floats]:
-        """The picked columns by number, arrays of shape (n,)."""
+        """Return the picked columns by index, arrays of shape (n,)."""
         if not self._values:
             return {i: np.empty(0) for i in self.picked}
         values = np.concatenate(self._values)
@@ -183,5 +190,5 @@ class Rows:
         return {i: np.ascontiguousarray(values[:, k]) for k, i in enumerate(self.picked)}
 
     def numbers(self) -> NDArray[np.int64]:
-        """Number of each sample's line, array of shape (n,)."""
+        """Return the line number of each sample, shape (n,)."""
         return np.concatenate(self._numbers) if self._numbers else np.empty(0, dtype=np.int64)

@@ -1,4 +1,4 @@
-"""The formats of measurement files: which module reads a file of which ending."""
+"""Determine the format of a measurement file, and read it with the module for that format."""
 
 from __future__ import annotations
 
@@ -22,16 +22,17 @@ BEGINNINGS = {
     b"\x89MCAP": "mcap",
     b"#ROSBAG": "bag",
 }
-"""Module of this package that reads a file, by how the file begins; `delimited` for any other."""
+"""Module that reads a file, by the first bytes of the file; `delimited` for all others."""
 OF_MESSAGES = ("mcap", "bag")
+"""Modules for files of messages, which have topics."""
 ROS_2_BAG = "metadata.yaml"
 """File in the folder of a ROS 2 bag."""
 
 
 def reader_of(path: Path) -> str:
-    """Name of the module that reads a file.
+    """Return the name of the module that reads a file.
 
-    The ending does not count: testing machines write text to files that end in .xls or .dat.
+    The file name extension is ignored: testing machines write text files named .xls or .dat.
 
     Raises
     ------
@@ -46,21 +47,21 @@ def reader_of(path: Path) -> str:
 
 
 def read_tables(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
-    """The tables of a measurement file.
+    """Read the tables of a measurement file.
 
     Parameters
     ----------
     path
         The file.
     pick
-        Chooses the columns that are loaded of a table.
+        Function that chooses the columns of a table to load.
     wanted
-        What the user asks.
+        The options of the user.
 
     Raises
     ------
     InputError
-        The file cannot be read, is not as its format demands, or a library is not installed.
+        The file cannot be read or violates its format, or a library is not installed.
     """
     try:
         name = reader_of(path)
@@ -71,5 +72,5 @@ def read_tables(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
     except OSError as error:
         raise unreadable(path, error) from error
     if not tables:
-        raise InputError(f"{path}: no table of numbers in it: expected columns of samples")
+        raise InputError(f"{path}: the file has no table of numbers: expected columns of samples")
     return tables

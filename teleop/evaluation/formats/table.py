@@ -1,4 +1,4 @@
-"""What every reader of a measurement file returns: tables of columns with names and units."""
+"""The table that every reader of measurement files returns: columns with names and units."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from teleop.errors import InputError
 
 
 class Heading(NamedTuple):
-    """Name and unit of a column, as the file has them."""
+    """Name and unit of a column, as written in the file."""
 
     name: str
     unit: str | None = None
@@ -26,7 +26,7 @@ class Heading(NamedTuple):
 
 
 Pick = Callable[[Sequence[Heading]], Collection[int]]
-"""Chooses the columns that a reader loads, by their number; none where a table is of no use."""
+"""Function that returns the indices of the columns to load; none if the table is not usable."""
 
 
 @dataclass
@@ -36,32 +36,32 @@ class Table:
     where: str
     """File and place of the header, for messages."""
     headings: Sequence[Heading]
-    """Of every column."""
+    """Name and unit of each column."""
     columns: dict[int, Floats]
-    """The picked columns by number, arrays of shape (n,) in the file's units."""
+    """The loaded columns by index, arrays of shape (n,) in the units of the file."""
     samples: int
     """Number of samples n."""
     sample: Callable[[int], str]
-    """File and place of a sample, for messages."""
+    """Function that returns the file and place of a sample by its index, for messages."""
     title: str = ""
-    """Name of the table in its file; empty where it has none."""
+    """Name of the table in its file; empty if it has none."""
     about: dict[str, str] = field(default_factory=dict)
-    """What the file states besides: `force_filter`, and `settings`, `session` and `events` of
-    an export of ours."""
+    """Further content of the file: `force_filter`, and in a file that `teleop export` wrote
+    `settings`, `session` and `events`."""
     notes: tuple[str, ...] = ()
-    """What the reader did to the data, a sentence each."""
+    """Changes that the reader made to the data, in words."""
     problem: InputError | None = None
-    """Why the samples cannot be used; raised if this table is chosen."""
+    """Error to raise if this table is selected; None if its samples are valid."""
 
 
 def missing(library: str, what: str) -> InputError:
-    """The one line that says what to install."""
+    """Return the error for a library that is not installed."""
     return InputError(f"{what} needs {library}: pip install '.[formats]'")
 
 
 @contextlib.contextmanager
 def reading(path: Path, what: str) -> Iterator[None]:
-    """Refuse a file in one line where its library fails on it; libraries raise errors of any kind.
+    """Convert any exception of a library that reads a file to an `InputError`.
 
     Raises
     ------
@@ -82,7 +82,7 @@ def reading(path: Path, what: str) -> Iterator[None]:
 
 
 def stated_filter(lines: Iterable[str]) -> str:
-    """The first line that states a low-pass filter of the force; empty for none."""
+    """Return the first line that states a filter with its frequency; empty if there is none."""
     for line in lines:
         if FILTER.search(line) and FREQUENCY.search(line):
             return " ".join(line.replace("\t", " ").strip(" #;,\"'").split())

@@ -1,4 +1,4 @@
-"""TDMS files of LabVIEW and DIAdem."""
+"""Read TDMS files of LabVIEW and DIAdem."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ LONGEST_WARNING = 120
 
 
 def read(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
-    """The tables in a TDMS file: the channels of one length in each group.
+    """Read a TDMS file: one table for the channels of each length in each group.
 
-    A group without a channel of time has the time of its waveforms, where they state an increment.
+    If a group has no time channel, the times follow from the increment of its waveforms.
     """
     try:
         from nptdms import TdmsFile
@@ -65,7 +65,7 @@ def read(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
 
 @contextlib.contextmanager
 def warnings_of(library: str) -> Iterator[list[str]]:
-    """The first warnings that a library logs, which are then not printed."""
+    """Collect the first warnings that a library logs, instead of printing them."""
     found: list[str] = []
 
     class Collector(logging.Handler):

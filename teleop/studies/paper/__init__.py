@@ -1,1 +1,1 @@
-"""The paper's experiment: its Table I and figures, reproduced, explained and taken further."""
+"""Reproduction of the paper's Table I and figures, with an analysis of the results."""

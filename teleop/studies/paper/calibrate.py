@@ -1,23 +1,24 @@
 """Calibrate the simulated rig against part of Table I: `python -m teleop.studies.paper.calibrate`.
 
-Used are b and k of the RLS rows under the conditions free and autonomous, twelve numbers, for
-eight unknowns: k1 and k3 of each cube, one lag of the force channel, and one lost motion of the
-slave. All other cells of Table I are predictions. The following are assumptions.
+The calibration uses b and k of the RLS rows under the conditions free and autonomous. These are
+twelve numbers for eight unknowns: k1 and k3 of each cube, the lag of the force channel, and the
+lost motion of the slave. All other cells of Table I are predictions. The following are assumptions.
 
-- Depths, since Table I tells only k3 times the depth squared. Under `autonomous` they are smaller,
-  as the paper says, but deep enough for adaptive identification with the paper's gains to rise in
-  the paper's 0.6 s; for the same reason the autonomous sine has 2 Hz. So the rise time of `ai` is
-  no independent prediction. Under `mimic` they are those of `free`, since nothing is known of
-  them. Force errors grow with depth, and the depths were chosen, by trial, such that the force
-  errors have about the size of the paper's; so these are no independent prediction, either.
-- The operator's tremor, given in `sim_backend/operators.py`, was chosen for the same reason: in the
-  paper the force errors on the soft and the medium cube are larger under `free` and `mimic` than
-  under `autonomous`.
-- The compliance of the transmission is 7 um/N, as of a cable or a belt drive. It is the stiffness
-  in series with the cube that keeps the hard cube within the grid of the multi-estimator, and it
-  sets the friction that goes with the lost motion, some 17 N.
-- True damping is a loss time of 1.5 ms times k1, that is a loss factor of 0.02 at 2 Hz, as of
-  silicone rubber with little damping. To first order it cannot be told from the lag.
+- Depths. Table I determines only k3 times the depth squared. The depths were chosen by trial such
+  that the force errors, which grow with depth, are about those of the paper. The force errors are
+  therefore not an independent prediction. Under `autonomous` the depths are smaller, as the paper
+  states. These depths, and the frequency of 2 Hz, were chosen such that the rise time of adaptive
+  identification with the paper's gains is about the 0.6 s of the paper. The rise time of `ai` is
+  therefore not an independent prediction either. The depths under `mimic` are not known; they are
+  those of `free`.
+- The operator's tremor, given in `sim_backend/operators.py`, was also chosen to match the force
+  errors: in the paper those on the soft and the medium cube are larger under `free` and `mimic`
+  than under `autonomous`.
+- The compliance of the transmission is 7 um/N, which is typical of a cable or a belt drive. It is
+  in series with the cube, and keeps the hard cube within the grid of the multi-estimator. With the
+  lost motion, it determines the friction, about 17 N.
+- The true damping is 1.5 ms times k1. This is a loss factor of 0.02 at 2 Hz, as that of silicone
+  rubber with little damping. To first order the damping cannot be separated from the lag.
 """
 
 from __future__ import annotations
@@ -37,13 +38,13 @@ from teleop.studies.workers import workers
 from teleop.trial.run import run_trial
 
 K_TOLERANCE = 0.02
-"""Error of k, as a share of it, that weighs as much as ..."""
+"""Relative error of k that has a weight of 1 in the sum of squares."""
 B_TOLERANCE = 0.3
-"""... this error of the logarithm of b."""
+"""Error of the logarithm of b that has a weight of 1 in the sum of squares."""
 STEP = 0.03
-"""Step of difference quotients, as a share of the value."""
+"""Step of difference quotients, relative to the value."""
 EVALUATIONS = 5
-"""Most evaluations of the residuals."""
+"""Largest number of evaluations of the residuals."""
 Vector = NDArray[np.float64]
 
 TRIALS = [(condition, cube) for cube in CUBES for condition in CALIBRATED]
@@ -57,7 +58,7 @@ def rls_averages(condition: str, cube: str, setup: Setup) -> tuple[float, float]
     condition, cube
         Names of condition and cube.
     setup
-        Body, force channel and depth that replace those of the paper.
+        Cube, force channel and depth to use instead of those of the paper.
     """
     settings = replace(paper_trial(condition, cube), custom_setup=setup, estimators=("rls",))
     columns = run_trial(settings).columns
@@ -65,7 +66,14 @@ def rls_averages(condition: str, cube: str, setup: Setup) -> tuple[float, float]
 
 
 def setups(values: Vector) -> dict[tuple[str, str], Setup]:
-    """Set-up of each trial from k1 of the cubes, k3 of the cubes, lag, and lost motion."""
+    """Return the set-up of each trial by condition and cube.
+
+    Parameters
+    ----------
+    values
+        k1 of the three cubes [N/m], k3 of the three cubes [N/m^3], lag [s] and lost motion [m],
+        shape (8,).
+    """
     k1, k3, (lag, lost_motion) = values[:3], values[3:6], values[6:].tolist()
     cubes = {
         name: Cube(a, c, LOSS_TIME * a)
@@ -79,7 +87,7 @@ def setups(values: Vector) -> dict[tuple[str, str], Setup]:
 
 
 def averages(values: Vector, pool: Executor) -> Mapping[tuple[str, str], tuple[float, float]]:
-    """Average (b, k) of RLS in each trial."""
+    """Return the average b [N s/m] and k [N/m] of RLS in each trial by condition and cube."""
     made = setups(values)
     conditions, cubes = zip(*TRIALS, strict=True)
     results = pool.map(rls_averages, conditions, cubes, [made[trial] for trial in TRIALS])
@@ -87,7 +95,15 @@ def averages(values: Vector, pool: Executor) -> Mapping[tuple[str, str], tuple[f
 
 
 def calibrate(start: Vector, pool: Executor) -> Vector:
-    """The values, as `setups` takes them, whose RLS averages are nearest to the paper's."""
+    """Return the values whose RLS averages are closest to those of the paper.
+
+    Parameters
+    ----------
+    start
+        First guess of the values, in the order of `setups`, shape (8,).
+    pool
+        Processes that run the trials.
+    """
 
     def residuals(logarithms: Vector) -> Vector:
         out = []
@@ -97,7 +113,7 @@ def calibrate(start: Vector, pool: Executor) -> Vector:
         return np.array(out)
 
     def slopes(logarithms: Vector) -> Vector:
-        """Jacobian in four evaluations: a trial depends on k1 and k3 of its own cube alone."""
+        """Return the Jacobian from four evaluations: a trial depends on k1, k3 of its cube only."""
         here = residuals(logarithms)
         out = np.zeros((len(here), len(start)))
         own = np.repeat(np.eye(len(CUBES)), len(here) // len(CUBES), axis=0)
@@ -118,7 +134,7 @@ def calibrate(start: Vector, pool: Executor) -> Vector:
 
 
 def main() -> None:
-    """Print the values for `sim_backend/paper_rig.py`, and how near they come."""
+    """Print the values for `sim_backend/paper_rig.py`, and the RLS averages with the paper's."""
     start = np.array(
         [
             *(cube.k1 for cube in CUBES.values()),

@@ -14,9 +14,9 @@ from teleop.studies.paper.trials import Damping, Outcome, as_rows
 RISE = 0.6
 """The paper's longest rise time [s]."""
 FACTOR = 2.0
-"""Largest ratio to the paper's at which a damping or a force error counts as near."""
+"""Largest ratio to the paper's value at which a damping or a force error agrees with it."""
 NEAR_DAMPING, NEAR_ERROR = 16, 22
-"""How many of the 27 cells of damping and of force error are expected to be near."""
+"""Number of the 27 cells of damping, and of force error, that are expected to agree."""
 
 
 class Claim(NamedTuple):
@@ -44,7 +44,7 @@ def check_claims(outcomes: Sequence[Outcome]) -> list[Claim]:
 
 
 def table_claims(rows: list[dict[str, Any]]) -> list[Claim]:
-    """How near the cells of the table come."""
+    """Check how closely the cells of Table I agree with the paper."""
     off = {
         f"{row['condition']} {row['cube']} {row['estimator']}": row["k"] / row["paper"]["k"] - 1.0
         for row in rows
@@ -140,7 +140,7 @@ def stiffness_claims(cell: dict[tuple[str, str, str], dict[str, Any]]) -> list[C
 
 
 def damping_claims(steps: list[Damping], outcomes: Sequence[Outcome]) -> list[Claim]:
-    """Whether damping is negative the paper's way, and right once its causes are removed."""
+    """Check that damping is negative as in the paper, and correct without the causes of bias."""
     positive = [
         f"{outcome.condition} {outcome.cube}: {step.rls:+.1f}"
         for outcome, step in zip(outcomes, steps, strict=True)

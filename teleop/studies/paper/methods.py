@@ -1,4 +1,4 @@
-"""Comparison of further estimators on the nine trials with the truth of the simulated cubes."""
+"""Comparison of further estimators on the nine trials with the true values of the cubes."""
 
 from __future__ import annotations
 
@@ -41,16 +41,17 @@ class Methods(NamedTuple):
     estimators: tuple[str, ...] = ()
     """Names of the estimators."""
     model: Model = KELVIN_VOIGT
-    """Model for the estimators that support any model."""
+    """Model for the estimators that support several models."""
 
 
 def compare_methods(trial: Trial, methods: Methods) -> dict[str, MethodResult]:
     """Run estimators on the measured position and force of a trial.
 
-    All have the paper's preset and the same signals, matched, with the force channel's lag made
-    up for and the position of the tip, without lost motion. The truth is the cube's damping, and
-    its stiffness against the displacement of each sample (the secant k1 + k3 x^2), which
-    Kelvin-Voigt has for its k; for a stiffening model it is the stiffness at the surface, k1.
+    All estimators have the paper's preset and process the same signals. The conditioning is matched
+    and compensates for the lag of the force channel. The position is that of the tip, so that there
+    is no lost motion. The true damping is that of the cube. The true stiffness of a Kelvin-Voigt
+    model is the secant k1 + k3 x^2 at each sample; that of a stiffening model is the stiffness at
+    the surface, k1.
     """
     settings, columns = trial.settings, trial.columns
     model = methods.model

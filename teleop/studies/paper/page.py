@@ -53,7 +53,7 @@ def method_cells(methods: Mapping[str, MethodResult]) -> list[list[str]]:
 
 
 def table_one(outcomes: Sequence[Outcome]) -> Iterator[tuple[str, list[dict[str, object]]]]:
-    """Yield the rows of Table I: the name, and cells with our number and the paper's."""
+    """Yield the rows of Table I: the name, and cells with the simulated value and the paper's."""
     by_trial = {(outcome.condition, outcome.cube): outcome for outcome in outcomes}
     for condition in CONDITIONS:
         for estimator in ESTIMATORS:

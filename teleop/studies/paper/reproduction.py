@@ -1,4 +1,4 @@
-"""The whole reproduction: trials, claims, analysis of variance, and the files with them."""
+"""Reproduce the paper: run the trials, check the claims, analyse the variance, write the files."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from teleop.studies.paper.trials import (
 from teleop.studies.workers import workers
 
 SLOW_FREQUENCIES = (0.1, 1.0)
-"""Frequencies of the trials to which lag and damping are fitted together [Hz]."""
+"""Frequencies of the additional trials from which lag and damping are estimated together [Hz]."""
 TABLE, PAGE = "table1.csv", "index.html"
 """Names of the files for table and page."""
 CAPTIONS = {
@@ -52,7 +52,7 @@ class Reproduction:
     outcomes: list[Outcome]
     """Results of the nine trials for every seed."""
     slow: list[SlowTrial]
-    """Lag and damping, fitted together to one trial per frequency."""
+    """Lag and damping, estimated together from one trial per frequency."""
     claims: list[Claim]
     """Claims of the paper, checked against the trials of the first seed."""
     study: dict[str, list[Effect]]

@@ -42,7 +42,7 @@ class Damping(NamedTuple):
     tip: float
     """Matched, with the position of the tip instead of the encoder's."""
     stiffening: float
-    """That, and with x^3 among the regressors."""
+    """With the position of the tip, and x^3 among the regressors."""
 
 
 class Outcome(NamedTuple):
@@ -103,7 +103,7 @@ def paper_trial(condition: str, cube: str, seed: int = 0) -> TrialSettings:
 
 
 def damping_steps(trial: Trial) -> Damping:
-    """The damping that the paper's way gives, and what is left as its errors are removed."""
+    """Return the damping estimated as in the paper, and with the causes of bias removed in turn."""
     settings, columns = trial.settings, trial.columns
     force, dt = columns["contact_force"], columns["dt"]
     encoder = MatchedSignals(columns["slave_position"], force, dt)
@@ -147,7 +147,9 @@ def palpate(trial: tuple[str, str, int], methods: Methods = NO_METHODS) -> Outco
 
 
 def lag_and_damping(frequency: float) -> SlowTrial:
-    """Fit lag and damping together to an autonomous trial on the medium cube, ramps left out.
+    """Estimate lag and damping together from an autonomous trial on the medium cube.
+
+    The ramps at the begin and end of the trial are not used.
 
     The position is that of the tip, so that there is no lost motion.
     """

@@ -21,16 +21,16 @@ from teleop.trial.settings import TrialSettings
 
 Answer = Literal["run", "skip", "repeat", "quit"]
 Ask = Callable[[PlannedTrial, str], tuple[Answer, str]]
-"""Asks a person what to do next; gets the trial and its prompt, returns the answer and a note."""
+"""Function that asks a person; called with trial and prompt, it returns the answer and a note."""
 Run = Callable[[TrialSettings, Path], Trial]
-"""Runs and records a trial."""
+"""Function that runs and records a trial."""
 INTERRUPTED = "interrupted"
 ATTEMPTS = 3
 """Attempts after which an unattended series ends with an error."""
 
 
 def unattended(trial: PlannedTrial, prompt: str) -> tuple[Answer, str]:
-    """Run every trial."""
+    """Answer that every trial is to be run, without asking a person."""
     return "run", ""
 
 
@@ -49,17 +49,17 @@ def open_journal(folder: Path, plan: Plan, trials: Sequence[PlannedTrial]) -> Jo
     Raises
     ------
     InputError
-        The folder has other files, or the series of another plan.
+        The folder contains other files, or a series of another plan.
     """
     journal = Journal(folder)
     document = plan.model_dump(mode="json")
     known = next((entry["plan"] for entry in journal.entries if entry["entry"] == "plan"), None)
     if known is None:
         if any(path.name not in (LOCK, NAME) for path in folder.iterdir()):
-            raise InputError(f"{folder}: expected an empty folder, or that of a series")
+            raise InputError(f"{folder}: expected an empty folder, or the folder of a series")
         journal.write("plan", plan=document, order=[trial.label for trial in trials])
     elif known != document:
-        raise InputError(f"{folder}: has the series of another plan: expected a new folder")
+        raise InputError(f"{folder}: contains a series of another plan: expected a new folder")
     return journal
 
 
@@ -85,20 +85,20 @@ def conduct(
     trials
         Its trials in their order.
     ask
-        Asks a person before each trial.
+        Function that asks a person before each trial.
     run
-        Runs and records a trial.
+        Function that runs and records a trial.
     report
-        Shows a line about the progress.
+        Function that shows one line of progress.
 
     Raises
     ------
     InputError
         A file cannot be written, or another series runs in the folder.
     KeyboardInterrupt
-        Without a person, a trial was interrupted.
+        A trial of an unattended series was interrupted.
     SafetyStop
-        Without a person, a trial was stopped for safety `ATTEMPTS` times.
+        A trial of an unattended series was stopped for safety `ATTEMPTS` times.
     """
     make_folder(folder / NAME)
     with locked(folder):
@@ -127,7 +127,7 @@ def conduct(
 
 
 def attempt(folder: Path, journal: Journal, trial: PlannedTrial, run: Run, note: str) -> str:
-    """Run a trial once; return why it is to be repeated, empty if it is not."""
+    """Run a trial once; return the reason to repeat it, empty for none."""
     number = journal.attempts(trial.number) + 1
     path = folder / "recordings" / f"{trial.number:03d}-{trial.label}-{number}.mcap"
     make_folder(path)
@@ -147,7 +147,7 @@ def attempt(folder: Path, journal: Journal, trial: PlannedTrial, run: Run, note:
 
 
 def spoilt(trial: Trial) -> str:
-    """Return why a trial has to be repeated; empty if it has not."""
+    """Return the reason to repeat a trial; empty for none."""
     if trial.fault:
         return f"stopped {time_text(trial.fault['time'])}: {trial.fault['text']}"
     if trial.interrupted:
@@ -164,7 +164,7 @@ def prompt_of(plan: Plan, trial: PlannedTrial, count: int) -> str:
 
 
 def counts(journal: Journal, trials: Sequence[PlannedTrial]) -> dict[str, Any]:
-    """Return how many trials are done, skipped, and not yet run."""
+    """Return the numbers of trials that are done, skipped, and not yet run."""
     last = [journal.last(trial.number) for trial in trials]
     done = sum(entry is not None and entry["entry"] == "done" for entry in last)
     skipped = sum(entry is not None and entry["entry"] == "skipped" for entry in last)

@@ -1,7 +1,7 @@
 """The journal of a series: a line for each trial that was started, done, spoilt or skipped.
 
-The journal is a text file of JSON lines that only grows, and each line is on the disk before the
-series continues. A series that was interrupted or killed is resumed from it.
+The journal is a text file of JSON lines. Lines are only appended, and each line is written to the
+disk before the series continues. A series that was interrupted or killed is resumed from it.
 """
 
 from __future__ import annotations
@@ -41,11 +41,11 @@ class Journal:
         Parameters
         ----------
         entry
-            What happened.
+            Kind of the entry.
         trial
             Number of the trial, from 1; 0 for the series.
         values
-            Values of JSON.
+            Further values of the entry, which JSON can represent.
 
         Raises
         ------
@@ -69,11 +69,11 @@ class Journal:
         return next(own, None)
 
     def attempts(self, trial: int) -> int:
-        """Return how often a trial was started."""
+        """Return the number of times that a trial was started."""
         return sum(e["trial"] == trial and e["entry"] == "started" for e in self.entries)
 
     def is_finished(self, trial: int) -> bool:
-        """Whether a trial is done or skipped, and is not to be repeated."""
+        """Return whether a trial is done or skipped."""
         last = self.last(trial)
         return last is not None and last["entry"] in ("done", "skipped")
 
@@ -85,7 +85,7 @@ class Journal:
                 yield last
 
     def _read(self) -> Iterator[dict[str, Any]]:
-        """Yield the entries; a last line that was cut off by the end of its writer is ignored."""
+        """Yield the entries; an incomplete last line, as after a crash, is ignored."""
         if not self.path.exists():
             return
         text = self.path.read_bytes()
@@ -102,7 +102,7 @@ class Journal:
 
 @contextlib.contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Keep other series out of a folder within the block.
+    """Lock a folder against other series within the block.
 
     Raises
     ------
@@ -118,5 +118,5 @@ def locked(folder: Path) -> Iterator[None]:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError as error:
-            raise InputError(f"{folder}: another series runs in this folder") from error
+            raise InputError(f"{folder}: another series is running in this folder") from error
         yield

@@ -9,7 +9,9 @@ OrderName = Literal["listed", "random", "latin-square"]
 
 
 def ordered(count: int, order: OrderName, seed: int, block: int) -> list[int]:
-    """Return the order of the cells of a block.
+    """Return the order of the cells of a block, as indices.
+
+    A cell is a combination of levels of the factors.
 
     Parameters
     ----------

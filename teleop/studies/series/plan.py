@@ -100,7 +100,7 @@ def read_plan(path: Path) -> Plan:
 
 
 def inconsistencies(plan: Plan) -> Iterator[str]:
-    """Yield what does not fit together in a plan."""
+    """Yield a message for each inconsistency of a plan."""
     for name in plan.blocks:
         if name not in plan.factors:
             yield f"blocks: {name!r}: expected one of the factors {', '.join(plan.factors)}"
@@ -164,7 +164,7 @@ def planned_trials(plan: Plan, folder: Path) -> list[PlannedTrial]:
 
 
 def document_of(plan: Plan, chosen: Mapping[str, str], number: int) -> dict[str, Any]:
-    """Return the settings of one trial as a document of a configuration file."""
+    """Return the settings of one trial as a dictionary, as read from a configuration file."""
     document = dict(plan.settings)
     for name, level in chosen.items():
         own = plan.levels.get(name, {}).get(level)
@@ -176,5 +176,5 @@ def document_of(plan: Plan, chosen: Mapping[str, str], number: int) -> dict[str,
 
 
 def lines(error: InputError) -> list[str]:
-    """Return the problems that an error names."""
+    """Return the problems that the message of an error lists, one per line."""
     return str(error).splitlines()

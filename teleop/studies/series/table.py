@@ -1,4 +1,4 @@
-"""The table of a series: a row for each trial and estimator, as CSV."""
+"""Write the table of a series as CSV, with a row for each trial and estimator."""
 
 from __future__ import annotations
 
@@ -48,7 +48,13 @@ def result_rows(trials: Sequence[PlannedTrial], journal: Journal) -> Iterator[di
 
 
 def write_results(folder: Path, trials: Sequence[PlannedTrial], journal: Journal) -> None:
-    """Write the table; InputError if it cannot be written."""
+    """Write the table of results to the folder of a series.
+
+    Raises
+    ------
+    InputError
+        The file cannot be written.
+    """
     rows = [*result_rows(trials, journal)]
     if not rows:
         return

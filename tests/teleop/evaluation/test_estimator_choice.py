@@ -115,7 +115,7 @@ def test_more_estimators_are_compared(capsys, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("option", "value", "told"),
+    ("option", "value", "expected"),
     [
         ("--estimators", "rls,magic", "estimator 'magic': expected all, or some of rls, ai, me"),
         ("--estimators", "rls,rls", "estimator 'rls' is given twice"),
@@ -124,12 +124,12 @@ def test_more_estimators_are_compared(capsys, tmp_path):
     ],
 )
 @pytest.mark.parametrize("command", ["run", "estimate"])
-def test_a_choice_that_is_none_is_one_line(capsys, tmp_path, command, option, value, told):
+def test_a_choice_that_is_none_is_one_line(capsys, tmp_path, command, option, value, expected):
     table = write_table(tmp_path / "sine.csv", 1.0, 20.0, 2100.0)
     arguments = [*RUN, "--no-record"] if command == "run" else ["estimate", str(table)]
     assert main([*arguments, option, value]) == 2
     error = capsys.readouterr().err
-    assert told in error
+    assert expected in error
     assert "Traceback" not in error
 
 
@@ -152,7 +152,7 @@ def test_recordings_of_one_body_agree(capsys, tmp_path):
     assert "one Kelvin-Voigt body is consistent with all 2 files; a difference of k by" in out
 
 
-def test_a_body_whose_damping_falls_with_frequency_is_told_from_a_kelvin_voigt_one(
+def test_a_body_whose_damping_falls_with_frequency_is_distinguished_from_a_kelvin_voigt_one(
     capsys, tmp_path
 ):
     files = [
@@ -172,10 +172,10 @@ def test_files_for_one_recording_are_refused_for_several(capsys, tmp_path):
     files = [str(write_table(tmp_path / f"{i}.csv", 1.0, 20.0, 2100.0)) for i in range(2)]
     for option in ("--out", "--plot"):
         assert main(["estimate", *files, option, str(tmp_path / "x.png")]) == 2
-        assert "take one recording" in capsys.readouterr().err
+        assert "--out and --plot need exactly one file" in capsys.readouterr().err
 
 
-def test_on_measured_tissue_the_best_beats_batch_and_the_set_is_told_apart(capsys):
+def test_on_measured_tissue_the_best_beats_batch_and_the_set_is_distinguished(capsys):
     files = sorted(MEASURED.glob("*.csv"))
     assert len(files) == 3
     document = run_json(capsys, "estimate", *files, "--estimators", "rls,observer,window")
@@ -191,7 +191,7 @@ def test_what_a_comparison_of_short_files_would_find_is_reported(capsys, tmp_pat
         lines = file.read_text().splitlines(keepends=True)
         file.write_text("".join(lines[:40]))
     assert main(["estimate", *map(str, files), "--estimators", "all"]) == 0
-    assert "would be found in 80 % of such tests" in " ".join(capsys.readouterr().out.split())
+    assert "is detected in 80 % of such tests" in " ".join(capsys.readouterr().out.split())
 
 
 def test_a_model_that_no_estimator_takes_is_refused_before_anything_moves(capsys, tmp_path):
@@ -204,7 +204,7 @@ def test_a_model_that_no_estimator_takes_is_refused_before_anything_moves(capsys
 def test_a_file_named_twice_is_refused(capsys, tmp_path):
     table = str(write_table(tmp_path / "sine.csv", 1.0, 20.0, 2100.0))
     assert main(["estimate", table, table]) == 2
-    assert "is named twice" in capsys.readouterr().err
+    assert "is given twice" in capsys.readouterr().err
 
 
 def test_of_several_files_the_bad_one_is_named(capsys, tmp_path):
@@ -217,7 +217,7 @@ def test_of_several_files_the_bad_one_is_named(capsys, tmp_path):
     assert f"{still}: nothing to estimate from" in capsys.readouterr().err
 
 
-def test_two_bodies_are_told_apart_however_unlike_the_noise(capsys, tmp_path):
+def test_two_bodies_are_distinguished_however_unlike_the_noise(capsys, tmp_path):
     files = [
         write_table(tmp_path / "quiet.csv", 1.0, 20.0, 2000.0),
         write_table(tmp_path / "loud.csv", 1.0, 20.0, 4000.0, noise=0.03),

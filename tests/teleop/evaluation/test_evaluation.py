@@ -110,7 +110,7 @@ def test_a_drift_does_not_hide_the_motion():
     assert dominant_frequency(drift, recording.dt) == pytest.approx(1.0, rel=0.1)
 
 
-def test_too_few_moving_samples_are_told():
+def test_too_few_moving_samples_are_reported():
     recording = Signals(*(channel[195:206] for channel in preloaded()[:4]), "Position")
     with pytest.raises(InputError, match="samples move: expected at least 10"):
         evaluate(recording, EstimateSettings())
@@ -137,7 +137,7 @@ def test_every_conditioning_finds_the_stiffness(conditioning):
         ({"f": np.zeros(2400)}, "the force is the same in every sample"),
     ],
 )
-def test_a_recording_that_shows_nothing_is_told(change, message):
+def test_a_recording_that_shows_nothing_is_reported(change, message):
     recording = preloaded()._replace(**change)
     with pytest.raises(InputError, match=message):
         evaluate(recording, EstimateSettings())
@@ -146,11 +146,11 @@ def test_a_recording_that_shows_nothing_is_told(change, message):
 @pytest.mark.parametrize(
     "datum", ["middle", "1mm", "1mm,2", "1mm,2N,3", "1N,2mm", "", "mm,N", "1..2mm,3N", "1e400mm,1N"]
 )
-def test_a_datum_that_cannot_be_read_is_told(datum):
+def test_a_datum_that_cannot_be_read_is_reported(datum):
     with pytest.raises(InputError, match="expected auto, contact, file, start, mean"):
         evaluate(preloaded(), EstimateSettings(datum=datum))
 
 
-def test_a_bandwidth_that_is_not_positive_is_told():
+def test_a_bandwidth_that_is_not_positive_is_reported():
     with pytest.raises(InputError, match="bandwidth must be positive"):
         evaluate(preloaded(), EstimateSettings(bandwidth=0.0))

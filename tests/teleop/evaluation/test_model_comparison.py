@@ -34,7 +34,7 @@ def test_an_honest_interval_covers_the_truth_19_times_out_of_20():
         assert row.k_error < 1e-3
 
 
-def test_a_reference_that_is_not_the_truth_is_not_covered_and_its_error_is_told():
+def test_a_reference_that_is_not_the_truth_is_not_covered_and_its_error_is_reported():
     row = compared(("rls",), palpation(), b=30.0, k=2000.0)["rls"]
     assert row.k_coverage == row.b_coverage == 0.0
     assert row.k_error == pytest.approx(0.05, rel=0.02)

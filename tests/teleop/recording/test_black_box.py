@@ -105,7 +105,7 @@ def test_the_report_of_a_run_without_motion_shows_only_the_stop(stopped, capsys)
     assert "not at rest at the start" in page
     assert page.count("<svg") == 1
     assert main(["estimate", str(path)]) == 2
-    assert "only 0 samples were given to the estimators" in capsys.readouterr().err
+    assert "the estimators received only 0 samples" in capsys.readouterr().err
 
 
 def test_the_report_shows_what_stopped_the_run(stopped, capsys):

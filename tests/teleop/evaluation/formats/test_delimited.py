@@ -112,7 +112,7 @@ def test_columns_can_be_named_and_given_a_unit(write):
         (GOOD.replace("1.5", "-inf"), "line 3: 'Position .mm.' is -inf, expected a finite"),
         (GOOD.replace("1.5", ""), "line 3: 'Position .mm.' is empty, expected a finite"),
         (GOOD.replace("0.01,1.5,150", "0.01,1.5"), "line 3: 2 cells, expected 3"),
-        (GOOD.replace("0.03", "0.005"), "line 4: time runs backwards, from 0.01 s to 0.005 s"),
+        (GOOD.replace("0.03", "0.005"), "line 4: time decreases, from 0.01 s to 0.005 s"),
         (GOOD.replace("0.03", "0.01"), "line 4: time repeats, from 0.01 s to 0.01 s"),
         (GOOD.rsplit("\n", 2)[0], "2 samples: expected at least 3"),
         (GOOD.partition("\n")[0], "0 samples: expected at least 3"),
@@ -126,7 +126,7 @@ def test_columns_can_be_named_and_given_a_unit(write):
         (GOOD.replace("1.5,", "1,5,"), "line 3: 4 cells, expected 3"),
     ],
 )
-def test_bad_content_is_told_in_one_line_with_its_place(write, text, message):
+def test_bad_content_is_reported_in_one_line_with_its_place(write, text, message):
     with pytest.raises(InputError, match=message) as caught:
         read_signals(write(text))
     assert "\n" not in str(caught.value)
@@ -138,7 +138,7 @@ def test_a_line_number_counts_blank_lines(write):
         read_signals(write(GOOD.replace("0.01,", "\n0.01,").replace("0.03", "0.01")))
 
 
-def test_a_missing_file_and_a_folder_are_told(tmp_path):
+def test_a_missing_file_and_a_folder_are_reported(tmp_path):
     with pytest.raises(InputError, match="nothing.csv: no such file"):
         read_signals(tmp_path / "nothing.csv")
     with pytest.raises(InputError, match="expected a file"):
@@ -162,11 +162,11 @@ def test_both_characters_for_micro_are_one_unit(write, mu):
     assert quantity(f"2{mu}m", "position") == pytest.approx(2e-6)
 
 
-def test_a_unit_that_contradicts_the_header_is_told(write):
+def test_a_unit_that_contradicts_the_header_is_reported(write):
     for position in ("Position=m", "Position [m]"):
-        with pytest.raises(InputError, match="'Position' is in 'mm' by the header, not in 'm'"):
+        with pytest.raises(InputError, match="is in 'mm' according to the header, not in 'm'"):
             read_signals(write(GOOD), position=position)
-    with pytest.raises(InputError, match="must be three columns"):
+    with pytest.raises(InputError, match="must be three different columns"):
         read_signals(write(GOOD.replace(" [gf]", "")), position="Force=mm", force="Force=N")
 
 
@@ -180,7 +180,7 @@ def test_a_unit_that_contradicts_the_header_is_told(write):
         (" " * 50_000 + "[" + GOOD, "data.csv"),
     ],
 )
-def test_hostile_content_is_told_at_once(write, text, message):
+def test_hostile_content_is_reported_at_once(write, text, message):
     with pytest.raises(InputError, match=message):
         read_signals(write(text))
 
@@ -200,7 +200,7 @@ def test_what_is_written_is_read_back_to_the_bit(tmp_path):
         assert np.array_equal(got, columns[name])
 
 
-def test_a_table_that_cannot_be_written_is_told(tmp_path):
+def test_a_table_that_cannot_be_written_is_reported(tmp_path):
     missing = tmp_path / "none" / "out.csv"
     with pytest.raises(InputError, match="no such file"), new_file(missing) as file:
         write_table(file, {}, {})

@@ -57,7 +57,7 @@ def test_text_in_a_file_that_ends_in_xls_is_read_as_text(tmp_path, motion):
     motion.same(read_signals(path))
 
 
-def test_a_missing_library_and_a_damaged_file_are_told_in_one_line(
+def test_a_missing_library_and_a_damaged_file_are_reported_in_one_line(
     tmp_path, motion, refused, without
 ):
     path = write(tmp_path / "data.xlsx", motion)

@@ -47,7 +47,7 @@ def test_a_table_of_fields_is_read(tmp_path, motion):
     motion.same(read_signals(path))
 
 
-def test_a_missing_library_and_a_damaged_file_are_told_in_one_line(
+def test_a_missing_library_and_a_damaged_file_are_reported_in_one_line(
     tmp_path, motion, refused, without
 ):
     path = tmp_path / "data.h5"

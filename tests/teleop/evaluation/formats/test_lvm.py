@@ -69,4 +69,4 @@ def test_a_bad_cell_is_named_with_its_line(write, motion):
 
 def test_a_file_without_segments_is_refused_in_one_line(write, refused):
     path = write(FILE_HEADER.format(decimal=".", columns="One"))
-    assert "data.lvm: no table of numbers" in refused("estimate", path)
+    assert "data.lvm: the file has no table of numbers" in refused("estimate", path)

@@ -42,7 +42,7 @@ def test_an_empty_cell_is_named(tmp_path, motion, refused):
     )
 
 
-def test_a_missing_library_and_a_damaged_file_are_told_in_one_line(
+def test_a_missing_library_and_a_damaged_file_are_reported_in_one_line(
     tmp_path, motion, refused, without
 ):
     path = write(tmp_path / "data.parquet", pyarrow.table({"time [s]": motion.t}))

@@ -51,7 +51,7 @@ def test_groups_are_blocks_and_dates_are_times(tmp_path, motion, refused):
     motion.same(read_signals(path, wanted=Wanted(block=2)))
 
 
-def test_a_missing_library_and_a_damaged_file_are_told_in_one_line(
+def test_a_missing_library_and_a_damaged_file_are_reported_in_one_line(
     tmp_path, motion, refused, without
 ):
     path = write(tmp_path / "data.tdms", ("Test", "Force", motion.f))

@@ -206,7 +206,7 @@ def test_repeated_times_are_left_out_and_reported(write):
     signals = read_signals(write("Time [s],Position [mm],Force [N]\n" + "".join(rows)))
     np.testing.assert_allclose(signals.x, X * 1e-3, rtol=1e-5)
     assert signals.notes == (
-        "1 of 41 samples left out, which repeat the time of the sample before",
+        "1 of 41 samples have the time of the previous sample and are left out",
     )
 
 

@@ -136,7 +136,7 @@ def test_a_folder_with_other_files_or_another_plan_is_refused(plan, tmp_path):
     read, trials = plan
     (tmp_path / "other").mkdir()
     (tmp_path / "other" / "file").write_text("")
-    with pytest.raises(InputError, match="expected an empty folder, or that of a series"):
+    with pytest.raises(InputError, match="expected an empty folder, or the folder of a series"):
         conduct(tmp_path / "other", read, trials)
     conduct(tmp_path / "out", read, trials, ask=Person())
     with pytest.raises(InputError, match="another plan"):
@@ -147,7 +147,10 @@ def test_a_folder_with_other_files_or_another_plan_is_refused(plan, tmp_path):
 def test_two_series_in_one_folder_are_refused(plan, tmp_path):
     folder = tmp_path / "out"
     folder.mkdir()
-    with locked(folder), pytest.raises(InputError, match="another series runs in this folder"):
+    with (
+        locked(folder),
+        pytest.raises(InputError, match="another series is running in this folder"),
+    ):
         conduct(folder, *plan)
 
 
@@ -173,7 +176,7 @@ def test_a_series_that_is_killed_again_and_again_completes_and_loses_nothing(pla
     assert [row["cube"] for row in rows(tmp_path / "out")] == ["soft", "medium", "hard"]
 
 
-def test_the_command_asks_where_it_is_told_to(tmp_path, monkeypatch, capsys):
+def test_the_command_asks_before_each_trial_if_the_options_say_so(tmp_path, monkeypatch, capsys):
     (tmp_path / "plan.toml").write_text(PLAN)
     monkeypatch.chdir(tmp_path)
     answers = iter(["x\n", "\n", "s too soft\n", ""])

@@ -1,0 +1,161 @@
+"""Fit of one candidate model of the contact, with its stiffness (see `local_stiffness`)."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimation.compiled import Floats
+from estimation.robust_error import robust_fit
+from teleop.evaluation.contact_rows import Rows
+
+BAND = 0.08
+"""Distance from half of the force range within which samples are used, relative to the range."""
+HALF_FORCE = 0.002
+"""Standard deviation of half of the force range, relative to the range."""
+FINEST = 0.001
+"""Standard deviation of k due to the smoothing and the grid, relative to k."""
+
+
+class Candidate(NamedTuple):
+    """One fitted model of the record."""
+
+    degree: int
+    """Degree of the polynomial P."""
+    times: tuple[float, ...]
+    """Time constants of the relaxing parts [s]."""
+    bic: float
+    """Bayesian information criterion."""
+    k: float
+    """Stiffness [N/m]."""
+    k_std: float
+    """Standard deviation of k [N/m]."""
+    b: float
+    """Damping [N s/m]."""
+    b_std: float
+    """Standard deviation of b [N s/m]."""
+    rms: float
+    """Root mean square of the residual [N]."""
+    position: float
+    """Position at which the stiffness is taken [m]."""
+    force: float
+    """Half of the force range [N]."""
+    theta: Floats
+    """Parameters: baseline, b, powers of the normalised position, relaxing parts."""
+
+
+def evaluate(
+    rows: Rows, degree: int, times: tuple[float, ...], relaxing: list[Floats]
+) -> Candidate:
+    """Fit a candidate, and compute its stiffness at half of the force range.
+
+    Parameters
+    ----------
+    rows
+        Samples of the fit.
+    degree
+        Degree of the polynomial.
+    times
+        Time constants of the relaxing parts [s].
+    relaxing
+        The relaxing parts, one array of shape (n,) for each time constant.
+    """
+    fit = robust_fit(rows.regressors(degree, relaxing), rows.f)
+    theta, first = fit.theta, rows.v_column + 1
+    n, m = len(rows.f), len(theta)
+    index = rows.fine
+    sharp_x, sharp_v = rows.sharp_x, rows.sharp_v
+    v = sharp_v[index]
+    powers = np.arange(1, degree + 1)
+    coefficients = theta[first : first + degree]
+    without = rows.normalised(sharp_x[index])[:, None] ** powers @ coefficients
+    for c, z in zip(theta[first + degree :], relaxing, strict=True):
+        without = without + c * z[index]
+    constant = float(theta[0])
+    low, high = float(without.min()), float(without.max())
+    if rows.phases.free_force is not None:
+        low = min(rows.phases.free_force - constant, high)
+    force = 0.5 * (low + high)
+    moving = v > 0.1 * np.percentile(np.abs(v), 95)
+    if moving.sum() < 4:
+        moving = np.abs(v) > 0.0
+    near = np.flatnonzero(moving & (np.abs(without - force) < BAND * (high - low)))
+    if len(near) < 6:
+        order = np.argsort(np.where(moving, np.abs(without - force), np.inf))
+        near = np.sort(order[: min(6, int(moving.sum()))])
+    x = sharp_x[index][near]
+    position = middle_position(x, without[near], force)
+    gradient = np.zeros(m)
+    s = (position - rows.origin) / rows.scale
+    gradient[first : first + degree] = powers * s ** (powers - 1) / rows.scale
+    breaks = np.diff(index[near], prepend=index[near[0]]) > 1
+    pass_of = np.cumsum(breaks, dtype=np.int_)
+    along = gradient.copy()
+    at = index[near[int(np.argmin(np.abs(without[near] - force)))]]
+    at = min(max(int(at), 1), len(sharp_x) - 2)
+    for j, z in enumerate(relaxing):
+        gradient[first + degree + j] = loading_slope(x, v[near], z[index][near], pass_of)
+        step = sharp_x[at + 1] - sharp_x[at - 1]
+        along[first + degree + j] = (z[at + 1] - z[at - 1]) / step if step else 0.0
+    path_doubt = abs(float((along - gradient) @ theta)) / 1.5
+    damping = np.zeros(m)
+    damping[rows.v_column] = 1.0
+    squares = float(np.mean(fit.residual**2))
+    bic = n * math.log(max(squares, 1e-300)) + (m + len(times)) * math.log(n)
+    curvature = float(coefficients[1:] @ (powers[1:] * (powers[1:] - 1) * s ** (powers[1:] - 2)))
+    k = float(gradient @ theta)
+    range_doubt = (
+        math.hypot(HALF_FORCE * (high - low), 0.3 * rows.peak_spread(without))
+        * curvature
+        / rows.scale**2
+        / (k or 1e-300)
+    )
+    return Candidate(
+        degree,
+        times,
+        bic,
+        k,
+        math.hypot(fit.deviation(gradient), range_doubt, path_doubt, FINEST * k),
+        float(theta[rows.v_column]),
+        fit.deviation(damping),
+        math.sqrt(squares),
+        position,
+        force + constant,
+        theta,
+    )
+
+
+def middle_position(x: Floats, f: Floats, force: float) -> float:
+    """Fit a parabola to position over force, and return the position at `force` [m]."""
+    if np.ptp(f) == 0.0 or len(x) < 4:
+        return float(x.mean())
+    size = float(np.max(np.abs(f - force)))
+    powers = ((f - force) / size)[:, None] ** np.arange(3)
+    position = np.linalg.lstsq(powers, x - x.mean(), rcond=1e-8)[0][0] + x.mean()
+    return float(np.clip(position, x.min(), x.max()))
+
+
+def loading_slope(x: Floats, v: Floats, z: Floats, pass_of: NDArray[np.int_]) -> float:
+    """Return the slope of z over x within passes, without the part that is proportional to v.
+
+    Parameters
+    ----------
+    x, v, z
+        Position [m], velocity [m/s] and a relaxing part, each of shape (n,).
+    pass_of
+        Number of the pass through half of the force range that each sample is in, shape (n,).
+    """
+    spread = float(np.std(v) / np.mean(np.abs(v)))
+    x, v, z = (values - pass_means(values, pass_of) for values in (x, v, z))
+    columns = [x]
+    if len(x) > 8 and spread > 0.02:
+        columns.append(v)
+    return float(np.linalg.lstsq(np.column_stack(columns), z, rcond=1e-6)[0][0])
+
+
+def pass_means(values: Floats, pass_of: NDArray[np.int_]) -> Floats:
+    """Replace each value by the mean over its pass, shape (n,)."""
+    return np.asarray((np.bincount(pass_of, values) / np.bincount(pass_of))[pass_of])
