@@ -19,6 +19,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from scipy.fft import dct
 from scipy.special import stdtrit
 
 from estimation.compiled import Floats
@@ -51,9 +52,7 @@ class RobustFit(NamedTuple):
         terms = (gradient @ self.inverse) * self.residual
         terms = terms - terms.mean()
         count = cosine_count(n - m)
-        j = np.arange(1, count + 1)
-        time = np.pi * (np.arange(n) + 0.5) / n
-        sums = np.cos(np.outer(j, time)) @ terms * math.sqrt(2.0)
+        sums = dct(terms)[1 : count + 1] / math.sqrt(2.0)
         freedom = n / max(n - m, 1)
         quantile = float(stdtrit(count, 0.975)) / LEVEL_95
         ewc = float(np.mean(sums**2))
@@ -78,6 +77,7 @@ def robust_fit(regressors: Floats, f: Floats) -> RobustFit:
     """
     scale = np.sqrt(np.mean(regressors**2, axis=0))
     scale[scale == 0.0] = 1.0
-    inverse = np.linalg.pinv(regressors / scale, rcond=1e-10) / scale[:, None]
+    Q, R = np.linalg.qr(regressors / scale)
+    inverse = np.linalg.pinv(R, rcond=1e-10) @ Q.T / scale[:, None]
     theta = inverse @ f
     return RobustFit(theta, f - regressors @ theta, inverse)

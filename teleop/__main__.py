@@ -6,9 +6,14 @@ from __future__ import annotations
 def main() -> int:
     """Run the command line and return its exit code; Ctrl-C ends it without a traceback.
 
-    After the command has ended, Ctrl-C is ignored, so that the exit code does not change.
+    After the command has ended, Ctrl-C is ignored, so that the exit code does not change. Linear
+    algebra runs in one thread unless the environment states another number: the matrices are
+    small, and on a busy machine more threads take several times the processor time.
     """
+    import os
     import signal
+
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
 
     try:
         from teleop.cli import main as command_line

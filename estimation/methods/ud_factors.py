@@ -169,20 +169,27 @@ def add(state: FactoredState, weight: float, columns: int) -> None:
         part = left * value
         now = former + part * value
         D[j] = now
-        part /= now
-        left *= former / now
-        for i in below[j]:
-            y[i] -= value * column[i]
-            column[i] += part * y[i]
+        if j > 0:
+            part /= now
+            left *= former / now
+            for i in below[j]:
+                y[i] -= value * column[i]
+                column[i] += part * y[i]
 
 
 def add_variance(state: FactoredState, i: int, weight: float) -> None:
-    """Set P_ii <- P_ii + weight."""
-    y = state.y
-    for j in below[i]:
-        y[j] = 0.0
-    y[i] = 1.0
-    add(state, weight, i + 1)
+    """Set P_ii <- P_ii + weight: column i as in `add` with the unit vector y, then the others."""
+    D = state.D
+    former = D[i]
+    now = former + weight
+    D[i] = now
+    if i > 0:
+        column, y = state.U[i], state.y
+        part = weight / now
+        for j in below[i]:
+            y[j] = -column[j]
+            column[j] += part * y[j]
+        add(state, weight * (former / now), i)
 
 
 def correct_with_gain(

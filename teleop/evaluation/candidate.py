@@ -66,12 +66,10 @@ def evaluate(
     fit = robust_fit(rows.regressors(degree, relaxing), rows.f)
     theta, first = fit.theta, rows.v_column + 1
     n, m = len(rows.f), len(theta)
-    index = rows.fine
-    sharp_x, sharp_v = rows.sharp_x, rows.sharp_v
-    v = sharp_v[index]
+    index, sharp_x = rows.fine, rows.sharp_x
     powers = np.arange(1, degree + 1)
     coefficients = theta[first : first + degree]
-    without = rows.normalised(sharp_x[index])[:, None] ** powers @ coefficients
+    without = rows.fine_powers[:, :degree] @ coefficients
     for c, z in zip(theta[first + degree :], relaxing, strict=True):
         without = without + c * z[index]
     constant = float(theta[0])
@@ -79,14 +77,12 @@ def evaluate(
     if rows.phases.free_force is not None:
         low = min(rows.phases.free_force - constant, high)
     force = 0.5 * (low + high)
-    moving = v > 0.1 * np.percentile(np.abs(v), 95)
-    if moving.sum() < 4:
-        moving = np.abs(v) > 0.0
-    near = np.flatnonzero(moving & (np.abs(without - force) < BAND * (high - low)))
+    distance = np.abs(without - force)
+    near = np.flatnonzero(rows.loading & (distance < BAND * (high - low)))
     if len(near) < 6:
-        order = np.argsort(np.where(moving, np.abs(without - force), np.inf))
-        near = np.sort(order[: min(6, int(moving.sum()))])
-    x = sharp_x[index][near]
+        order = np.argsort(np.where(rows.loading, distance, np.inf))
+        near = np.sort(order[: min(6, int(rows.loading.sum()))])
+    x, v = rows.fine_x[near], rows.fine_v[near]
     position = middle_position(x, without[near], force)
     gradient = np.zeros(m)
     s = (position - rows.origin) / rows.scale
@@ -94,10 +90,10 @@ def evaluate(
     breaks = np.diff(index[near], prepend=index[near[0]]) > 1
     pass_of = np.cumsum(breaks, dtype=np.int_)
     along = gradient.copy()
-    at = index[near[int(np.argmin(np.abs(without[near] - force)))]]
+    at = index[near[int(np.argmin(distance[near]))]]
     at = min(max(int(at), 1), len(sharp_x) - 2)
     for j, z in enumerate(relaxing):
-        gradient[first + degree + j] = loading_slope(x, v[near], z[index][near], pass_of)
+        gradient[first + degree + j] = loading_slope(x, v, z[index[near]], pass_of)
         step = sharp_x[at + 1] - sharp_x[at - 1]
         along[first + degree + j] = (z[at + 1] - z[at - 1]) / step if step else 0.0
     path_doubt = abs(float((along - gradient) @ theta)) / 1.5

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -49,6 +51,8 @@ class Rows:
         self.sharp_x, self.sharp_v = record.sharpened(record.x), record.sharpened(record.v)
         self.fine = np.flatnonzero(phases.usable)
         self.contacts = np.flatnonzero(np.diff(self.fine, prepend=-2) > 1)
+        self.fine_x, self.fine_v = self.sharp_x[self.fine], self.sharp_v[self.fine]
+        self.fine_powers = self.normalised(self.fine_x)[:, None] ** np.arange(1, DEGREES[-1] + 1)
 
     def normalised(self, x: Floats) -> Floats:
         """Scale positions [m] so that the contact ranges from -1 to 1."""
@@ -100,6 +104,12 @@ class Rows:
         parts = [self.basis, record.v[rows, None], np.column_stack(self.powers[:degree])]
         parts += [z[rows, None] for z in relaxing]
         return np.concatenate(parts, axis=1)
+
+    @cached_property
+    def loading(self) -> NDArray[np.bool_]:
+        """Whether the tip moves inwards, for each of the usable samples."""
+        moving = self.fine_v > 0.1 * np.percentile(np.abs(self.fine_v), 95)
+        return moving if moving.sum() >= 4 else np.abs(self.fine_v) > 0.0
 
     @property
     def v_column(self) -> int:
