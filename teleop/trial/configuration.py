@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import ast
-import inspect
 import textwrap
 import tomllib
 from collections.abc import Mapping
-from dataclasses import fields, is_dataclass
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -94,61 +92,54 @@ def write_configuration(settings: TrialSettings) -> str:
     document = to_document(settings)
     if MODELS.get(settings.model.name) == settings.model:
         document["model"] = settings.model.name
-    descriptions = attribute_docstrings(TrialSettings)
+    schema = configuration_schema()
     file = tomlkit.document()
     file.add(tomlkit.comment("Configuration of a trial: teleop run --config FILE"))
     file.add(tomlkit.comment("Quantities are in SI units. A key that is left out has its default."))
-    names = [field.name for field in fields(TrialSettings)]
-    is_table = {name: isinstance(document[NAMES.get(name, name)], Mapping) for name in names}
-    for name in sorted(names, key=is_table.__getitem__):  # TOML has its tables last
-        key = NAMES.get(name, name)
+    names = {NAMES.get(field.name, field.name): field.name for field in fields(TrialSettings)}
+    is_table = {key: isinstance(document[key], Mapping) for key in names}
+    for key in sorted(names, key=is_table.__getitem__):  # TOML has its tables last
         file.add(tomlkit.nl())
-        for line in textwrap.wrap(descriptions.get(name, ""), 88):
+        for line in textwrap.wrap(schema["properties"][key]["description"], 88):
             file.add(tomlkit.comment(line))
         if document[key] is None:
             file.add(tomlkit.comment(f"{key} ="))
-        elif is_table[name]:
-            file.add(key, table(document[key], getattr(settings, name)))
+        elif is_table[key]:
+            kind = type(getattr(settings, names[key])).__name__
+            file.add(key, table(document[key], schema["$defs"].get(kind, {}).get("properties", {})))
         else:
             file.add(key, document[key])
     return tomlkit.dumps(file)
 
 
-def table(values: Mapping[str, Any], part: object) -> Table:
-    """Return a table of TOML with a comment for each value that has a description."""
+def table(values: Mapping[str, Any], properties: Mapping[str, Any]) -> Table:
+    """Return a table of TOML with a comment for each value that has a description.
+
+    Parameters
+    ----------
+    values
+        Values by key; None is left out.
+    properties
+        Properties of the table in the JSON schema, by key.
+    """
     found = tomlkit.table()
-    descriptions = attribute_docstrings(type(part)) if is_dataclass(part) else {}
     for key, value in values.items():
         if value is None:
             continue
         found.add(key, value)
-        if key in descriptions:
-            found[key].comment(descriptions[key].rstrip("."))
-    return found
-
-
-def attribute_docstrings(kind: type) -> dict[str, str]:
-    """Return the docstring of each attribute of a class, on one line."""
-    (definition,) = ast.parse(textwrap.dedent(inspect.getsource(kind))).body
-    assert isinstance(definition, ast.ClassDef)
-    found = {}
-    for name, text in zip(definition.body, definition.body[1:], strict=False):
-        if isinstance(name, ast.AnnAssign) and isinstance(text, ast.Expr):
-            assert isinstance(name.target, ast.Name)
-            found[name.target.id] = " ".join(ast.literal_eval(text.value).split())
+        if description := properties.get(key, {}).get("description"):
+            found[key].comment(" ".join(description.split()).rstrip("."))
     return found
 
 
 def configuration_schema() -> dict[str, Any]:
     """Return the JSON schema of configuration files, with which editors complete them."""
     schema = adapter().json_schema()
-    named: dict[str, list[dict[str, Any]]] = {
+    properties = schema["properties"]
+    for key, given in {
         "rig": [{"type": "string"}, {"type": "object"}],
-        "tare": [{"type": "string"}, schema["properties"]["tare"]],
-        "model": [{"enum": list(MODELS)}, schema["properties"]["model"]],
-    }
-    properties = {}
-    for name, description in attribute_docstrings(TrialSettings).items():
-        values = {"anyOf": named[name]} if name in named else schema["properties"][name]
-        properties[NAMES.get(name, name)] = {**values, "description": description}
-    return {**schema, "title": "Configuration of a trial", "properties": properties}
+        "tare": [{"type": "string"}, {"$ref": "#/$defs/Tare"}],
+        "model": [{"enum": list(MODELS)}, {"$ref": "#/$defs/Model"}],
+    }.items():
+        properties[key] = {"anyOf": given, "description": properties[key]["description"]}
+    return {**schema, "title": "Configuration of a trial"}
