@@ -32,8 +32,8 @@ def emulate(
     """Emulate the devices of a rig, connected to the simulated plant, until stopped.
 
     Serial ports and slcan adapters become pseudo-terminals; a SocketCAN bus must exist. Then run
-    in another terminal: `teleop run --rig run.toml --condition CONDITION`. The plant is reset to
-    its start a little more than one second after the drives were disabled.
+    in another terminal the command that it prints. The plant is reset to its start a little more
+    than one second after the drives were disabled.
 
     Example: `teleop rig emulate rigs/serial-board.toml --condition mimic --cube hard`
 
@@ -95,7 +95,9 @@ def emulate(
             if json:
                 console.print_json({"rig": rig.sections.name, "file": str(out), "ports": ports})
             else:
-                rig_tables.print_emulation(rig.sections.name, ports, out, condition, cube)
+                rig_tables.print_emulation(
+                    rig.sections.name, ports, out, condition, cube, settings.setup.depth
+                )
             real_time.start()
             emulator.serve(stopped)
     finally:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import os
 import time
 from collections.abc import Callable, Iterable
+from typing import NamedTuple
 
 from teleop.live.terminal import Terminal
 
@@ -15,8 +17,14 @@ SHOWN = 4
 STDERR = 2
 """File descriptor of standard error."""
 
-Estimates = Iterable[tuple[str, float, float]]
-"""Name, b [N s/m] and k [N/m] of each estimator."""
+
+class Status(NamedTuple):
+    """What the progress line shows besides the time."""
+
+    mode: str
+    """Mode of the safety supervisor."""
+    estimates: Iterable[tuple[str, float, float]]
+    """Name, b [N s/m] and k [N/m] of each estimator."""
 
 
 class Progress:
@@ -43,23 +51,25 @@ class Progress:
         if shown and instructions:
             self.report(f"teleop: {instructions}")
 
-    def show(self, t: float, estimates: Callable[[], Estimates]) -> None:
+    def show(self, t: float, status: Callable[[], Status]) -> None:
         """Update the line if `REDRAW` has passed since the last update.
 
         Parameters
         ----------
         t
-            Time of the trial [s].
-        estimates
-            Returns the present estimates; called only if the line is updated.
+            Time of the trial [s]; negative before the drives may be armed.
+        status
+            Returns what the line shows; called only if the line is updated.
         """
         now = time.monotonic()
-        if not self._shown or now < self._due or t < 0.0:
+        if not self._shown or now < self._due:
             return
         self._due = now + REDRAW
-        texts = [f"  {name} {k:6.0f} {b:+5.0f}" for name, b, k in estimates()]
-        progress = f"{self._hint}{t:4.1f} of {self._duration:g} s"
-        self._draw(f"{progress}  k [N/m], b [N s/m]:{''.join(texts[:SHOWN])}")
+        mode, estimates = status()
+        texts = [f"  {name} {k:6.0f} {b:+5.0f}" for name, b, k in estimates if not math.isnan(k)]
+        shown = f"  k [N/m], b [N s/m]:{''.join(texts[:SHOWN])}" if texts else ""
+        progress = f"{self._hint}{mode}  {max(t, 0.0):4.1f} of {self._duration:g} s"
+        self._draw(f"{progress}{shown}")
 
     def report(self, text: str) -> None:
         """Write a message that stays on the terminal."""

@@ -119,14 +119,29 @@ def print_ports(ports: Sequence[Port]) -> None:
 
 
 def print_emulation(
-    name: str, ports: Mapping[str, str], out: Path, condition: str, cube: str
+    name: str, ports: Mapping[str, str], out: Path, condition: str, cube: str, depth: float
 ) -> None:
-    """Print the ports of the emulated devices and the command to run against them."""
+    """Print the ports of the emulated devices and the command to run against them.
+
+    Parameters
+    ----------
+    name
+        Name of the rig.
+    ports
+        Ports by the name of their bus.
+    out
+        Rig file for runs against the emulator.
+    condition, cube, depth
+        Condition, cube and depth [m] of the emulated palpation.
+    """
     console = plain_console()
     console.print(f"{name}: emulated, {cube} cube, Ctrl-C ends it")
     for bus, port in ports.items():
         console.print(f"  {bus}: {port}")
-    console.print(f"  run against it: teleop run --rig {out} --condition {condition} --cube {cube}")
+    console.print(
+        f"  run against it: teleop run --rig {out} --condition {condition} "
+        f"--specimen {cube} --depth {depth * 1e3:g}mm"
+    )
 
 
 def print_lag(summary: Mapping[str, Any]) -> None:
@@ -162,9 +177,10 @@ def print_lag(summary: Mapping[str, Any]) -> None:
 def print_tare(tare: Tare, noise: float, path: Path, rig: Path | None) -> None:
     """Print the zeros of a rig, and the command that applies them."""
     on_rig = f"--rig {rig} " if rig else ""
+    needed = " --specimen NAME --depth DEPTH" if rig else ""
     plain_console().print(
         f"master force zero {tare.master_force:+.4f} N\n"
         f"contact force zero {tare.contact_force:+.4f} N, noise {noise:.3f} N rms\n"
         f"contact datum {tare.slave_position * 1e3:+.4f} mm\n"
-        f"stored in {path}, {tare.date}; apply it with: teleop run {on_rig}--tare {path}"
+        f"stored in {path}, {tare.date}; apply it with: teleop run {on_rig}--tare {path}{needed}"
     )

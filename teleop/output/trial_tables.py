@@ -22,7 +22,7 @@ def print_trial(summary: Mapping[str, Any]) -> None:
     if summary["estimates"]:
         print_estimates(
             summary["estimates"],
-            f"{summary['condition']}, {palpated(summary)}, {summary['duration_s']:g} s",
+            f"{summary['condition']}, {summary['specimen']}, {summary['duration_s']:g} s",
         )
     if summary["truth"]:
         print_truth(console, summary["truth"])
@@ -65,12 +65,6 @@ def print_incomplete(console: Console, recording: Mapping[str, Any]) -> None:
             )
         else:
             console.print("  the tables above are computed from the last seconds, kept in memory")
-
-
-def palpated(summary: Mapping[str, Any]) -> str:
-    """What a trial was on."""
-    simulated = summary["rig"] == "simulated"
-    return f"{summary['cube']} cube" if simulated else str(summary["rig"])
 
 
 def print_truth(console: Console, truth: Mapping[str, Any]) -> None:

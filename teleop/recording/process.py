@@ -15,14 +15,16 @@ import os
 import struct
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 from teleop.errors import reason
-from teleop.live.progress import Estimates, Progress
+from teleop.live.progress import Progress, Status
 from teleop.recording.cdr import CDR, TIME
 from teleop.recording.frames import BEGIN, END, EVENT, FRAME, HEAD, NUMBER, TICK
 from teleop.recording.mcap_writer import McapFile
+from teleop.safety.events import Mode
 
 CHECK = 1.0
 """Time between two checks that the file is still at its path [s]."""
@@ -35,6 +37,7 @@ FLUSH = 0.05
 """Time between two flushes of the file [s]."""
 BULK = 1 << 16
 """Largest number of bytes that are read from the pipe at a time."""
+DOUBLE = struct.Struct("<d")
 PAIR = struct.Struct("<2d")
 """Struct with b and k of an estimator in the message of a tick."""
 
@@ -91,6 +94,7 @@ class FrameReader:
         self._places = [
             (name, len(CDR) + 8 * columns.index(f"{name}_b")) for name in session["estimators"]
         ]
+        self._mode = len(CDR) + 8 * columns.index("mode")
         self._last = b""
         self._rest = b""
 
@@ -111,7 +115,7 @@ class FrameReader:
                 if self._file:
                     self._file.tick(frame, t)
                 self._last = frame
-                self._progress.show(t, self._estimates)
+                self._progress.show(t, self._status)
             elif self._file and kind == EVENT:
                 self._file.event(json.loads(frame))
             elif self._file and kind == BEGIN:
@@ -120,7 +124,11 @@ class FrameReader:
                 self._file.end(*NUMBER.unpack(frame))
         self._rest = data[place:]
 
-    def _estimates(self) -> Estimates:
+    def _status(self) -> Status:
+        mode = Mode(int(DOUBLE.unpack_from(self._last, self._mode)[0]))
+        return Status(mode.name.lower(), self._estimates())
+
+    def _estimates(self) -> Iterator[tuple[str, float, float]]:
         for name, place in self._places:
             b, k = PAIR.unpack_from(self._last, place)
             yield name, b, k

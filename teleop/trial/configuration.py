@@ -43,7 +43,10 @@ def read_configuration(path: Path) -> TrialSettings:
     recorded = path.suffix.lower() == RECORDING
     document = load(path).settings if recorded else read_toml(path)
     try:
-        return from_document(document) if recorded else settings_from(document, path.parent)
+        settings = from_document(document) if recorded else settings_from(document, path.parent)
+        if settings.rig and settings.custom_limits:
+            raise InputError("custom_limits: not with a rig of devices: expected tightened_limits")
+        return settings
     except InputError as error:
         lines = str(error).splitlines()
         raise InputError("\n".join(f"{path}: {line}" for line in lines)) from error
@@ -74,8 +77,11 @@ def settings_from(document: Mapping[str, Any], folder: Path) -> TrialSettings:
     InputError
         A setting is unknown or not as expected, or a file that it names cannot be read.
     """
-    if derived := [key for key in DERIVED if key in document]:
-        raise InputError("\n".join(f"{key}: unknown setting" for key in derived))
+    problems = [f"{key}: unknown setting{hint}" for key, hint in DERIVED.items() if key in document]
+    if "rig" in document and "cube" in document:
+        problems.append("cube: belongs to the simulated rig: expected specimen and depth_m")
+    if problems:
+        raise InputError("\n".join(problems))
     named = dict(document)
     if isinstance(named.get("rig"), str):
         named["rig"] = load_rig_file(folder / named["rig"])
@@ -89,7 +95,7 @@ def settings_from(document: Mapping[str, Any], folder: Path) -> TrialSettings:
 
 def write_configuration(settings: TrialSettings) -> str:
     """Return the text of a configuration file that gives these settings again, with comments."""
-    document = to_document(settings)
+    document = without_none(to_document(settings))
     if MODELS.get(settings.model.name) == settings.model:
         document["model"] = settings.model.name
     schema = configuration_schema()
@@ -97,12 +103,12 @@ def write_configuration(settings: TrialSettings) -> str:
     file.add(tomlkit.comment("Configuration of a trial: teleop run --config FILE"))
     file.add(tomlkit.comment("Quantities are in SI units. A key that is left out has its default."))
     names = {NAMES.get(field.name, field.name): field.name for field in fields(TrialSettings)}
-    is_table = {key: isinstance(document[key], Mapping) for key in names}
+    is_table = {key: isinstance(document.get(key), Mapping) for key in names}
     for key in sorted(names, key=is_table.__getitem__):  # TOML has its tables last
         file.add(tomlkit.nl())
         for line in textwrap.wrap(schema["properties"][key]["description"], 88):
             file.add(tomlkit.comment(line))
-        if document[key] is None:
+        if document.get(key) is None:
             file.add(tomlkit.comment(f"{key} ="))
         elif is_table[key]:
             kind = type(getattr(settings, names[key])).__name__
@@ -112,20 +118,27 @@ def write_configuration(settings: TrialSettings) -> str:
     return tomlkit.dumps(file)
 
 
+def without_none(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a mapping without the keys whose value is None, which TOML does not have."""
+    return {
+        key: without_none(value) if isinstance(value, Mapping) else value
+        for key, value in values.items()
+        if value is not None
+    }
+
+
 def table(values: Mapping[str, Any], properties: Mapping[str, Any]) -> Table:
     """Return a table of TOML with a comment for each value that has a description.
 
     Parameters
     ----------
     values
-        Values by key; None is left out.
+        Values by key.
     properties
         Properties of the table in the JSON schema, by key.
     """
     found = tomlkit.table()
     for key, value in values.items():
-        if value is None:
-            continue
         found.add(key, value)
         if description := properties.get(key, {}).get("description"):
             found[key].comment(" ".join(description.split()).rstrip("."))

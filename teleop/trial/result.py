@@ -83,7 +83,10 @@ class Trial:
         whole = self.recording
         return {
             "condition": settings.condition,
-            "cube": settings.cube,
+            "cube": None if settings.rig else settings.cube,
+            "specimen": settings.palpated,
+            "operator": settings.operator,
+            "notes": settings.notes,
             "rig": settings.rig_name,
             "estimated_channels": list(estimated_channels(settings)),
             "duration_s": settings.duration,

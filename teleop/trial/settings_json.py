@@ -14,6 +14,7 @@ from pydantic_core import to_jsonable_python
 
 from drivers.rig_file import RigFile, RigFileError, as_phrase, parse_rig_file
 from estimation import Axis, Grid, Model, Preset
+from estimation.own_settings import OwnSettings
 from sim_backend import Cube, Sensors, Setup, Transmission
 from teleop.control.admittance import AdmittanceParameters
 from teleop.control.coupling import Coupling
@@ -21,6 +22,7 @@ from teleop.control.excitation_signals import Chirp, Multisine, Sine
 from teleop.control.tare import Tare
 from teleop.errors import InputError
 from teleop.safety import ChannelLimits, Limits
+from teleop.safety.tightened_limits import TightenedLimits
 from teleop.trial.settings import TrialSettings
 
 NAMES = {
@@ -32,8 +34,13 @@ NAMES = {
     "preset": "custom_preset",
 }
 """Names in the document that differ from those of the settings."""
-DERIVED = ("preset", "encoder_resolution_m", "limits", "setup")
-"""Values in the document that follow from the settings."""
+DERIVED = {
+    "preset": ": expected estimator_parameters or custom_preset",
+    "encoder_resolution_m": "",
+    "limits": ": expected tightened_limits",
+    "setup": ": expected custom_setup",
+}
+"""Values in the document that follow from the settings, and what states them in a file."""
 PARTS = (
     AdmittanceParameters,
     Axis,
@@ -45,11 +52,13 @@ PARTS = (
     Limits,
     Model,
     Multisine,
+    OwnSettings,
     Preset,
     Sensors,
     Setup,
     Sine,
     Tare,
+    TightenedLimits,
     Transmission,
     TrialSettings,
 )
@@ -64,6 +73,7 @@ def to_document(settings: TrialSettings) -> dict[str, Any]:
     stated = {field.name: getattr(settings, field.name) for field in fields(settings)}
     if rig := settings.rig:
         stated["rig"] = {"name": settings.rig_name, "path": rig.path, "toml": rig.text}
+        del stated["cube"]
     derived = {
         "preset": settings.estimation_preset,
         "encoder_resolution_m": settings.encoder_resolution,

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from drivers.rig_file import read_rig_file
 from estimation import MODELS, paper_preset
+from estimation.own_settings import OwnSettings
 from sim_backend import RIGID, Cube, Sensors, Setup, Transmission
 from teleop.control.admittance import AdmittanceParameters
 from teleop.control.coupling import Coupling
@@ -21,6 +22,7 @@ from teleop.control.tare import Tare
 from teleop.errors import InputError
 from teleop.json_documents import dumps, loads
 from teleop.safety import Limits
+from teleop.safety.tightened_limits import NOT_TIGHTENED, TightenedLimits
 from teleop.trial.configuration import read_configuration, write_configuration
 from teleop.trial.settings import TrialSettings
 from teleop.trial.settings_json import from_document, to_document
@@ -40,6 +42,7 @@ signals = st.one_of(
 )
 
 
+NAME_LETTERS = st.characters(categories=["L", "N", "P"])
 ALL_SETTINGS = st.builds(
     TrialSettings,
     condition=st.sampled_from(["free", "mimic", "autonomous"]),
@@ -67,6 +70,11 @@ ALL_SETTINGS = st.builds(
         ]
     ),
     depth=st.sampled_from([None, 2.5e-3]),
+    specimen=st.text(NAME_LETTERS, max_size=20).map(str.strip),
+    operator=st.text(NAME_LETTERS, max_size=20).map(str.strip),
+    notes=st.text(max_size=50),
+    tightened_limits=st.sampled_from([NOT_TIGHTENED, TightenedLimits(rest_master_force=4.0)]),
+    estimator_parameters=st.sampled_from([{}, {"rls": OwnSettings(0.99, (1.0, 2.0))}]),
 )
 
 
