@@ -68,8 +68,9 @@ def run(
         Configuration file (TOML), as written by `teleop config init`, or a recording, whose trial
         is run again. Options override it. The defaults below are those without a file.
     condition
-        Control condition: the operator palpates freely (free), tries to track a sine (mimic), or
-        the PE injector moves the slave and the handle is free (autonomous). Default: free.
+        Control condition: the operator palpates freely (free), follows a sine with the slave
+        (mimic), or the PE injector moves the slave and the handle is free (autonomous). Default:
+        free.
     rig
         Rig file (TOML) that lists the devices of the rig. Default: the simulated rig.
     cube
@@ -95,8 +96,9 @@ def run(
     signal
         Excitation signal of the autonomous condition. Default: sine.
     frequency
-        Frequency of the excitation signal [Hz]. For a multisine, the lowest of five harmonics;
-        for a chirp over two octaves, the lowest frequency. Default: 2.
+        Frequency of the excitation signal, or of the sine that the operator follows in mimic
+        [Hz]. For a multisine, the lowest of five harmonics; for a chirp over two octaves, the
+        lowest frequency. Default: 2, and 1 in mimic.
     coupling
         The slave follows the velocity of the master, as in the paper, or also its position.
         Default: velocity.
@@ -147,7 +149,7 @@ def run(
     from teleop.trial.configuration import read_configuration
     from teleop.trial.rig_loading import load_rig_file
     from teleop.trial.run import run_trial
-    from teleop.trial.settings import TrialSettings
+    from teleop.trial.settings import FREQUENCY, TrialSettings
     from teleop.trial.stop_switch import StopSwitch
 
     settings = read_configuration(config) if config else TrialSettings()
@@ -155,8 +157,9 @@ def run(
     if rate is None and rig_file:
         rate = rig_file.sections.rate_hz
     if signal or frequency is not None:
-        usual = 2.0 if frequency is None else frequency
-        excitation = make_signal(signal or settings.signal.kind, usual)
+        usual = FREQUENCY.get(condition or settings.condition, 2.0)
+        kind = signal or settings.excitation.kind
+        excitation = make_signal(kind, usual if frequency is None else frequency)
     else:
         excitation = None
     options: dict[str, Any] = {

@@ -26,6 +26,7 @@ def print_trial(summary: Mapping[str, Any]) -> None:
         )
     if summary["truth"]:
         print_truth(console, summary["truth"])
+    print_tracking(console, summary["tracking"])
     print_estimated(console, summary)
     console.print(
         f"  excitation: {summary['excitation']['mean']:.2f} (0 none, 1 a sine of 1 Hz about zero)"
@@ -75,6 +76,17 @@ def print_truth(console: Console, truth: Mapping[str, Any]) -> None:
         f"lags by {truth['force_lag_s'] * 1e3:g} ms\n  and the tip loses "
         f"{truth['lost_motion_m'] * 1e6:g} um of motion, both of which read as negative damping"
     )
+
+
+def print_tracking(console: Console, tracking: Mapping[str, Any] | None) -> None:
+    """Print how the slave followed the target of the mimic condition."""
+    if tracking:
+        console.print(
+            f"  tracking: gain {tracking['gain']:.2f}, phase {tracking['phase_deg']:.0f} deg "
+            f"(delay {tracking['delay_s']:.3f} s), error {tracking['rms_m'] * 1e3:.2f} mm rms,\n"
+            f"  frequency {tracking['frequency_hz']:.3f} of {tracking['target_hz']:g} Hz, over "
+            f"{tracking['periods']} periods"
+        )
 
 
 def print_loop(console: Console, summary: Mapping[str, Any]) -> None:

@@ -41,7 +41,7 @@ def read_configuration(path: Path) -> TrialSettings:
         named, a line for each.
     """
     recorded = path.suffix.lower() == RECORDING
-    document = load(path).settings if recorded else read_toml(path)
+    document = as_recorded_now(load(path).settings) if recorded else read_toml(path)
     try:
         settings = from_document(document) if recorded else settings_from(document, path.parent)
         if settings.rig and settings.custom_limits:
@@ -50,6 +50,15 @@ def read_configuration(path: Path) -> TrialSettings:
     except InputError as error:
         lines = str(error).splitlines()
         raise InputError("\n".join(f"{path}: {line}" for line in lines)) from error
+
+
+def as_recorded_now(document: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the settings in a recording of any version as the present version records them.
+
+    Before version 0.2 the operator of mimic did not follow the signal.
+    """
+    ignored = document.get("condition") == "mimic" and NAMES["count_in"] not in document
+    return {key: value for key, value in document.items() if not (ignored and key == "signal")}
 
 
 def read_toml(path: Path) -> dict[str, Any]:

@@ -21,6 +21,7 @@ from teleop.control.conditions import CONDITIONS
 from teleop.control.coupling import Coupling
 from teleop.control.excitation_signals import AnySignal, Sine
 from teleop.control.tare import NO_TARE, Tare
+from teleop.control.target import Target
 from teleop.errors import InputError
 from teleop.names import ClockName, ConditioningName
 from teleop.safety import Limits
@@ -40,6 +41,10 @@ LONGEST = 3600.0
 
 The summary reads all ticks into memory, 0.4 MB per second at 1 kHz.
 """
+FREQUENCY = {"mimic": 1.0, "autonomous": 2.0}
+"""Frequency of the sine that a condition has without a signal [Hz]."""
+COUNT_IN = 3.0
+"""Time in which the target of mimic stands still at first, on a rig of devices [s]."""
 LONGEST_NAME = 100
 """Largest number of characters of the name of a specimen or an operator."""
 LONGEST_NOTES = 10_000
@@ -74,8 +79,12 @@ class TrialSettings:
     """Ticks per second [Hz]."""
     seed: int = 0
     """Seed of operator and sensor noise."""
-    signal: Annotated[AnySignal, Discriminator("kind")] = field(default_factory=lambda: Sine(2.0))
-    """Excitation of the autonomous condition."""
+    signal: Annotated[AnySignal, Discriminator("kind")] | None = None
+    """Excitation of the autonomous condition, or the target that the operator follows in mimic,
+    which is a sine. None for a sine of 1 Hz in mimic and of 2 Hz otherwise."""
+    count_in: float | None = None
+    """Time at the start of a mimic trial in which the target stands still [s]. None for 3 s on a
+    rig of devices and 0 on the simulated one."""
     admittance: AdmittanceParameters = field(default_factory=AdmittanceParameters)
     """Virtual dynamics of the master."""
     coupling: Coupling = field(default_factory=Coupling)
@@ -127,9 +136,9 @@ class TrialSettings:
                 yield f"{name} {value!r}: expected one of {', '.join(allowed)}"
         if not RATES[0] <= self.rate <= RATES[1]:
             yield f"rate {self.rate:g} Hz: expected {RATES[0]:g} to {RATES[1]:g} Hz"
-        elif self.signal.highest > 0.05 * self.rate:
+        elif self.excitation.highest > 0.05 * self.rate:
             yield (
-                f"frequency {self.signal.highest:g} Hz in the excitation: expected at most a "
+                f"frequency {self.excitation.highest:g} Hz in the excitation: expected at most a "
                 f"twentieth of the rate, {0.05 * self.rate:g} Hz"
             )
         if self.depth is not None and not 0.0 < self.depth <= DEEPEST:
@@ -142,10 +151,14 @@ class TrialSettings:
                 yield f"{name} {text!r}: expected one line of at most {LONGEST_NAME} characters"
         if len(self.notes) > LONGEST_NOTES:
             yield f"notes: expected at most {LONGEST_NOTES} characters, got {len(self.notes)}"
+        if self.count_in is not None and not 0.0 <= self.count_in <= 60.0:
+            yield f"count_in {self.count_in:g} s: expected 0 to 60 s"
         if not 0.0 < self.duration <= LONGEST:
             yield f"duration {self.duration:g} s: expected more than 0 and at most {LONGEST:g} s"
 
     def _inconsistent_values(self) -> Iterator[str]:
+        if self.condition == "mimic" and not isinstance(self.excitation, Sine):
+            yield f"signal {self.excitation.kind}: expected a sine, which the operator follows"
         if self.rig and self.clock != "real":
             yield "clock virtual: a rig of devices runs in real time: expected real"
         try:
@@ -191,6 +204,17 @@ class TrialSettings:
         return replace(setup, depth=self.depth) if self.depth else setup
 
     @property
+    def excitation(self) -> AnySignal:
+        """Excitation of the autonomous condition, or target of mimic."""
+        return self.signal or Sine(FREQUENCY.get(self.condition, 2.0))
+
+    @property
+    def target(self) -> Target:
+        """Target that the operator follows in the mimic condition."""
+        count_in = (COUNT_IN if self.rig else 0.0) if self.count_in is None else self.count_in
+        return Target(self.excitation.highest, self.setup.depth, count_in)
+
+    @property
     def rig_name(self) -> str:
         """Name of the rig; `simulated` if there is no rig file."""
         return self.rig.sections.name if self.rig else "simulated"
@@ -222,7 +246,7 @@ class TrialSettings:
             setup.cube,
             setup.depth,
             self.coupling.scale,
-            self.signal.highest,
+            self.excitation.highest,
             self.plant_parameters.slave_compliance,
             setup.transmission,
         )

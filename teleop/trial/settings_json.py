@@ -31,6 +31,7 @@ NAMES = {
     "bandwidth": "bandwidth_hz",
     "force_lag": "force_lag_s",
     "depth": "depth_m",
+    "count_in": "count_in_s",
     "preset": "custom_preset",
 }
 """Names in the document that differ from those of the settings."""
