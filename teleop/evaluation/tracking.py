@@ -12,6 +12,8 @@ from estimation.compiled import Floats
 
 FEWEST = 2.0
 """Least number of periods of the target from which the tracking is computed."""
+ROUNDING = 0.02
+"""Fraction by which the last period may be incomplete, so that a few ticks do not cost a period."""
 EARLIEST = 0.25
 """Greatest lead of the position, as a fraction of the period; a longer lead counts as a delay."""
 SPAN = 2.0
@@ -69,9 +71,9 @@ def tracking(t: Floats, target: Floats, position: Floats, frequency: float) -> T
         return None
     first, last = int(moves[0]), int(moves[-1]) + 1
     duration = float(t[last] - t[first])
-    if duration * frequency < FEWEST:
+    if duration * frequency < FEWEST - ROUNDING:
         return None
-    periods = math.floor(duration * frequency - 1.0 + 1e-9)
+    periods = math.floor(duration * frequency - 1.0 + ROUNDING)
     used = slice(int(np.searchsorted(t, t[last] - periods / frequency)), last + 1)
     t, target, position = t[used], target[used], position[used]
     ratio = phasor(t, position, frequency) / phasor(t, target, frequency)

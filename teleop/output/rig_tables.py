@@ -119,7 +119,7 @@ def print_ports(ports: Sequence[Port]) -> None:
 
 
 def print_emulation(
-    name: str, ports: Mapping[str, str], out: Path, condition: str, cube: str, depth: float
+    name: str, ports: Mapping[str, str], out: Path, palpation: Mapping[str, Any]
 ) -> None:
     """Print the ports of the emulated devices and the command to run against them.
 
@@ -131,17 +131,15 @@ def print_emulation(
         Ports by the name of their bus.
     out
         Rig file for runs against the emulator.
-    condition, cube, depth
-        Condition, cube and depth [m] of the emulated palpation.
+    palpation
+        Options of `teleop run` for the emulated palpation, by name.
     """
     console = plain_console()
-    console.print(f"{name}: emulated, {cube} cube, Ctrl-C ends it")
+    console.print(f"{name}: emulated, {palpation['specimen']} cube, Ctrl-C ends it")
     for bus, port in ports.items():
         console.print(f"  {bus}: {port}")
-    console.print(
-        f"  run against it: teleop run --rig {out} --condition {condition} "
-        f"--specimen {cube} --depth {depth * 1e3:g}mm"
-    )
+    options = " ".join(f"--{option} {value}" for option, value in palpation.items())
+    console.print(f"  run against it: teleop run --rig {out} {options}")
 
 
 def print_lag(summary: Mapping[str, Any]) -> None:

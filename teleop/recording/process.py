@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from teleop.errors import reason
+from teleop.live.cue import Cue
 from teleop.live.progress import Progress, Status
 from teleop.recording.cdr import CDR, TIME
 from teleop.recording.frames import BEGIN, END, EVENT, FRAME, HEAD, NUMBER, TICK
@@ -94,7 +95,9 @@ class FrameReader:
         self._places = [
             (name, len(CDR) + 8 * columns.index(f"{name}_b")) for name in session["estimators"]
         ]
-        self._mode = len(CDR) + 8 * columns.index("mode")
+        self._shown = [
+            len(CDR) + 8 * columns.index(name) for name in ("mode", "target", "slave_position")
+        ]
         self._last = b""
         self._rest = b""
 
@@ -125,8 +128,8 @@ class FrameReader:
         self._rest = data[place:]
 
     def _status(self) -> Status:
-        mode = Mode(int(DOUBLE.unpack_from(self._last, self._mode)[0]))
-        return Status(mode.name.lower(), self._estimates())
+        mode, target, position = (DOUBLE.unpack_from(self._last, p)[0] for p in self._shown)
+        return Status(Mode(int(mode)).name.lower(), target, position, self._estimates())
 
     def _estimates(self) -> Iterator[tuple[str, float, float]]:
         for name, place in self._places:
@@ -155,7 +158,11 @@ def main() -> None:
             return
     send(problem="")
     progress = Progress(
-        session["show"], session["duration"], session["hint"], session["instructions"]
+        session["show"],
+        session["duration"],
+        session["hint"],
+        session["instructions"],
+        Cue(*session["cue"]) if session["cue"] else None,
     )
     frames = FrameReader(session, file, progress)
     monitor = FileMonitor(session["path"], file, progress) if file else None

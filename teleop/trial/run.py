@@ -77,6 +77,7 @@ def run_trial(
     layout = Layout(bank)
     metadata = session_metadata(settings)
     recorder = loop = None
+    target = settings.target
     if record or show:
         recorder = RecorderProcess(
             record,
@@ -88,6 +89,7 @@ def run_trial(
             overwrite,
             switch.hint,
             switch.instructions,
+            (target.depth, target.count_in) if settings.condition == "mimic" else None,
         )
     memory = None if record else Memory()
     box = BlackBox(layout, settings.rate)
