@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import fields, replace
 from pathlib import Path
 
@@ -219,6 +220,14 @@ def test_a_depth_beyond_a_tightened_limit_is_refused(written):
     text = "depth_m = 0.005\n[tightened_limits]\nsoft_position = [-0.001, 0.004]"
     with pytest.raises(InputError, match="depth 5 mm: expected at most 4 mm"):
         read_configuration(written(text))
+
+
+PAGE = (RIG.parents[1] / "docs" / "howto-configure.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("block", re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL))
+def test_the_examples_of_the_documentation_are_accepted(written, block):
+    assert read_configuration(written(block)) != TrialSettings()
 
 
 def test_parameters_of_single_estimators_are_set(written):
