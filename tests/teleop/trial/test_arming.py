@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import os
+import sys
 from pathlib import Path
 
 import pytest
@@ -144,3 +146,32 @@ def test_a_rig_file_may_have_a_rate_above_1_khz(tmp_path, refused):
     assert read_rig_file(path).sections.rate_hz == 2000.0
     line = refused("run", "--rig", path, *STATED, "--yes")
     assert "port /dev/ttyACM0 cannot be opened" in line
+
+
+@pytest.mark.parametrize(
+    ("keys", "code", "shown"),
+    [
+        (b"\x03", 130, b""),
+        (b"no\n", 130, b"not armed: nothing was moved"),
+        (b"\n", 2, b"port /dev/ttyACM0 cannot be opened"),
+    ],
+)
+def test_the_answer_in_a_terminal_decides_whether_the_rig_is_opened(keys, code, shown, tmp_path):
+    pty = pytest.importorskip("pty", reason="needs a pseudo-terminal")
+    pid, terminal = pty.fork()
+    if pid == 0:
+        os.chdir(tmp_path)
+        command = [sys.executable, "-m", "teleop", "run", "--rig", str(BOARD), *STATED]
+        os.execv(sys.executable, command)
+    text, answered = b"", False
+    with contextlib.suppress(OSError):
+        while chunk := os.read(terminal, 4096):
+            text += chunk
+            if b"any other answer ends." in text and not answered:
+                answered = True
+                os.write(terminal, keys)
+    os.close(terminal)
+    assert os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) == code
+    assert shown in text
+    assert (b"cannot be opened" in text) == (code == 2)
+    assert not [*tmp_path.rglob("*.mcap")]
