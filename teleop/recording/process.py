@@ -91,13 +91,9 @@ class FrameReader:
         self.ticks = 0
         self._file = file
         self._progress = progress
-        columns = [name for name, _, _ in session["columns"]]
-        self._places = [
-            (name, len(CDR) + 8 * columns.index(f"{name}_b")) for name in session["estimators"]
-        ]
-        self._shown = [
-            len(CDR) + 8 * columns.index(name) for name in ("mode", "target", "slave_position")
-        ]
+        self._estimators = session["estimators"]
+        columns = (name for name, _, _ in session["columns"])
+        self._places = {name: len(CDR) + 8 * index for index, name in enumerate(columns)}
         self._last = b""
         self._rest = b""
 
@@ -128,12 +124,13 @@ class FrameReader:
         self._rest = data[place:]
 
     def _status(self) -> Status:
-        mode, target, position = (DOUBLE.unpack_from(self._last, p)[0] for p in self._shown)
+        shown = (self._places[name] for name in ("mode", "target", "slave_position"))
+        mode, target, position = (DOUBLE.unpack_from(self._last, place)[0] for place in shown)
         return Status(Mode(int(mode)).name.lower(), target, position, self._estimates())
 
     def _estimates(self) -> Iterator[tuple[str, float, float]]:
-        for name, place in self._places:
-            b, k = PAIR.unpack_from(self._last, place)
+        for name in self._estimators:
+            b, k = PAIR.unpack_from(self._last, self._places[f"{name}_b"])
             yield name, b, k
 
 
