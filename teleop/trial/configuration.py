@@ -88,7 +88,7 @@ def settings_from(document: Mapping[str, Any], folder: Path) -> TrialSettings:
     """
     problems = [f"{key}: unknown setting{hint}" for key, hint in DERIVED.items() if key in document]
     if "rig" in document and "cube" in document:
-        problems.append("cube: belongs to the simulated rig: expected specimen and depth_m")
+        problems.append("cube: belongs to the simulated rig: expected no cube beside a rig")
     if problems:
         raise InputError("\n".join(problems))
     named = dict(document)
@@ -139,6 +139,8 @@ def without_none(values: Mapping[str, Any]) -> dict[str, Any]:
 def table(values: Mapping[str, Any], properties: Mapping[str, Any]) -> Table:
     """Return a table of TOML with a comment for each value that has a description.
 
+    A key without a value is a comment.
+
     Parameters
     ----------
     values
@@ -147,10 +149,14 @@ def table(values: Mapping[str, Any], properties: Mapping[str, Any]) -> Table:
         Properties of the table in the JSON schema, by key.
     """
     found = tomlkit.table()
-    for key, value in values.items():
-        found.add(key, value)
-        if description := properties.get(key, {}).get("description"):
-            found[key].comment(" ".join(description.split()).rstrip("."))
+    for key in {**properties, **values}:
+        description = " ".join(properties.get(key, {}).get("description", "").split()).rstrip(".")
+        if key not in values:
+            found.add(tomlkit.comment(f"{key} = # {description}"))
+            continue
+        found.add(key, values[key])
+        if description:
+            found[key].comment(description)
     return found
 
 

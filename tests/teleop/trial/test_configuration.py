@@ -137,6 +137,12 @@ def test_the_command_writes_a_file_that_it_accepts(tmp_path, capsys, monkeypatch
     assert "--overwrite" in capsys.readouterr().err
 
 
+def test_the_file_of_init_lists_the_limits_that_can_be_tightened(tmp_path):
+    text = write_configuration(TrialSettings())
+    for key in ("soft_force", "hard_force", "soft_position", "max_velocity"):
+        assert f"\n# {key} = # " in text.partition("[tightened_limits]")[2]
+
+
 def test_check_reports_each_problem_on_a_line_of_its_own(written, capsys):
     assert main(["config", "check", str(written("rate_hz = 1\nduration_s = -1"))]) == 2
     assert len(capsys.readouterr().err.splitlines()) == 2
