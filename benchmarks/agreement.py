@@ -21,6 +21,8 @@ from typing import Any
 
 from emulated import emulated
 
+from sim_backend import DEPTH
+
 EXAMPLES = ("serial-board", "odrive-bota", "cia402-ft300")
 CONDITIONS = ("free", "mimic", "autonomous")
 
@@ -47,7 +49,9 @@ def main() -> None:
         row(condition, "simulated", plain, plain)
         for name in given.rigs:
             with emulated(name, condition) as path:
-                wired = run(condition, given.seconds, "--rig", path, "--rate", str(given.rate))
+                on_rig = ("--rig", path, "--rate", str(given.rate), "--specimen", "soft", "--yes")
+                depth = f"{DEPTH[condition]['soft']}m"
+                wired = run(condition, given.seconds, *on_rig, "--depth", depth)
             row(condition, name, wired, plain)
 
 

@@ -44,6 +44,8 @@ WIRED = ("nothing, wired", "refused run")
 
 It stops if samples are older than 20 ms, which cannot happen with the simulated rig.
 """
+STATED = ("--specimen", "soft", "--depth", "10mm", "--yes")
+"""Options that a run on a rig of devices needs."""
 DURATION = 3600.0
 """Duration of the first run, which is ended earlier [s]."""
 LONGEST = {"nothing": 3.0, "nothing, wired": 6.0, "rig emulate": 4.0, "reproduce": 5.0}
@@ -76,7 +78,7 @@ def second_arguments(kind: str, folder: Path, rig: Path | None, other: Path) -> 
         "nothing": [],
         "nothing, wired": [],
         "run": ["run", "--no-record", "--duration", "1"],
-        "refused run": ["run", "--no-record", "--rig", rig],
+        "refused run": ["run", "--no-record", "--rig", rig, *STATED],
         "rig check": ["rig", "check", other, "--seconds", "1"],
         "rig emulate": ["rig", "emulate", RIGS / "odrive-bota.toml", "--out", folder / "e.toml"],
         "estimate": ["estimate", folder.parents[1] / "data.mcap", "--estimators", "all"],
@@ -103,7 +105,7 @@ class First:
             if self._count > MOST:
                 raise SystemExit(f"the first run does not start: {self.faults[-1]}")
             path = self._folder / f"run-{self._count}.mcap"
-            on = ("--rig", self._rig, "--condition", "autonomous") if self._rig else ()
+            on = ("--rig", self._rig, "--condition", "autonomous", *STATED) if self._rig else ()
             arguments = ("--json", "--duration", DURATION, "--record", path, *on)
             self._process = start(self._teleop, "run", *arguments)
             while not (path.exists() and path.stat().st_size > MOVING):

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,6 +14,7 @@ from estimation.checks import checked_samples
 from estimation.gate import Gate, GateSettings
 from estimation.method_settings import MethodSettings
 from estimation.methods.grid import Axis, Grid
+from estimation.own_settings import OwnSettings, with_own_settings
 from estimation.registry import METHODS, PAPER, named_estimators
 
 GATE = GateSettings(force=0.1, speed=2e-3, window=0.02)
@@ -30,6 +32,8 @@ class Preset(MethodSettings):
     """Gate that holds estimates, except those of the paper's estimators; None for no gate."""
     estimators: tuple[str, ...] = PAPER
     """Names of the estimators, of `METHODS`."""
+    own: Mapping[str, OwnSettings] = field(default_factory=dict)
+    """Settings of single estimators that differ from the shared ones, by name of the estimator."""
 
     def bank(self) -> Bank:
         """Return a new bank with these settings.
@@ -37,14 +41,20 @@ class Preset(MethodSettings):
         Raises
         ------
         ValueError
-            A setting is out of its range, or `METHODS` does not contain a name.
+            A setting is out of its range, or `METHODS` does not contain a name. The message has
+            a line for each estimator that cannot be constructed.
         """
+        for name in self.own:
+            named_estimators([name])
         estimators = {}
+        problems = []
         for name in named_estimators(self.estimators):
             try:
-                estimators[name] = METHODS[name](self)
+                estimators[name] = with_own_settings(name, METHODS[name], self, self.own)
             except ValueError as error:
-                raise ValueError(f"{name}: {error}") from error
+                problems.append(f"{name}: {error}")
+        if problems:
+            raise ValueError("\n".join(problems))
         if self.model.further and not any(e.model.further for e in estimators.values()):
             raise ValueError(
                 f"model {self.model.name}: none of {', '.join(estimators)} supports it"

@@ -112,13 +112,25 @@ class MimickedSine(Operator):
     """Tracking of a sine of constant frequency and amplitude, with human errors.
 
     The amplitude varies slowly by about 10 %, and the phase by about 0.4 rad.
+
+    Parameters
+    ----------
+    depth
+        Intended depth of the handle [m], > 0.
+    seed
+        Seed of the random variations of the motion.
+    frequency
+        Frequency of the sine [Hz], > 0.
+    count_in
+        Time for which the operator waits at a light touch [s], >= 0.
     """
 
-    FREQUENCY = 1.0
-    """Frequency of the sine [Hz]."""
-
-    def __init__(self, depth: float, seed: int) -> None:
+    def __init__(
+        self, depth: float, seed: int, frequency: float = 1.0, count_in: float = 0.0
+    ) -> None:
         super().__init__(depth, seed)
+        self._frequency = frequency
+        self._count_in = count_in
         self._amplitude_wander = self._wander(0.07)
         self._phase_wander = self._wander(0.3)
 
@@ -131,7 +143,9 @@ class MimickedSine(Operator):
 
     def movement(self, t: float) -> Intention:
         """Return a raised cosine from light touch to depth, with varying amplitude and phase."""
-        omega = 2.0 * math.pi * self.FREQUENCY
+        light, light_rate = (t, 1.0) if t < 1.0 else (1.0, 0.0)
+        t = max(t - self._count_in, 0.0)
+        omega = 2.0 * math.pi * self._frequency
         phase, phase_rate = omega * t, omega
         for size, slow, offset in self._phase_wander:
             phase += size * (math.sin(slow * t + offset) - math.sin(offset))
@@ -141,7 +155,6 @@ class MimickedSine(Operator):
             half += 0.45 * self.depth * size * math.sin(slow * t + offset)
             half_rate += 0.45 * self.depth * size * slow * math.cos(slow * t + offset)
         lift = 1.0 - math.cos(phase)
-        light, light_rate = (t, 1.0) if t < 1.0 else (1.0, 0.0)
         return Intention(
             0.1 * self.depth * light + half * lift,
             0.1 * self.depth * light_rate + half_rate * lift + half * phase_rate * math.sin(phase),

@@ -48,7 +48,7 @@ ROOMS = {
     "recording": {"safety", "control", "live"},
     "evaluation": {"recording"},
     "output": {"safety", "control", "recording", "evaluation"},
-    "trial": {"safety", "control", "recording", "output"},
+    "trial": {"safety", "control", "recording", "evaluation", "output"},
     "rig": {"safety", "control", "recording", "trial"},
     "studies": {"safety", "control", "evaluation", "output", "trial"},
     "commands": {

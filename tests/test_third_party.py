@@ -82,7 +82,9 @@ def on_the_rig(environment, emulated):
 def recorded(on_the_rig, emulated):
     """What `teleop run` prints with the sensor and the estimator, and the recording."""
     options = ["--condition", "autonomous", "--duration", 1, "--estimators", "rls,nlms"]
-    summary = on_the_rig("run", "--rig", emulated, *options)
+    summary = on_the_rig(
+        "run", "--rig", emulated, "--specimen", "soft", "--depth", "10mm", "--yes", *options
+    )
     return summary, emulated.parent / summary["recording"]["path"]
 
 

@@ -1,8 +1,7 @@
 """Covariance stored as U-D factors, P = U D U', with U unit upper triangular and D diagonal.
 
 In this form P is positive definite for all rounding errors, with the precision of a square-root
-filter (G. J. Bierman, "Factorization Methods for Discrete Sequential Estimation", Academic Press,
-1977).
+filter (G. J. Bierman, "Factorization Methods for Discrete Sequential Estimation", 1977).
 
 P is the covariance of the parameters in units of the standard deviation s_i of their initial
 guess, for regressors z_i = s_i phi_i. So P starts as I for all units of phi.
@@ -179,17 +178,15 @@ def add(state: FactoredState, weight: float, columns: int) -> None:
 
 def add_variance(state: FactoredState, i: int, weight: float) -> None:
     """Set P_ii <- P_ii + weight: column i as in `add` with the unit vector y, then the others."""
-    D = state.D
+    D, column, y = state.D, state.U[i], state.y
     former = D[i]
-    now = former + weight
-    D[i] = now
+    D[i] = former + weight
+    part = weight / D[i]
+    for j in below[i]:
+        y[j] = -column[j]
+        column[j] += part * y[j]
     if i > 0:
-        column, y = state.U[i], state.y
-        part = weight / now
-        for j in below[i]:
-            y[j] = -column[j]
-            column[j] += part * y[j]
-        add(state, weight * (former / now), i)
+        add(state, weight * (former / D[i]), i)
 
 
 def correct_with_gain(

@@ -24,6 +24,7 @@ def emulate(
     cube: CubeName = "soft",
     condition: ConditionName = "free",
     depth: str | None = None,
+    frequency: float | None = None,
     seed: int = 0,
     fault: tuple[str, ...] = (),
     overwrite: Overwrite = False,
@@ -32,8 +33,8 @@ def emulate(
     """Emulate the devices of a rig, connected to the simulated plant, until stopped.
 
     Serial ports and slcan adapters become pseudo-terminals; a SocketCAN bus must exist. Then run
-    in another terminal: `teleop run --rig run.toml --condition CONDITION`. The plant is reset to
-    its start a little more than one second after the drives were disabled.
+    in another terminal the command that it prints. The plant is reset to its start a little more
+    than one second after the drives were disabled.
 
     Example: `teleop rig emulate rigs/serial-board.toml --condition mimic --cube hard`
 
@@ -47,10 +48,12 @@ def emulate(
     cube
         Cube that is palpated.
     condition
-        Simulated operator: palpates freely (free), tries to track a sine (mimic), or none
-        (autonomous).
+        Simulated operator: palpates freely (free), follows a sine after a count-in of 3 s
+        (mimic), or none (autonomous).
     depth
         Depth of the operator's palpation with its unit, such as 5mm. Default: the paper's depth.
+    frequency
+        Frequency of the sine that the operator of mimic follows [Hz]. Default: 1.
     seed
         Seed of operator and sensor noise.
     fault
@@ -66,6 +69,7 @@ def emulate(
     import tempfile
 
     from sim_backend.wire.emulator import host_file, host_ports
+    from teleop.commands.choices import make_signal
     from teleop.commands.run import read_depth
     from teleop.files import check_outputs, write_text
     from teleop.interruption import stop_signals
@@ -74,13 +78,20 @@ def emulate(
     from teleop.rig.generated_file import is_unchanged, with_checksum
     from teleop.trial.realtime import realtime
     from teleop.trial.rig_loading import load_rig_file
-    from teleop.trial.settings import TrialSettings
+    from teleop.trial.settings import COUNT_IN, TrialSettings
 
     rig = load_rig_file(file)
     overwrite = overwrite or is_unchanged(out, WRITER)
     check_outputs(out, sources=(file,), overwrite=overwrite)
     faults = [read_fault(text, rig) for text in fault]
-    settings = TrialSettings(condition=condition, cube=cube, seed=seed, depth=read_depth(depth))
+    settings = TrialSettings(
+        condition=condition,
+        cube=cube,
+        seed=seed,
+        depth=read_depth(depth),
+        signal=None if frequency is None else make_signal("sine", frequency),
+        count_in=COUNT_IN,
+    )
     urgency: RealtimeName = "try" if (os.cpu_count() or 1) > 1 else "off"
     folder = Path(tempfile.mkdtemp(prefix="teleop-"))
     try:
@@ -95,7 +106,13 @@ def emulate(
             if json:
                 console.print_json({"rig": rig.sections.name, "file": str(out), "ports": ports})
             else:
-                rig_tables.print_emulation(rig.sections.name, ports, out, condition, cube)
+                palpation = {
+                    "condition": condition,
+                    "specimen": cube,
+                    "depth": f"{settings.setup.depth * 1e3:g}mm",
+                    **({} if frequency is None else {"frequency": f"{frequency:g}"}),
+                }
+                rig_tables.print_emulation(rig.sections.name, ports, out, palpation)
             real_time.start()
             emulator.serve(stopped)
     finally:

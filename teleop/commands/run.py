@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from datetime import datetime
-from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -32,6 +30,9 @@ def run(
     condition: ConditionName | None = None,
     rig: Path | None = None,
     cube: CubeName | None = None,
+    specimen: str | None = None,
+    operator: str | None = None,
+    notes: str | None = None,
     duration: float | None = None,
     clock: ClockName | None = None,
     rate: float | None = None,
@@ -50,6 +51,7 @@ def run(
     record: Path | None = None,
     no_record: Annotated[bool, Parameter(negative="")] = False,
     plot: Path | None = None,
+    yes: Annotated[bool, Parameter(negative="")] = False,
     overwrite: Overwrite = False,
     json: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
@@ -66,13 +68,19 @@ def run(
         Configuration file (TOML), as written by `teleop config init`, or a recording, whose trial
         is run again. Options override it. The defaults below are those without a file.
     condition
-        Control condition: the operator palpates freely (free), tries to track a sine (mimic), or
-        the PE injector moves the slave and the handle is free (autonomous). Default: free.
+        Control condition: the operator palpates freely (free), follows a sine with the slave
+        (mimic), or the PE injector moves the slave and the handle is free (autonomous). Default:
+        free.
     rig
         Rig file (TOML) that lists the devices of the rig. Default: the simulated rig.
     cube
-        Cube on the simulated rig. With a rig file: the paper's cube that is most similar to the
-        specimen; it sets depth of palpation and adaptation gain. Default: soft.
+        Cube on the simulated rig. Not with a rig file. Default: soft.
+    specimen
+        Name of the specimen. Needed with a rig file. Default: the cube of the simulated rig.
+    operator
+        Name of the operator, for the recording.
+    notes
+        Notes, for the recording.
     duration
         Duration of the trial [s]. Default: 10.
     clock
@@ -81,14 +89,16 @@ def run(
     rate
         Rate of the loop [Hz]. Default: the rate in the rig file, or 1000.
     depth
-        Depth of the palpation with its unit, such as 5mm. Default: the paper's depth.
+        Depth of the palpation with its unit, such as 5mm. Needed with a rig file. Default: the
+        paper's depth for the cube.
     seed
         Seed of the simulated operator and of the sensor noise. Default: 0.
     signal
         Excitation signal of the autonomous condition. Default: sine.
     frequency
-        Frequency of the excitation signal [Hz]. For a multisine, the lowest of five harmonics;
-        for a chirp over two octaves, the lowest frequency. Default: 2.
+        Frequency of the excitation signal, or of the sine that the operator follows in mimic
+        [Hz]. For a multisine, the lowest of five harmonics; for a chirp over two octaves, the
+        lowest frequency. Default: 2, and 1 in mimic.
     coupling
         The slave follows the velocity of the master, as in the paper, or also its position.
         Default: velocity.
@@ -114,11 +124,13 @@ def run(
         File with the zeros of the channels, from `teleop rig tare`.
     record
         Record every tick to this MCAP file; its folder is created if needed. Default: a new file
-        recordings/DATE/TIME-CONDITION-CUBE.mcap.
+        recordings/DATE/TIME-CONDITION-SPECIMEN.mcap.
     no_record
         Do not record.
     plot
         Plot the estimates to this .png, .svg or .pdf file.
+    yes
+        Arm the drives of a rig of devices without asking, for scripts.
     json
         Print one JSON document instead of tables.
     """
@@ -131,11 +143,13 @@ def run(
     from teleop.output import console
     from teleop.output.trial_tables import print_trial
     from teleop.printable import discard_output, print_error
+    from teleop.recording.new_recording import new_recording
     from teleop.safety.events import time_text
+    from teleop.trial.arming import ask_to_arm, check_stated
     from teleop.trial.configuration import read_configuration
     from teleop.trial.rig_loading import load_rig_file
     from teleop.trial.run import run_trial
-    from teleop.trial.settings import TrialSettings
+    from teleop.trial.settings import FREQUENCY, TrialSettings
     from teleop.trial.stop_switch import StopSwitch
 
     settings = read_configuration(config) if config else TrialSettings()
@@ -143,8 +157,9 @@ def run(
     if rate is None and rig_file:
         rate = rig_file.sections.rate_hz
     if signal or frequency is not None:
-        usual = 2.0 if frequency is None else frequency
-        excitation = make_signal(signal or settings.signal.kind, usual)
+        usual = FREQUENCY.get(condition or settings.condition, 2.0)
+        kind = signal or settings.excitation.kind
+        excitation = make_signal(kind, usual if frequency is None else frequency)
     else:
         excitation = None
     options: dict[str, Any] = {
@@ -152,6 +167,9 @@ def run(
         "rig": rig_file,
         "depth": read_depth(depth),
         "cube": cube,
+        "specimen": specimen,
+        "operator": operator,
+        "notes": notes,
         "duration": duration,
         "clock": clock,
         "rate": rate,
@@ -166,17 +184,21 @@ def run(
         "tare": tare and read_tare(tare),
     }
     settings = replace(settings, **{name: v for name, v in options.items() if v is not None})
+    if cube and settings.rig:
+        raise InputError("--cube: belongs to the simulated rig: expected --specimen and --depth")
+    check_stated(settings)
     if record and no_record:
         raise InputError("--record and --no-record: expected at most one of them")
     if record:
         check_ending(record, RECORDING)
         make_folder(record)
     check_outputs(record, picture=plot, sources=(config, rig, tare), overwrite=overwrite)
+    if settings.rig and not yes and not ask_to_arm(settings):
+        print_error("not armed: nothing was moved")
+        return 130
     reserved = None
     if not (record or no_record):
-        record = reserved = new_recording(
-            f"{settings.condition}-{rig.stem if rig else settings.cube}"
-        )
+        record = reserved = new_recording(settings.condition, settings.specimen or settings.cube)
     with StopSwitch(key=True) as switch:
         try:
             trial = run_trial(
@@ -252,38 +274,3 @@ def read_depth(text: str | None) -> float | None:
     if text is not None and depth is None:
         raise InputError(f"depth {text!r}: expected a length with its unit, such as 5mm")
     return depth
-
-
-def new_recording(name: str) -> Path:
-    """Create an empty file with a new name in the folder `recordings/DATE`.
-
-    The file is created exclusively, so that two runs never get the same file.
-
-    Parameters
-    ----------
-    name
-        Part of the file name after the time.
-
-    Raises
-    ------
-    InputError
-        The folder or the file cannot be created.
-    """
-    from teleop.files import unwritable
-
-    now = datetime.now()
-    folder = Path("recordings") / f"{now:%Y-%m-%d}"
-    for number in count(1):
-        suffix = f"-{number}" if number > 1 else ""
-        path = folder / f"{now:%H%M%S}-{name}{suffix}.mcap"
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-            path.open("x").close()
-        except FileExistsError as error:
-            if not path.exists():
-                raise unwritable(folder, error) from error
-        except OSError as error:
-            raise unwritable(path, error) from error
-        else:
-            return path
-    raise AssertionError

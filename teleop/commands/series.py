@@ -8,9 +8,13 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
+from teleop.names import RealtimeName
+
 if TYPE_CHECKING:
     from teleop.studies.series.conduct import Answer
     from teleop.studies.series.plan import PlannedTrial
+    from teleop.trial.result import Trial
+    from teleop.trial.settings import TrialSettings
 
 
 def series(
@@ -19,6 +23,7 @@ def series(
     *,
     out: Path | None = None,
     ask: bool | None = None,
+    yes: Annotated[bool, Parameter(negative="")] = False,
     dry_run: Annotated[bool, Parameter(negative="")] = False,
     json: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
@@ -41,15 +46,19 @@ def series(
         Ask before each trial: Enter runs it, s skips it, r repeats the last one, q quits; text
         after the letter is kept as a note. By default in a terminal, if a trial has a rig of
         devices.
+    yes
+        Without prompts, arm the drives of a rig of devices without asking.
     dry_run
         Print the order of the trials, and run none.
     json
         Print one JSON document instead of lines.
     """
+    from teleop.errors import InputError
     from teleop.output.console import plain_console, print_json, print_table
     from teleop.printable import print_error
     from teleop.studies.series.conduct import conduct, counts, unattended
     from teleop.studies.series.plan import planned_trials, read_plan
+    from teleop.trial.stop_key import is_foreground
 
     read = read_plan(plan)
     trials = planned_trials(read, plan.parent)
@@ -64,9 +73,15 @@ def series(
         ]
         print_table(plain_console(), f"{read.name}, {read.order} order", headings, rows)
         return 0
+    wired = any(trial.settings.rig for trial in trials)
     if ask is None:
-        ask = sys.stdin.isatty() and any(trial.settings.rig for trial in trials)
-    journal = conduct(folder, read, trials, person if ask else unattended, report=print_error)
+        ask = wired and is_foreground() and not yes
+    if wired and not (ask or yes):
+        raise InputError(
+            f"{plan}: nobody is asked to arm the drives: expected --yes, which arms them without "
+            "asking, or --ask"
+        )
+    journal = conduct(folder, read, trials, person if ask else unattended, run, print_error)
     summary = {"folder": str(folder), **counts(journal, trials)}
     if json:
         print_json(summary)
@@ -78,10 +93,25 @@ def series(
     return 0
 
 
+def run(settings: TrialSettings, path: Path) -> Trial:
+    """Run and record a trial, with a progress line and the stop key in a terminal."""
+    from teleop.trial.run import run_trial
+    from teleop.trial.stop_switch import StopSwitch
+
+    real: RealtimeName = "try" if settings.clock == "real" else "off"
+    with StopSwitch(key=True) as switch:
+        return run_trial(settings, path, sys.stderr.isatty(), switch, real)
+
+
 def person(trial: PlannedTrial, prompt: str) -> tuple[Answer, str]:
     """Ask on the terminal what to do next; the end of the input quits."""
     answers: dict[str, Answer] = {"": "run", "s": "skip", "r": "repeat", "q": "quit"}
-    print(f"{prompt}\nEnter runs it, s skips it, r repeats the last one, q quits.", file=sys.stderr)
+    from teleop.trial.arming import arming_text, discard_typed_ahead
+
+    discard_typed_ahead()
+    armed = f"\n{arming_text(trial.settings)}" if trial.settings.rig else ""
+    print(f"{prompt}{armed}", file=sys.stderr)
+    print("Enter runs it, s skips it, r repeats the last one, q quits.", file=sys.stderr)
     while True:
         line = sys.stdin.readline()
         if not line:

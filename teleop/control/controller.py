@@ -150,11 +150,12 @@ class Controller:
         read = self._stopwatch()
         t = measurement.time - self._start
 
-        drive_force, desired = 0.0, STANDSTILL
+        drive_force, target, desired = 0.0, math.nan, STANDSTILL
         if self._supervision.mode is ACTIVE and 0.0 <= dt <= self._limits.max_gap:
             try:
                 active = measurement.time - self._supervision.since
                 drive_force = float(self._condition.drive_force(active, measurement))
+                target = float(self._condition.target(active))
                 self._admittance.step(drive_force, dt)
                 desired = self._coupling.command(self._admittance, measurement)
                 self.finished = bool(self._condition.finished)
@@ -195,6 +196,7 @@ class Controller:
             dt,
             measurement,
             drive_force,
+            target,
             desired,
             verdict.command,
             applied,

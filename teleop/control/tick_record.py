@@ -33,6 +33,8 @@ class Record(NamedTuple):
     """Measurement of the rig, tared."""
     drive_force: float
     """Force on the admittance [N]."""
+    target: float
+    """Position of the slave that the operator follows [m]; NaN if there is none."""
     desired: Command
     """Command of the control condition."""
     commanded: Command

@@ -2,21 +2,34 @@
 
 from __future__ import annotations
 
+import math
 import os
 import time
 from collections.abc import Callable, Iterable
+from typing import NamedTuple
 
+from teleop.live.cue import LEGEND, Cue
 from teleop.live.terminal import Terminal
 
-REDRAW = 0.1
-"""Time between two drawings of the line [s]."""
+REDRAW, REDRAW_CUE = 0.1, 0.03
+"""Time between two drawings of the line, without and with a cue to follow [s]."""
 SHOWN = 4
 """Largest number of estimators on the line."""
 STDERR = 2
 """File descriptor of standard error."""
 
-Estimates = Iterable[tuple[str, float, float]]
-"""Name, b [N s/m] and k [N/m] of each estimator."""
+
+class Status(NamedTuple):
+    """What the progress line shows besides the time."""
+
+    mode: str
+    """Mode of the safety supervisor."""
+    target: float
+    """Position that the operator follows [m]; NaN for none."""
+    position: float
+    """Position of the slave [m]."""
+    estimates: Iterable[tuple[str, float, float]]
+    """Name, b [N s/m] and k [N/m] of each estimator."""
 
 
 class Progress:
@@ -32,34 +45,47 @@ class Progress:
         Keys that stop the run, shown in the line.
     instructions
         How to stop the run, for a line at the start.
+    cue
+        Shows the target of mimic; None for another condition.
     """
 
-    def __init__(self, shown: bool, duration: float, hint: str, instructions: str) -> None:
+    def __init__(
+        self,
+        shown: bool,
+        duration: float,
+        hint: str,
+        instructions: str,
+        cue: Cue | None = None,
+    ) -> None:
         self._shown = shown
         self._duration = duration
         self._hint = f"[{hint}]  " if hint else ""
+        self._cue = cue
         self._due = 0.0
         self._terminal = Terminal(STDERR)
         if shown and instructions:
-            self.report(f"teleop: {instructions}")
+            self.report(f"teleop: {instructions}" + (f"; {LEGEND}" if cue else ""))
 
-    def show(self, t: float, estimates: Callable[[], Estimates]) -> None:
-        """Update the line if `REDRAW` has passed since the last update.
+    def show(self, t: float, status: Callable[[], Status]) -> None:
+        """Update the line if it is time for it.
 
         Parameters
         ----------
         t
-            Time of the trial [s].
-        estimates
-            Returns the present estimates; called only if the line is updated.
+            Time of the trial [s]; negative before the drives may be armed.
+        status
+            Returns what the line shows; called only if the line is updated.
         """
         now = time.monotonic()
-        if not self._shown or now < self._due or t < 0.0:
+        if not self._shown or now < self._due:
             return
-        self._due = now + REDRAW
-        texts = [f"  {name} {k:6.0f} {b:+5.0f}" for name, b, k in estimates()]
-        progress = f"{self._hint}{t:4.1f} of {self._duration:g} s"
-        self._draw(f"{progress}  k [N/m], b [N s/m]:{''.join(texts[:SHOWN])}")
+        self._due = now + (REDRAW_CUE if self._cue else REDRAW)
+        mode, target, position, estimates = status()
+        texts = [f"  {name} {k:6.0f} {b:+5.0f}" for name, b, k in estimates if not math.isnan(k)]
+        shown = f"  k [N/m], b [N s/m]:{''.join(texts[:SHOWN])}" if texts else ""
+        progress = f"{self._hint}{mode}  {max(t, 0.0):4.1f} of {self._duration:g} s"
+        cue = f"  {self._cue.text(t, target, position)}" if self._cue else ""
+        self._draw(f"{progress}{cue}{shown}")
 
     def report(self, text: str) -> None:
         """Write a message that stays on the terminal."""

@@ -119,14 +119,27 @@ def print_ports(ports: Sequence[Port]) -> None:
 
 
 def print_emulation(
-    name: str, ports: Mapping[str, str], out: Path, condition: str, cube: str
+    name: str, ports: Mapping[str, str], out: Path, palpation: Mapping[str, Any]
 ) -> None:
-    """Print the ports of the emulated devices and the command to run against them."""
+    """Print the ports of the emulated devices and the command to run against them.
+
+    Parameters
+    ----------
+    name
+        Name of the rig.
+    ports
+        Ports by the name of their bus.
+    out
+        Rig file for runs against the emulator.
+    palpation
+        Options of `teleop run` for the emulated palpation, by name.
+    """
     console = plain_console()
-    console.print(f"{name}: emulated, {cube} cube, Ctrl-C ends it")
+    console.print(f"{name}: emulated, {palpation['specimen']} cube, Ctrl-C ends it")
     for bus, port in ports.items():
         console.print(f"  {bus}: {port}")
-    console.print(f"  run against it: teleop run --rig {out} --condition {condition} --cube {cube}")
+    options = " ".join(f"--{option} {value}" for option, value in palpation.items())
+    console.print(f"  run against it: teleop run --rig {out} {options}")
 
 
 def print_lag(summary: Mapping[str, Any]) -> None:
@@ -162,9 +175,10 @@ def print_lag(summary: Mapping[str, Any]) -> None:
 def print_tare(tare: Tare, noise: float, path: Path, rig: Path | None) -> None:
     """Print the zeros of a rig, and the command that applies them."""
     on_rig = f"--rig {rig} " if rig else ""
+    needed = " --specimen NAME --depth DEPTH" if rig else ""
     plain_console().print(
         f"master force zero {tare.master_force:+.4f} N\n"
         f"contact force zero {tare.contact_force:+.4f} N, noise {noise:.3f} N rms\n"
         f"contact datum {tare.slave_position * 1e3:+.4f} mm\n"
-        f"stored in {path}, {tare.date}; apply it with: teleop run {on_rig}--tare {path}"
+        f"stored in {path}, {tare.date}; apply it with: teleop run {on_rig}--tare {path}{needed}"
     )

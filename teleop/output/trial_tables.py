@@ -22,10 +22,11 @@ def print_trial(summary: Mapping[str, Any]) -> None:
     if summary["estimates"]:
         print_estimates(
             summary["estimates"],
-            f"{summary['condition']}, {palpated(summary)}, {summary['duration_s']:g} s",
+            f"{summary['condition']}, {summary['specimen']}, {summary['duration_s']:g} s",
         )
     if summary["truth"]:
         print_truth(console, summary["truth"])
+    print_tracking(console, summary["tracking"])
     print_estimated(console, summary)
     console.print(
         f"  excitation: {summary['excitation']['mean']:.2f} (0 none, 1 a sine of 1 Hz about zero)"
@@ -67,12 +68,6 @@ def print_incomplete(console: Console, recording: Mapping[str, Any]) -> None:
             console.print("  the tables above are computed from the last seconds, kept in memory")
 
 
-def palpated(summary: Mapping[str, Any]) -> str:
-    """What a trial was on."""
-    simulated = summary["rig"] == "simulated"
-    return f"{summary['cube']} cube" if simulated else str(summary["rig"])
-
-
 def print_truth(console: Console, truth: Mapping[str, Any]) -> None:
     """Print the true stiffness, damping, lag and lost motion of the simulated rig."""
     console.print(
@@ -81,6 +76,17 @@ def print_truth(console: Console, truth: Mapping[str, Any]) -> None:
         f"lags by {truth['force_lag_s'] * 1e3:g} ms\n  and the tip loses "
         f"{truth['lost_motion_m'] * 1e6:g} um of motion, both of which read as negative damping"
     )
+
+
+def print_tracking(console: Console, tracking: Mapping[str, Any] | None) -> None:
+    """Print how the slave followed the target of the mimic condition."""
+    if tracking:
+        console.print(
+            f"  tracking: gain {tracking['gain']:.2f}, phase {tracking['phase_deg']:.0f} deg "
+            f"(delay {tracking['delay_s']:.3f} s), error {tracking['rms_m'] * 1e3:.2f} mm rms,\n"
+            f"  frequency {tracking['frequency_hz']:.3f} of {tracking['target_hz']:g} Hz, over "
+            f"{tracking['periods']} periods"
+        )
 
 
 def print_loop(console: Console, summary: Mapping[str, Any]) -> None:

@@ -15,14 +15,17 @@ import os
 import struct
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 from teleop.errors import reason
-from teleop.live.progress import Estimates, Progress
+from teleop.live.cue import Cue
+from teleop.live.progress import Progress, Status
 from teleop.recording.cdr import CDR, TIME
 from teleop.recording.frames import BEGIN, END, EVENT, FRAME, HEAD, NUMBER, TICK
 from teleop.recording.mcap_writer import McapFile
+from teleop.safety.events import Mode
 
 CHECK = 1.0
 """Time between two checks that the file is still at its path [s]."""
@@ -35,6 +38,7 @@ FLUSH = 0.05
 """Time between two flushes of the file [s]."""
 BULK = 1 << 16
 """Largest number of bytes that are read from the pipe at a time."""
+DOUBLE = struct.Struct("<d")
 PAIR = struct.Struct("<2d")
 """Struct with b and k of an estimator in the message of a tick."""
 
@@ -87,10 +91,9 @@ class FrameReader:
         self.ticks = 0
         self._file = file
         self._progress = progress
-        columns = [name for name, _, _ in session["columns"]]
-        self._places = [
-            (name, len(CDR) + 8 * columns.index(f"{name}_b")) for name in session["estimators"]
-        ]
+        self._estimators = session["estimators"]
+        columns = (name for name, _, _ in session["columns"])
+        self._places = {name: len(CDR) + 8 * index for index, name in enumerate(columns)}
         self._last = b""
         self._rest = b""
 
@@ -111,7 +114,7 @@ class FrameReader:
                 if self._file:
                     self._file.tick(frame, t)
                 self._last = frame
-                self._progress.show(t, self._estimates)
+                self._progress.show(t, self._status)
             elif self._file and kind == EVENT:
                 self._file.event(json.loads(frame))
             elif self._file and kind == BEGIN:
@@ -120,9 +123,14 @@ class FrameReader:
                 self._file.end(*NUMBER.unpack(frame))
         self._rest = data[place:]
 
-    def _estimates(self) -> Estimates:
-        for name, place in self._places:
-            b, k = PAIR.unpack_from(self._last, place)
+    def _status(self) -> Status:
+        shown = (self._places[name] for name in ("mode", "target", "slave_position"))
+        mode, target, position = (DOUBLE.unpack_from(self._last, place)[0] for place in shown)
+        return Status(Mode(int(mode)).name.lower(), target, position, self._estimates())
+
+    def _estimates(self) -> Iterator[tuple[str, float, float]]:
+        for name in self._estimators:
+            b, k = PAIR.unpack_from(self._last, self._places[f"{name}_b"])
             yield name, b, k
 
 
@@ -147,7 +155,11 @@ def main() -> None:
             return
     send(problem="")
     progress = Progress(
-        session["show"], session["duration"], session["hint"], session["instructions"]
+        session["show"],
+        session["duration"],
+        session["hint"],
+        session["instructions"],
+        Cue(*session["cue"]) if session["cue"] else None,
     )
     frames = FrameReader(session, file, progress)
     monitor = FileMonitor(session["path"], file, progress) if file else None

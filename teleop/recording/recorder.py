@@ -48,6 +48,8 @@ class RecorderProcess(Sink):
         Keys that stop the run, for the progress line.
     instructions
         How to stop the run, for a line at the start.
+    cue
+        Depth [m] and count-in [s] of the target that the operator follows; None for no target.
 
     Raises
     ------
@@ -66,6 +68,7 @@ class RecorderProcess(Sink):
         overwrite: bool = False,
         hint: str = "",
         instructions: str = "",
+        cue: tuple[float, float] | None = None,
     ) -> None:
         self.path = path
         self._pushed = 0
@@ -96,6 +99,7 @@ class RecorderProcess(Sink):
             "show": show,
             "hint": hint,
             "instructions": instructions,
+            "cue": cue,
             "overwrite": overwrite,
         }
         data = json.dumps(session).encode()

@@ -53,6 +53,7 @@ MEASURED = (
 )
 COMMANDED = (
     ("drive_force", "N", "drive_force", "on the admittance: of the operator or the PE injector"),
+    ("target", "m", "target", "of the slave, which the operator follows; NaN for none"),
     ("desired_master_velocity", "m/s", "desired.master_velocity", WANTED),
     ("desired_slave_velocity", "m/s", "desired.slave_velocity", WANTED),
     ("commanded_master_velocity", "m/s", "commanded.master_velocity", LIMITED_TO),

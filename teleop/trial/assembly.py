@@ -7,10 +7,10 @@ from collections.abc import Callable
 from drivers import Rig
 from drivers.wired_rig import WiredRig
 from estimation import Bank, Excitation
-from sim_backend import FreePalpation, MimickedSine, SimulatedRig
+from sim_backend import FreePalpation, MimickedSine, Operator, SimulatedRig
 from teleop.control.admittance import Admittance
 from teleop.control.clock import Clock, RealClock, VirtualClock
-from teleop.control.conditions import Autonomous, Condition, Teleoperation
+from teleop.control.conditions import Autonomous, Condition, Mimicry, Teleoperation
 from teleop.control.controller import Controller
 from teleop.control.injector import Injector
 from teleop.trial.settings import TrialSettings
@@ -53,11 +53,16 @@ def make_simulated_rig(
     """
     setup = settings.setup
     depth = setup.depth / settings.coupling.scale
-    operator = {"free": FreePalpation, "mimic": MimickedSine}.get(settings.condition)
+    operator: Operator | None = None
+    if settings.condition == "free":
+        operator = FreePalpation(depth, settings.seed)
+    elif settings.condition == "mimic":
+        target = settings.target
+        operator = MimickedSine(depth, settings.seed, target.frequency, target.count_in)
     return SimulatedRig(
         setup.cube,
         now,
-        operator=operator(depth, settings.seed) if operator else None,
+        operator=operator,
         parameters=settings.plant_parameters,
         sensors=settings.sensors,
         watchdog=watchdog,
@@ -66,12 +71,14 @@ def make_simulated_rig(
 
 
 def make_condition(settings: TrialSettings) -> Condition:
-    """Return a new control condition, with the PE injector if it is autonomous."""
-    if settings.condition != "autonomous":
+    """Return a new control condition, with its target or its PE injector."""
+    if settings.condition == "free":
         return Teleoperation()
+    if settings.condition == "mimic":
+        return Mimicry(settings.target)
     return Autonomous(
         Injector(
-            settings.signal,
+            settings.excitation,
             settings.setup.depth,
             settings.admittance,
             settings.coupling.scale,

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import ast
-import inspect
 import textwrap
 import tomllib
 from collections.abc import Mapping
-from dataclasses import fields, is_dataclass
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -43,12 +41,24 @@ def read_configuration(path: Path) -> TrialSettings:
         named, a line for each.
     """
     recorded = path.suffix.lower() == RECORDING
-    document = load(path).settings if recorded else read_toml(path)
+    document = as_recorded_now(load(path).settings) if recorded else read_toml(path)
     try:
-        return from_document(document) if recorded else settings_from(document, path.parent)
+        settings = from_document(document) if recorded else settings_from(document, path.parent)
+        if settings.rig and settings.custom_limits:
+            raise InputError("custom_limits: not with a rig of devices: expected tightened_limits")
+        return settings
     except InputError as error:
         lines = str(error).splitlines()
         raise InputError("\n".join(f"{path}: {line}" for line in lines)) from error
+
+
+def as_recorded_now(document: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the settings in a recording of any version as the present version records them.
+
+    Before version 0.2 the operator of mimic did not follow the signal.
+    """
+    ignored = document.get("condition") == "mimic" and NAMES["count_in"] not in document
+    return {key: value for key, value in document.items() if not (ignored and key == "signal")}
 
 
 def read_toml(path: Path) -> dict[str, Any]:
@@ -76,8 +86,11 @@ def settings_from(document: Mapping[str, Any], folder: Path) -> TrialSettings:
     InputError
         A setting is unknown or not as expected, or a file that it names cannot be read.
     """
-    if derived := [key for key in DERIVED if key in document]:
-        raise InputError("\n".join(f"{key}: unknown setting" for key in derived))
+    problems = [f"{key}: unknown setting{hint}" for key, hint in DERIVED.items() if key in document]
+    if "rig" in document and "cube" in document:
+        problems.append("cube: belongs to the simulated rig: expected no cube beside a rig")
+    if problems:
+        raise InputError("\n".join(problems))
     named = dict(document)
     if isinstance(named.get("rig"), str):
         named["rig"] = load_rig_file(folder / named["rig"])
@@ -91,64 +104,70 @@ def settings_from(document: Mapping[str, Any], folder: Path) -> TrialSettings:
 
 def write_configuration(settings: TrialSettings) -> str:
     """Return the text of a configuration file that gives these settings again, with comments."""
-    document = to_document(settings)
+    document = without_none(to_document(settings))
     if MODELS.get(settings.model.name) == settings.model:
         document["model"] = settings.model.name
-    descriptions = attribute_docstrings(TrialSettings)
+    schema = configuration_schema()
     file = tomlkit.document()
     file.add(tomlkit.comment("Configuration of a trial: teleop run --config FILE"))
     file.add(tomlkit.comment("Quantities are in SI units. A key that is left out has its default."))
-    names = [field.name for field in fields(TrialSettings)]
-    is_table = {name: isinstance(document[NAMES.get(name, name)], Mapping) for name in names}
-    for name in sorted(names, key=is_table.__getitem__):  # TOML has its tables last
-        key = NAMES.get(name, name)
+    names = {NAMES.get(field.name, field.name): field.name for field in fields(TrialSettings)}
+    is_table = {key: isinstance(document.get(key), Mapping) for key in names}
+    for key in sorted(names, key=is_table.__getitem__):  # TOML has its tables last
         file.add(tomlkit.nl())
-        for line in textwrap.wrap(descriptions.get(name, ""), 88):
+        for line in textwrap.wrap(schema["properties"][key]["description"], 88):
             file.add(tomlkit.comment(line))
-        if document[key] is None:
+        if document.get(key) is None:
             file.add(tomlkit.comment(f"{key} ="))
-        elif is_table[name]:
-            file.add(key, table(document[key], getattr(settings, name)))
+        elif is_table[key]:
+            kind = type(getattr(settings, names[key])).__name__
+            file.add(key, table(document[key], schema["$defs"].get(kind, {}).get("properties", {})))
         else:
             file.add(key, document[key])
     return tomlkit.dumps(file)
 
 
-def table(values: Mapping[str, Any], part: object) -> Table:
-    """Return a table of TOML with a comment for each value that has a description."""
+def without_none(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a mapping without the keys whose value is None, which TOML does not have."""
+    return {
+        key: without_none(value) if isinstance(value, Mapping) else value
+        for key, value in values.items()
+        if value is not None
+    }
+
+
+def table(values: Mapping[str, Any], properties: Mapping[str, Any]) -> Table:
+    """Return a table of TOML with a comment for each value that has a description.
+
+    A key without a value is a comment.
+
+    Parameters
+    ----------
+    values
+        Values by key.
+    properties
+        Properties of the table in the JSON schema, by key.
+    """
     found = tomlkit.table()
-    descriptions = attribute_docstrings(type(part)) if is_dataclass(part) else {}
-    for key, value in values.items():
-        if value is None:
+    for key in {**properties, **values}:
+        description = " ".join(properties.get(key, {}).get("description", "").split()).rstrip(".")
+        if key not in values:
+            found.add(tomlkit.comment(f"{key} = # {description}"))
             continue
-        found.add(key, value)
-        if key in descriptions:
-            found[key].comment(descriptions[key].rstrip("."))
-    return found
-
-
-def attribute_docstrings(kind: type) -> dict[str, str]:
-    """Return the docstring of each attribute of a class, on one line."""
-    (definition,) = ast.parse(textwrap.dedent(inspect.getsource(kind))).body
-    assert isinstance(definition, ast.ClassDef)
-    found = {}
-    for name, text in zip(definition.body, definition.body[1:], strict=False):
-        if isinstance(name, ast.AnnAssign) and isinstance(text, ast.Expr):
-            assert isinstance(name.target, ast.Name)
-            found[name.target.id] = " ".join(ast.literal_eval(text.value).split())
+        found.add(key, values[key])
+        if description:
+            found[key].comment(description)
     return found
 
 
 def configuration_schema() -> dict[str, Any]:
     """Return the JSON schema of configuration files, with which editors complete them."""
     schema = adapter().json_schema()
-    named: dict[str, list[dict[str, Any]]] = {
+    properties = schema["properties"]
+    for key, given in {
         "rig": [{"type": "string"}, {"type": "object"}],
-        "tare": [{"type": "string"}, schema["properties"]["tare"]],
-        "model": [{"enum": list(MODELS)}, schema["properties"]["model"]],
-    }
-    properties = {}
-    for name, description in attribute_docstrings(TrialSettings).items():
-        values = {"anyOf": named[name]} if name in named else schema["properties"][name]
-        properties[NAMES.get(name, name)] = {**values, "description": description}
-    return {**schema, "title": "Configuration of a trial", "properties": properties}
+        "tare": [{"type": "string"}, {"$ref": "#/$defs/Tare"}],
+        "model": [{"enum": list(MODELS)}, {"$ref": "#/$defs/Model"}],
+    }.items():
+        properties[key] = {"anyOf": given, "description": properties[key]["description"]}
+    return {**schema, "title": "Configuration of a trial"}

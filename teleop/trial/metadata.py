@@ -12,6 +12,9 @@ from teleop.json_documents import dumps
 from teleop.trial.settings import TrialSettings
 from teleop.trial.settings_json import to_document
 
+TEXTS = ("operator", "notes")
+"""Settings that a session has where they are not empty."""
+
 
 def session_metadata(settings: TrialSettings) -> dict[str, dict[str, str]]:
     """Return the text records about a session that its recording contains, by name."""
@@ -23,6 +26,8 @@ def session_metadata(settings: TrialSettings) -> dict[str, dict[str, str]]:
             "created": datetime.now().astimezone().isoformat(timespec="seconds"),
             "seed": str(settings.seed),
             "rig": settings.rig_name,
+            "specimen": settings.palpated,
+            **{name: text for name in TEXTS if (text := getattr(settings, name))},
             "estimated_channels": ", ".join(estimated_channels(settings)) or "none",
         },
         "settings": {"json": dumps(to_document(settings))},

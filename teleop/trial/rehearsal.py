@@ -16,6 +16,7 @@ from teleop.recording.black_box import BlackBox
 from teleop.recording.message import Layout
 from teleop.recording.sinks import Memory
 from teleop.safety.events import ACTIVE
+from teleop.safety.tightened_limits import NOT_TIGHTENED
 from teleop.trial.assembly import make_clock, make_controller, make_simulated_rig
 from teleop.trial.loop import Loop
 from teleop.trial.settings import TrialSettings
@@ -48,6 +49,7 @@ def tick_cost(settings: TrialSettings) -> float:
         rig=None,
         tare=NO_TARE,
         custom_limits=None,
+        tightened_limits=NOT_TIGHTENED,
         clock="virtual",
         rate=rate,
         duration=2.0 * TICKS / rate,

@@ -12,6 +12,7 @@ import numpy as np
 from estimation import Bank, Estimates
 from estimation.compiled import Floats
 from estimation.summary import summarise
+from teleop.evaluation.tracking import tracking
 from teleop.recording.gaps import gap_rows, missing_text
 from teleop.recording.recording import Recording
 from teleop.recording.sinks import Outcome
@@ -71,6 +72,14 @@ class Trial:
             problems.append(self.black_box_problem)
         return "; ".join(problems)
 
+    def tracking(self) -> dict[str, Any] | None:
+        """Return how the slave followed the target of mimic; None if there is no target."""
+        if self.settings.condition != "mimic":
+            return None
+        t, target, position = (self.recording[n] for n in ("time", "target", "slave_position"))
+        found = tracking(t, target, position, self.settings.target.frequency)
+        return found and found._asdict()
+
     def summary(self) -> dict[str, Any]:
         """Return the results of the trial, in the form of `teleop run --json`."""
         settings, active = self.settings, self.recording.estimated()
@@ -83,7 +92,10 @@ class Trial:
         whole = self.recording
         return {
             "condition": settings.condition,
-            "cube": settings.cube,
+            "cube": None if settings.rig else settings.cube,
+            "specimen": settings.palpated,
+            "operator": settings.operator,
+            "notes": settings.notes,
             "rig": settings.rig_name,
             "estimated_channels": list(estimated_channels(settings)),
             "duration_s": settings.duration,
@@ -93,6 +105,7 @@ class Trial:
             "pairs": len(t),
             "rejected": self.rejected,
             "interrupted": self.interrupted,
+            "tracking": self.tracking(),
             "estimates": {
                 name: summarise(t, regression, estimates, self.bank[name])._asdict()
                 for name, estimates in active.estimates().items()

@@ -16,6 +16,7 @@ from teleop.recording.message import Layout
 from teleop.recording.recorder import RecorderProcess
 from teleop.recording.recording import from_messages, load_intact
 from teleop.recording.sinks import Memory, Outcome, Sink
+from teleop.trial.arming import check_stated
 from teleop.trial.assembly import RigMaker, make_clock, make_controller, make_rig
 from teleop.trial.loop import Loop
 from teleop.trial.metadata import session_metadata
@@ -60,8 +61,8 @@ def run_trial(
     Raises
     ------
     InputError
-        The machine cannot run at the rate, the recording cannot be written, or a required
-        real-time step failed.
+        The machine cannot run at the rate, the recording cannot be written, a required real-time
+        step failed, or a trial on a rig of devices does not state specimen and depth.
     RigError
         The rig cannot be opened, a device cannot be read, or the drives did not get ready.
     Exception
@@ -70,10 +71,13 @@ def run_trial(
     if switch is None:
         with StopSwitch() as switch:
             return run_trial(settings, record, show, switch, real, overwrite, condition, rig_maker)
+    if condition is None:
+        check_stated(settings)
     bank = settings.estimation_preset.bank()
     layout = Layout(bank)
     metadata = session_metadata(settings)
     recorder = loop = None
+    target = settings.target
     if record or show:
         recorder = RecorderProcess(
             record,
@@ -85,6 +89,7 @@ def run_trial(
             overwrite,
             switch.hint,
             switch.instructions,
+            (target.depth, target.count_in) if settings.condition == "mimic" else None,
         )
     memory = None if record else Memory()
     box = BlackBox(layout, settings.rate)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Annotated, get_args
 
@@ -13,18 +13,21 @@ from estimation import Preset, paper_preset
 from estimation.conditioner_choice import make_conditioner
 from estimation.conditioning import BANDWIDTH, Conditioner
 from estimation.model import KELVIN_VOIGT, Model
+from estimation.own_settings import OwnSettings
 from estimation.registry import PAPER
-from sim_backend import CUBES, PlantParameters, Sensors, Setup, paper_setup
+from sim_backend import CUBES, DEPTH, PlantParameters, Sensors, Setup, paper_setup
 from teleop.control.admittance import AdmittanceParameters
 from teleop.control.conditions import CONDITIONS
 from teleop.control.coupling import Coupling
 from teleop.control.excitation_signals import AnySignal, Sine
 from teleop.control.tare import NO_TARE, Tare
+from teleop.control.target import Target
 from teleop.errors import InputError
 from teleop.names import ClockName, ConditioningName
 from teleop.safety import Limits
 from teleop.safety.palpation_limits import palpation_limits
 from teleop.safety.rig_limits import rig_limits
+from teleop.safety.tightened_limits import NOT_TIGHTENED, TightenedLimits
 
 RATES = (50.0, 100_000.0)
 """Lowest and highest rate of the loop [Hz].
@@ -38,6 +41,14 @@ LONGEST = 3600.0
 
 The summary reads all ticks into memory, 0.4 MB per second at 1 kHz.
 """
+FREQUENCY = {"mimic": 1.0, "autonomous": 2.0}
+"""Frequency of the sine that a condition has without a signal [Hz]."""
+COUNT_IN = 3.0
+"""Time in which the target of mimic stands still at first, on a rig of devices [s]."""
+LONGEST_NAME = 100
+"""Largest number of characters of the name of a specimen or an operator."""
+LONGEST_NOTES = 10_000
+"""Largest number of characters of the notes."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +64,13 @@ class TrialSettings:
     condition: str = "free"
     """Control condition: free, mimic or autonomous."""
     cube: str = "soft"
-    """Cube that is palpated: soft, medium or hard."""
+    """Cube of the simulated rig: soft, medium or hard. Not used on a rig of devices."""
+    specimen: str = ""
+    """Name of the specimen; empty for the cube of the simulated rig."""
+    operator: str = ""
+    """Name of the operator."""
+    notes: str = ""
+    """Notes."""
     duration: float = 10.0
     """Duration [s]."""
     clock: ClockName = "real"
@@ -62,8 +79,12 @@ class TrialSettings:
     """Ticks per second [Hz]."""
     seed: int = 0
     """Seed of operator and sensor noise."""
-    signal: Annotated[AnySignal, Discriminator("kind")] = field(default_factory=lambda: Sine(2.0))
-    """Excitation of the autonomous condition."""
+    signal: Annotated[AnySignal, Discriminator("kind")] | None = None
+    """Excitation of the autonomous condition, or the target that the operator follows in mimic,
+    which is a sine. None for a sine of 1 Hz in mimic and of 2 Hz otherwise."""
+    count_in: float | None = None
+    """Time at the start of a mimic trial in which the target stands still [s]. None for 3 s on a
+    rig of devices and 0 on the simulated one."""
     admittance: AdmittanceParameters = field(default_factory=AdmittanceParameters)
     """Virtual dynamics of the master."""
     coupling: Coupling = field(default_factory=Coupling)
@@ -75,15 +96,21 @@ class TrialSettings:
     force_lag: float = 0.0
     """Lag of the force channel that matched conditioning compensates [s]."""
     preset: Preset | None = None
-    """Settings of the estimators; None for those of the paper, with the gain for this cube."""
+    """All settings of the estimators. None for those of the paper; their adaptation gain is that
+    for this cube or, on a rig of devices, that for the soft cube times (d / depth)^2, where d is
+    the depth of the paper on the soft cube."""
     estimators: tuple[str, ...] = PAPER
     """Names of the estimators, used if `preset` is None."""
     model: Model = KELVIN_VOIGT
     """Model of the estimators that support any model, used if `preset` is None."""
+    estimator_parameters: Mapping[str, OwnSettings] = field(default_factory=dict)
+    """Settings of single estimators by name, such as forgetting; used if `preset` is None."""
     custom_setup: Setup | None = None
     """Body, force channel and depth of the palpation, instead of those of the named cube."""
     custom_limits: Limits | None = None
     """Limits of the safety supervisor; None for those of the rig file or of the palpation."""
+    tightened_limits: TightenedLimits = NOT_TIGHTENED
+    """Limits that are tighter than those of the rig file or of the palpation."""
     sensors: Sensors = field(default_factory=Sensors)
     """Imperfections of the simulated sensors."""
     tare: Tare = NO_TARE
@@ -91,7 +118,8 @@ class TrialSettings:
     rig: RigFile | None = None
     """The rig of devices; None for the simulated one."""
     depth: float | None = None
-    """Target depth of palpation [m]; None for that of the paper on this cube."""
+    """Target depth of palpation [m]; None for that of the paper on this cube. A rig of devices
+    needs one."""
 
     def __post_init__(self) -> None:
         problems = [*self._values_out_of_range()] or [*self._inconsistent_values()]
@@ -108,9 +136,9 @@ class TrialSettings:
                 yield f"{name} {value!r}: expected one of {', '.join(allowed)}"
         if not RATES[0] <= self.rate <= RATES[1]:
             yield f"rate {self.rate:g} Hz: expected {RATES[0]:g} to {RATES[1]:g} Hz"
-        elif self.signal.highest > 0.05 * self.rate:
+        elif self.excitation.highest > 0.05 * self.rate:
             yield (
-                f"frequency {self.signal.highest:g} Hz in the excitation: expected at most a "
+                f"frequency {self.excitation.highest:g} Hz in the excitation: expected at most a "
                 f"twentieth of the rate, {0.05 * self.rate:g} Hz"
             )
         if self.depth is not None and not 0.0 < self.depth <= DEEPEST:
@@ -118,10 +146,19 @@ class TrialSettings:
                 f"depth {self.depth * 1e3:g} mm: expected more than 0 and at most "
                 f"{DEEPEST * 1e3:g} mm"
             )
+        for name, text in (("specimen", self.specimen), ("operator", self.operator)):
+            if len(text) > LONGEST_NAME or not (text.isprintable() and text == text.strip()):
+                yield f"{name} {text!r}: expected one line of at most {LONGEST_NAME} characters"
+        if len(self.notes) > LONGEST_NOTES:
+            yield f"notes: expected at most {LONGEST_NOTES} characters, got {len(self.notes)}"
+        if self.count_in is not None and not 0.0 <= self.count_in <= 60.0:
+            yield f"count_in {self.count_in:g} s: expected 0 to 60 s"
         if not 0.0 < self.duration <= LONGEST:
             yield f"duration {self.duration:g} s: expected more than 0 and at most {LONGEST:g} s"
 
     def _inconsistent_values(self) -> Iterator[str]:
+        if self.condition == "mimic" and not isinstance(self.excitation, Sine):
+            yield f"signal {self.excitation.kind}: expected a sine, which the operator follows"
         if self.rig and self.clock != "real":
             yield "clock virtual: a rig of devices runs in real time: expected real"
         try:
@@ -131,13 +168,32 @@ class TrialSettings:
         try:
             self.estimation_preset.bank()
         except ValueError as error:
-            yield str(error)
+            yield from str(error).splitlines()
         if self.duration < 1.0 / self.rate:
             yield (
                 f"duration {self.duration:g} s: expected at least one tick, {1.0 / self.rate:g} s"
             )
+        looser = [*self.tightened_limits.looser(self.untightened_limits)]
+        for name, value, present in looser:
+            yield (
+                f"tightened_limits.{name}: {value} is looser than {present}, the limit of the "
+                f"rig {self.rig_name!r}: expected a limit that is at least as tight"
+            )
+        if looser:
+            return
         try:
-            self.raw_limits.shifted(self.tare.zeros)
+            limits = self.raw_limits
+        except ValueError as error:
+            yield f"tightened_limits: {error}"
+            return
+        deepest = limits.soft_position[1]
+        if self.depth is not None and self.depth > deepest:
+            yield (
+                f"depth {self.depth * 1e3:g} mm: expected at most {deepest * 1e3:g} mm, the soft "
+                f"limit of the slave's position on the rig {self.rig_name!r}"
+            )
+        try:
+            limits.shifted(self.tare.zeros)
         except ValueError as error:
             yield f"tare: {error}"
 
@@ -148,14 +204,25 @@ class TrialSettings:
         return replace(setup, depth=self.depth) if self.depth else setup
 
     @property
+    def excitation(self) -> AnySignal:
+        """Excitation of the autonomous condition, or target of mimic."""
+        return self.signal or Sine(FREQUENCY.get(self.condition, 2.0))
+
+    @property
+    def target(self) -> Target:
+        """Target that the operator follows in the mimic condition."""
+        count_in = (COUNT_IN if self.rig else 0.0) if self.count_in is None else self.count_in
+        return Target(self.excitation.highest, self.setup.depth, count_in)
+
+    @property
     def rig_name(self) -> str:
         """Name of the rig; `simulated` if there is no rig file."""
         return self.rig.sections.name if self.rig else "simulated"
 
     @property
     def palpated(self) -> str:
-        """What is palpated: the rig of devices, or the cube of the simulated one."""
-        return self.rig.sections.name if self.rig else f"{self.cube} cube"
+        """What is palpated: the specimen or, if it has no name, the rig or its cube."""
+        return self.specimen or (self.rig_name if self.rig else f"{self.cube} cube")
 
     @property
     def limits(self) -> Limits:
@@ -165,6 +232,11 @@ class TrialSettings:
     @property
     def raw_limits(self) -> Limits:
         """The same limits relative to the raw readings of the sensors, without the tare."""
+        return self.tightened_limits.applied(self.untightened_limits)
+
+    @property
+    def untightened_limits(self) -> Limits:
+        """Limits that may be tightened: those of the rig file or of the palpation."""
         if self.custom_limits:
             return self.custom_limits
         if self.rig:
@@ -174,7 +246,7 @@ class TrialSettings:
             setup.cube,
             setup.depth,
             self.coupling.scale,
-            self.signal.highest,
+            self.excitation.highest,
             self.plant_parameters.slave_compliance,
             setup.transmission,
         )
@@ -205,10 +277,17 @@ class TrialSettings:
     @property
     def estimation_preset(self) -> Preset:
         """Settings of the estimators, with the defaults filled in."""
-        correlation = self.make_conditioner().correlation(1.0 / self.rate)
-        return self.preset or replace(
-            paper_preset(self.cube),
+        if self.preset:
+            return self.preset
+        preset = paper_preset("soft" if self.rig else self.cube)
+        if self.rig and self.depth:
+            scale = (DEPTH[self.condition]["soft"] / self.depth) ** 2
+            gain_b, gain_k = preset.adaptation_gain
+            preset = replace(preset, adaptation_gain=(scale * gain_b, scale * gain_k))
+        return replace(
+            preset,
             estimators=self.estimators,
             model=self.model,
-            correlation=correlation,
+            correlation=self.make_conditioner().correlation(1.0 / self.rate),
+            own=self.estimator_parameters,
         )

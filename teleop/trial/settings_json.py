@@ -12,8 +12,9 @@ from typing import Any
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 from pydantic_core import to_jsonable_python
 
-from drivers.rig_file import RigFile, RigFileError, parse_rig_file
+from drivers.rig_file import RigFile, RigFileError, as_phrase, parse_rig_file
 from estimation import Axis, Grid, Model, Preset
+from estimation.own_settings import OwnSettings
 from sim_backend import Cube, Sensors, Setup, Transmission
 from teleop.control.admittance import AdmittanceParameters
 from teleop.control.coupling import Coupling
@@ -21,6 +22,7 @@ from teleop.control.excitation_signals import Chirp, Multisine, Sine
 from teleop.control.tare import Tare
 from teleop.errors import InputError
 from teleop.safety import ChannelLimits, Limits
+from teleop.safety.tightened_limits import TightenedLimits
 from teleop.trial.settings import TrialSettings
 
 NAMES = {
@@ -29,11 +31,17 @@ NAMES = {
     "bandwidth": "bandwidth_hz",
     "force_lag": "force_lag_s",
     "depth": "depth_m",
+    "count_in": "count_in_s",
     "preset": "custom_preset",
 }
 """Names in the document that differ from those of the settings."""
-DERIVED = ("preset", "encoder_resolution_m", "limits", "setup")
-"""Values in the document that follow from the settings."""
+DERIVED = {
+    "preset": ": expected estimator_parameters or custom_preset",
+    "encoder_resolution_m": "",
+    "limits": ": expected tightened_limits",
+    "setup": ": expected custom_setup",
+}
+"""Values in the document that follow from the settings, and what states them in a file."""
 PARTS = (
     AdmittanceParameters,
     Axis,
@@ -45,11 +53,13 @@ PARTS = (
     Limits,
     Model,
     Multisine,
+    OwnSettings,
     Preset,
     Sensors,
     Setup,
     Sine,
     Tare,
+    TightenedLimits,
     Transmission,
     TrialSettings,
 )
@@ -64,6 +74,7 @@ def to_document(settings: TrialSettings) -> dict[str, Any]:
     stated = {field.name: getattr(settings, field.name) for field in fields(settings)}
     if rig := settings.rig:
         stated["rig"] = {"name": settings.rig_name, "path": rig.path, "toml": rig.text}
+        del stated["cube"]
     derived = {
         "preset": settings.estimation_preset,
         "encoder_resolution_m": settings.encoder_resolution,
@@ -86,33 +97,24 @@ def from_document(document: Mapping[str, Any]) -> TrialSettings:
     InputError
         Names everything that is not as expected, a line for each problem.
     """
-    keys = {NAMES.get(field.name, field.name): field.name for field in fields(TrialSettings)}
-    stated = {key: value for key, value in document.items() if key not in DERIVED}
-    misnamed = [f"{key}: unknown setting: expected {NAMES[key]}" for key in stated if key in NAMES]
-    given = {keys.get(key, key): value for key, value in stated.items() if key not in NAMES}
+    given = {key: value for key, value in document.items() if key not in DERIVED}
     if isinstance(given.get("rig"), Mapping):
         given["rig"] = rig_file(given["rig"])
     try:
-        settings = adapter().validate_python(given)
+        return adapter().validate_python(given)
     except ValidationError as error:
-        raise InputError("\n".join(misnamed + problems(error))) from error
-    except InputError as error:
-        raise InputError("\n".join([*misnamed, str(error)])) from error
-    if misnamed:
-        raise InputError("\n".join(misnamed))
-    return settings
+        raise InputError("\n".join(problems(error))) from error
 
 
 def problems(error: ValidationError) -> list[str]:
     """Return the problems that pydantic found, each with the path in the document."""
     lines = []
     for part in error.errors():
-        first, *rest = part["loc"] or ("document",)
-        path = ".".join(map(str, (NAMES.get(str(first), first), *rest)))
-        message = part["msg"].removeprefix("Value error, ")
+        path, message = ".".join(map(str, part["loc"] or ("document",))), as_phrase(part["msg"])
         if part["type"] == "unexpected_keyword_argument":
-            message = "unknown setting"
-        lines.append(f"{path}: {message[:1].lower()}{message[1:]}")
+            key = NAMES.get(path)
+            message = f"unknown setting: expected {key}" if key else "unknown setting"
+        lines.append(f"{path}: {message}")
     return lines
 
 
@@ -120,7 +122,10 @@ def problems(error: ValidationError) -> list[str]:
 def adapter() -> TypeAdapter[TrialSettings]:
     """Return the validator of documents; it refuses unknown keys."""
     for part in PARTS:
-        setattr(part, "__pydantic_config__", ConfigDict(extra="forbid"))  # noqa: B010
+        config = ConfigDict(extra="forbid", use_attribute_docstrings=True)
+        if part is TrialSettings:
+            config["alias_generator"] = lambda name: NAMES.get(name, name)
+        setattr(part, "__pydantic_config__", config)  # noqa: B010
     return TypeAdapter(TrialSettings)
 
 

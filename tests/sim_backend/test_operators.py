@@ -92,3 +92,12 @@ def test_the_arm_pulls_by_stiffness_and_damps_by_the_difference_of_velocities():
 def test_a_depth_that_is_not_positive_is_refused(make, depth):
     with pytest.raises(ValueError, match="depth must be positive"):
         make(depth, 0)
+
+
+@pytest.mark.parametrize("frequency", [0.5, 1.0, 2.0])
+def test_the_tracking_operator_waits_for_the_count_in_and_then_moves_as_without_one(frequency):
+    waiting = MimickedSine(8e-3, seed=3, frequency=frequency, count_in=3.0)
+    at_once = MimickedSine(8e-3, seed=3, frequency=frequency)
+    assert [waiting.movement(t).position for t in (1.0, 2.0, 3.0)] == pytest.approx([0.8e-3] * 3)
+    for t in (1.0, 1.3, 2.9, 5.0):
+        assert waiting.movement(3.0 + t) == pytest.approx(at_once.movement(t))

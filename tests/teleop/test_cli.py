@@ -254,6 +254,15 @@ def test_the_progress_line_shows_live_estimates_and_is_cleared_at_the_end():
     assert terminal.text.endswith(b"\r\x1b[K")
 
 
+def test_in_mimic_the_progress_line_has_the_mode_and_the_cue_to_follow():
+    terminal = Terminal("run", "--condition", "mimic", "--duration", "0.5", "--no-record")
+    while terminal.read():
+        pass
+    terminal.process.communicate(timeout=20)
+    assert b"follow O with x" in terminal.text
+    assert re.search(rb"\[Ctrl-C stops\]  active +0\.\d of 0\.5 s  \|[ xO@]+\|", terminal.text)
+
+
 def test_ctrl_c_ends_a_run_and_prints_its_results():
     terminal = Terminal("run", "--duration", "600", "--no-record", "--json")
     while not re.search(rb"0\.[1-9] of 600 s", terminal.text):

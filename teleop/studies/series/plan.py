@@ -12,6 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, StringConstraints, Validation
 
 from teleop.errors import InputError, invalid_parts
 from teleop.studies.series.order import OrderName, ordered
+from teleop.trial.arming import check_stated
 from teleop.trial.configuration import read_toml, settings_from
 from teleop.trial.settings import TrialSettings
 
@@ -152,6 +153,7 @@ def planned_trials(plan: Plan, folder: Path) -> list[PlannedTrial]:
             number = len(trials) + 1
             try:
                 settings = settings_from(document_of(plan, chosen, number), folder)
+                check_stated(settings)
             except InputError as error:
                 problems += [f"{', '.join(chosen.values())}: {line}" for line in lines(error)]
                 settings = TrialSettings()
@@ -170,7 +172,7 @@ def document_of(plan: Plan, chosen: Mapping[str, str], number: int) -> dict[str,
         own = plan.levels.get(name, {}).get(level)
         if own is not None:
             document |= own
-        elif name in ("condition", "cube"):
+        elif name in ("condition", "cube", "specimen", "operator"):
             document[name] = level
     return document | {"seed": int(document.get("seed", 0)) + number}
 

@@ -44,7 +44,8 @@ def trial(rig):
     """Run a short trial, after the emulator has reset the plant."""
     return subprocess.run(
         teleop("run", "--rig", rig, "--condition", "autonomous", "--duration", 4, "--json",
-               "--no-record", "--realtime", "off"),
+               "--no-record", "--realtime", "off", "--specimen", "soft", "--depth", "10mm",
+               "--yes"),
         capture_output=True,
         text=True,
         check=False,

@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 
 from teleop.cli import main
-from teleop.commands import run as command
 from teleop.interruption import CLEAN_UP
+from teleop.recording import new_recording
 from teleop.safety import Request
 from teleop.trial.stop_switch import RESPONSE_TIME
 
@@ -25,6 +25,9 @@ def folder(tmp_path, monkeypatch):
     """The folder of the recordings."""
     monkeypatch.chdir(tmp_path)
     return tmp_path
+
+
+RUN = ("run", "--no-record", "--specimen", "a", "--depth", "3mm", "--yes", "--rig")
 
 
 def start(*arguments):
@@ -43,7 +46,7 @@ def has_worked(pid):
     return Path(f"/proc/{pid}/stat").read_text().split()[13:15] not in times
 
 
-@pytest.mark.parametrize("arguments", [("rig", "check"), ("run", "--no-record", "--rig")])
+@pytest.mark.parametrize("arguments", [("rig", "check"), RUN])
 def test_ctrl_c_while_a_silent_rig_opens_ends_with_130(tmp_path, arguments):
     pytest.importorskip("pty", reason="needs a pseudo-terminal")
     import pty
@@ -100,13 +103,13 @@ def test_a_run_that_is_stopped_before_arming_reports_that_it_is_not_drawn(monkey
 
 
 def test_recordings_that_are_started_in_the_same_second_get_different_names(monkeypatch):
-    class Now(command.datetime):
+    class Now(new_recording.datetime):
         @classmethod
         def now(cls):
             return cls(2026, 1, 2, 3, 4, 5)
 
-    monkeypatch.setattr(command, "datetime", Now)
-    paths = [command.new_recording("free-soft") for _ in range(3)]
+    monkeypatch.setattr(new_recording, "datetime", Now)
+    paths = [new_recording.new_recording("free", "soft") for _ in range(3)]
     assert [str(path) for path in paths] == [
         f"recordings/2026-01-02/030405-free-soft{suffix}.mcap" for suffix in ("", "-2", "-3")
     ]

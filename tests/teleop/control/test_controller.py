@@ -198,6 +198,7 @@ def test_every_stage_gets_its_channel_and_the_measured_dt():
         "compute_time": np.full(len(TIMES), 2.0),
         "write_time": np.ones(len(TIMES)),
         "limited": np.zeros(len(TIMES)),
+        "target": np.full(len(TIMES), np.nan),
         "excitation": idle + excitation,
     }
     for name, e in estimates.items():

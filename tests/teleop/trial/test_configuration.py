@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import fields, replace
 from pathlib import Path
 
@@ -11,15 +12,21 @@ import pytest
 
 from drivers.rig_file import read_rig_file
 from estimation import MODELS
+from estimation.own_settings import OwnSettings
 from teleop.cli import main
 from teleop.control.tare import Tare, write_tare
 from teleop.errors import InputError
 from teleop.recording.recording import load
-from teleop.trial.configuration import configuration_schema, read_configuration
+from teleop.trial.configuration import (
+    configuration_schema,
+    read_configuration,
+    write_configuration,
+)
 from teleop.trial.run import run_trial
 from teleop.trial.settings import TrialSettings
-from teleop.trial.settings_json import NAMES
+from teleop.trial.settings_json import NAMES, from_document, to_document
 
+SHORT = ["--clock", "virtual", "--duration", "0.3"]
 RIG = Path(__file__).parents[3] / "rigs" / "serial-board.toml"
 
 
@@ -130,6 +137,12 @@ def test_the_command_writes_a_file_that_it_accepts(tmp_path, capsys, monkeypatch
     assert "--overwrite" in capsys.readouterr().err
 
 
+def test_the_file_of_init_lists_the_limits_that_can_be_tightened(tmp_path):
+    text = write_configuration(TrialSettings())
+    for key in ("soft_force", "hard_force", "soft_position", "max_velocity"):
+        assert f"\n# {key} = # " in text.partition("[tightened_limits]")[2]
+
+
 def test_check_reports_each_problem_on_a_line_of_its_own(written, capsys):
     assert main(["config", "check", str(written("rate_hz = 1\nduration_s = -1"))]) == 2
     assert len(capsys.readouterr().err.splitlines()) == 2
@@ -147,3 +160,110 @@ def test_options_override_the_file(written, tmp_path, capsys):
     settings = read_configuration(record)
     assert settings == replace(read_configuration(path), seed=6)
     assert load(record).settings["seed"] == 6
+
+
+def test_specimen_operator_and_notes_are_in_the_recording_and_the_summary(tmp_path, capsys):
+    record = tmp_path / "run.mcap"
+    named = ["--specimen", "liver 3", "--operator", "A. B.", "--notes", "warm"]
+    assert main(["run", *SHORT, *named, "--record", str(record), "--json"]) == 0
+    summary = json.loads(capsys.readouterr().out)
+    session = load(record).session
+    for found in (summary, session):
+        assert [found[name] for name in ("specimen", "operator", "notes")] == named[1::2]
+    assert read_configuration(record).specimen == "liver 3"
+
+
+def test_a_recording_without_the_newer_settings_still_runs_again(tmp_path, monkeypatch):
+    older = to_document(TrialSettings(seed=4, depth=3e-3))
+    for key in ("specimen", "operator", "notes", "tightened_limits", "estimator_parameters"):
+        del older[key]
+    del older["preset"]["own"]
+    monkeypatch.setattr("teleop.trial.metadata.to_document", lambda settings: older)
+    run_trial(TrialSettings(duration=0.3, clock="virtual", seed=4), tmp_path / "old.mcap")
+    assert read_configuration(tmp_path / "old.mcap") == TrialSettings(seed=4, depth=3e-3)
+    assert main(["estimate", str(tmp_path / "old.mcap")]) == 0
+
+
+def test_an_older_recording_on_a_rig_names_what_it_lacks(tmp_path, monkeypatch, refused):
+    older = to_document(TrialSettings(rig=read_rig_file(RIG))) | {"cube": "hard"}
+    del older["specimen"]
+    monkeypatch.setattr("teleop.trial.metadata.to_document", lambda settings: older)
+    run_trial(TrialSettings(duration=0.3, clock="virtual"), tmp_path / "old.mcap")
+    line = refused("run", "--config", tmp_path / "old.mcap", "--yes")
+    assert "--specimen NAME" in line
+    assert "--depth 3mm" in line
+
+
+def test_a_single_limit_is_tightened_and_the_others_stay(written):
+    settings = read_configuration(written("[tightened_limits]\nsoft_force = 10.0"))
+    plain = TrialSettings().limits
+    assert settings.limits == replace(plain, soft_force=10.0)
+    assert from_document(to_document(settings)) == settings
+
+
+@pytest.mark.parametrize(
+    ("limits", "problem"),
+    [
+        ("soft_force = 1e3", r"soft_force: 1000.0 is looser than 200.0.*'serial board'"),
+        ("soft_position = [-0.1, 0.01]", r"soft_position: .* is looser than \(-0.045, 0.025\)"),
+        ("hard_force = 10.0", "soft force limit 200 N is above the hard one, 10 N"),
+        ("max_acceleration = 1.0", "max_acceleration: unknown setting"),
+    ],
+)
+def test_a_limit_that_is_looser_than_that_of_the_rig_is_refused(written, limits, problem):
+    path = written(f'rig = "{RIG}"\n[tightened_limits]\n{limits}')
+    with pytest.raises(InputError, match=problem):
+        read_configuration(path)
+
+
+def test_limits_of_a_rig_cannot_be_replaced_by_a_file(written):
+    text = write_configuration(TrialSettings(custom_limits=TrialSettings().limits))
+    with pytest.raises(InputError, match="expected tightened_limits"):
+        read_configuration(written(f'rig = "{RIG}"\n' + text.replace('cube = "soft"', "")))
+
+
+def test_a_depth_beyond_a_tightened_limit_is_refused(written):
+    text = "depth_m = 0.005\n[tightened_limits]\nsoft_position = [-0.001, 0.004]"
+    with pytest.raises(InputError, match="depth 5 mm: expected at most 4 mm"):
+        read_configuration(written(text))
+
+
+PAGE = (RIG.parents[1] / "docs" / "howto-configure.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("block", re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL))
+def test_the_examples_of_the_documentation_are_accepted(written, block):
+    assert read_configuration(written(block)) != TrialSettings()
+
+
+def test_parameters_of_single_estimators_are_set(written):
+    text = 'estimators = ["rls", "rls_sift"]\n[estimator_parameters.rls]\nforgetting = 0.99'
+    settings = read_configuration(written(text))
+    bank = settings.estimation_preset.bank()
+    assert bank["rls"].parameters.beta == 0.99
+    assert bank["rls_sift"].parameters == (
+        replace(settings, estimator_parameters={}).estimation_preset.bank()["rls_sift"].parameters
+    )
+    assert from_document(to_document(settings)) == settings
+
+
+def test_all_problems_of_estimator_parameters_are_reported(written):
+    path = written(
+        "[estimator_parameters.rls]\nforgetting = 1.5\n[estimator_parameters.me]\nforgetting = 0.9"
+    )
+    with pytest.raises(InputError) as refused:
+        read_configuration(path)
+    first, second = str(refused.value).splitlines()
+    assert "rls: forgetting factor must be in (0, 1]" in first
+    assert "me: forgetting: not a setting of this estimator" in second
+    with pytest.raises(InputError, match="estimator 'odd': expected"):
+        read_configuration(written("[estimator_parameters.odd]\nforgetting = 0.9"))
+
+
+def test_a_recorded_trial_with_own_parameters_is_estimated_again_to_the_bit(tmp_path, capsys):
+    settings = TrialSettings(
+        duration=1.0, clock="virtual", estimator_parameters={"rls": OwnSettings(forgetting=0.9)}
+    )
+    run_trial(settings, tmp_path / "a.mcap")
+    assert main(["estimate", str(tmp_path / "a.mcap"), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["as_online"]

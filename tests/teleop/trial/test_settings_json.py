@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from drivers.rig_file import read_rig_file
 from estimation import MODELS, paper_preset
+from estimation.own_settings import OwnSettings
 from sim_backend import RIGID, Cube, Sensors, Setup, Transmission
 from teleop.control.admittance import AdmittanceParameters
 from teleop.control.coupling import Coupling
@@ -21,6 +22,7 @@ from teleop.control.tare import Tare
 from teleop.errors import InputError
 from teleop.json_documents import dumps, loads
 from teleop.safety import Limits
+from teleop.safety.tightened_limits import NOT_TIGHTENED, TightenedLimits
 from teleop.trial.configuration import read_configuration, write_configuration
 from teleop.trial.settings import TrialSettings
 from teleop.trial.settings_json import from_document, to_document
@@ -40,33 +42,50 @@ signals = st.one_of(
 )
 
 
-ALL_SETTINGS = st.builds(
-    TrialSettings,
-    condition=st.sampled_from(["free", "mimic", "autonomous"]),
-    cube=st.sampled_from(["soft", "medium", "hard"]),
-    duration=st.floats(0.01, 3600.0),
-    clock=st.sampled_from(["real", "virtual"]),
-    rate=st.floats(900.0, 2000.0),
-    seed=st.integers(0, 2**31),
-    signal=signals,
-    admittance=st.builds(AdmittanceParameters, positive, positive, st.floats(0.0, 10.0)),
-    coupling=st.builds(Coupling, positive, st.floats(0.0, 10.0)),
-    bandwidth=st.floats(1.0, 100.0),
-    force_lag=st.floats(0.0, 0.4),
-    estimators=st.sampled_from([("rls",), ("rls", "kalman", "me")]),
-    model=st.sampled_from([MODELS["kelvin-voigt"], MODELS["stiffening"]]),
-    preset=st.sampled_from([None, replace(paper_preset("hard"), forgetting=0.95)]),
-    sensors=st.builds(Sensors, st.floats(1e-7, 1e-4), st.floats(0.0, 0.1)),
-    tare=st.builds(Tare, st.floats(-1.0, 1.0), date=st.text(), rig=st.just("simulated")),
-    custom_limits=st.sampled_from([None, Limits(soft_force=30.0, hard_force=40.0)]),
-    custom_setup=st.sampled_from(
-        [
-            None,
-            Setup(Cube(2000.0, 1e6, 3.0, False), 1e-3, 5e-3),
-            Setup(Cube(2000.0, 1e6, 3.0), 1e-3, 5e-3, Transmission(40e-6, 2e-6)),
-        ]
-    ),
-    depth=st.sampled_from([None, 2.5e-3]),
+NAME_LETTERS = st.characters(categories=["L", "N", "P"])
+
+
+def settings_of(condition, signals):
+    """Return valid settings with a condition."""
+    return st.builds(
+        TrialSettings,
+        condition=condition,
+        signal=st.none() | signals,
+        count_in=st.none() | st.floats(0.0, 60.0),
+        cube=st.sampled_from(["soft", "medium", "hard"]),
+        duration=st.floats(0.01, 3600.0),
+        clock=st.sampled_from(["real", "virtual"]),
+        rate=st.floats(900.0, 2000.0),
+        seed=st.integers(0, 2**31),
+        admittance=st.builds(AdmittanceParameters, positive, positive, st.floats(0.0, 10.0)),
+        coupling=st.builds(Coupling, positive, st.floats(0.0, 10.0)),
+        bandwidth=st.floats(1.0, 100.0),
+        force_lag=st.floats(0.0, 0.4),
+        estimators=st.sampled_from([("rls",), ("rls", "kalman", "me")]),
+        model=st.sampled_from([MODELS["kelvin-voigt"], MODELS["stiffening"]]),
+        preset=st.sampled_from([None, replace(paper_preset("hard"), forgetting=0.95)]),
+        sensors=st.builds(Sensors, st.floats(1e-7, 1e-4), st.floats(0.0, 0.1)),
+        tare=st.builds(Tare, st.floats(-1.0, 1.0), date=st.text(), rig=st.just("simulated")),
+        custom_limits=st.sampled_from([None, Limits(soft_force=30.0, hard_force=40.0)]),
+        custom_setup=st.sampled_from(
+            [
+                None,
+                Setup(Cube(2000.0, 1e6, 3.0, False), 1e-3, 5e-3),
+                Setup(Cube(2000.0, 1e6, 3.0), 1e-3, 5e-3, Transmission(40e-6, 2e-6)),
+            ]
+        ),
+        depth=st.sampled_from([None, 2.5e-3]),
+        specimen=st.text(NAME_LETTERS, max_size=20).map(str.strip),
+        operator=st.text(NAME_LETTERS, max_size=20).map(str.strip),
+        notes=st.text(max_size=50),
+        tightened_limits=st.sampled_from([NOT_TIGHTENED, TightenedLimits(rest_master_force=4.0)]),
+        estimator_parameters=st.sampled_from([{}, {"rls": OwnSettings(0.99, (1.0, 2.0))}]),
+    )
+
+
+ALL_SETTINGS = st.one_of(
+    settings_of(st.sampled_from(["free", "autonomous"]), signals),
+    settings_of(st.just("mimic"), st.builds(Sine, st.floats(0.01, 40.0))),
 )
 
 

@@ -43,7 +43,7 @@ os.write(3, b"ended")
 os._exit(os.waitstatus_to_exitcode(status) % 256)
 """
 """A shell with job control: the run is its foreground job."""
-MOVING = rb"\[Enter stops\] +\d+\.\d of"
+MOVING = rb"\[Enter stops\] +active +\d+\.\d of"
 
 
 class Run:

@@ -38,6 +38,15 @@ def test_estimates_are_those_of_the_simulated_rig(stepped, name):
         assert b == pytest.approx(true_b, abs=0.25e-3 * true_k)  # a quarter of a tick
 
 
+def test_the_target_of_mimic_is_followed_as_on_the_simulated_rig(in_memory):
+    wired = in_memory("serial-board", "mimic", duration=4.5, count_in=0.5, depth=5e-3)
+    found = wired.run().summary()["tracking"]
+    plain = run_trial(wired.settings).summary()["tracking"]
+    assert found["periods"] == plain["periods"] == 3
+    assert found["gain"] == pytest.approx(plain["gain"], rel=0.05)
+    assert found["delay_s"] == pytest.approx(plain["delay_s"], rel=0.05)
+
+
 def test_an_observer_in_place_of_the_contact_sensor_gives_the_stiffness(stepped):
     rigid = Setup(Cube(k1=1931.0, k3=2.8e6, b=3.0), 5.4e-3, 11e-3)  # friction is not observed
     trial = stepped("odrive-reaction-force", duration=SECONDS, custom_setup=rigid).run()

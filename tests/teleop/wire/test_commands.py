@@ -21,6 +21,7 @@ from teleop.trial.settings import TrialSettings
 
 RIGS = Path(__file__).parents[3] / "rigs"
 BOARD = str(RIGS / "serial-board.toml")
+RUN = ("run", "--specimen", "soft", "--depth", "10mm", "--yes", "--rig")
 EXAMPLES = ["serial-board", "odrive-bota", "cia402-ft300"]
 
 pytestmark = pytest.mark.skipif(
@@ -71,7 +72,7 @@ def test_a_rig_is_run_and_recorded_against_its_emulated_devices(tmp_path):
         path = tmp_path / "run.mcap"
         for _ in range(3):
             ran = teleop(
-                "run", "--rig", rig, "--condition", "autonomous", "--duration", 1.5, "--json",
+                *RUN, rig, "--condition", "autonomous", "--duration", 1.5, "--json",
                 "--record", path,
             )  # fmt: skip
             if ran.returncode != 3:  # safety stop because the machine was busy: try again
@@ -124,7 +125,7 @@ def test_the_check_reports_channels_round_trips_and_watchdogs(tmp_path):
 def controller(rig):
     """A palpation in another process."""
     return subprocess.Popen(
-        [sys.executable, "-m", "teleop", "run", "--rig", rig, "--condition", "autonomous",
+        [sys.executable, "-m", "teleop", *RUN, rig, "--condition", "autonomous",
          "--no-record", "--realtime", "off"],
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
@@ -166,7 +167,7 @@ def test_each_problem_of_a_rig_file_is_reported_on_its_own_line(tmp_path, capsys
 
 @pytest.mark.parametrize(
     "arguments",
-    [("rig", "check"), ("rig", "tare", "--rig"), ("run", "--no-record", "--rig")],
+    [("rig", "check"), ("rig", "tare", "--rig"), (*RUN[:-1], "--no-record", "--rig")],
     ids=" ".join,
 )
 def test_a_missing_port_is_reported_in_one_line(refused, arguments):

@@ -21,6 +21,7 @@ from teleop.studies.series.journal import Journal, locked
 from teleop.studies.series.plan import planned_trials, read_plan
 from teleop.trial.run import run_trial
 
+RIG = Path(__file__).parents[4] / "rigs" / "serial-board.toml"
 PLAN = """
 name = "short"
 order = "listed"
@@ -193,3 +194,40 @@ def test_the_order_is_shown_without_running_anything(tmp_path, monkeypatch, caps
     assert main(["series", "paper", "--dry-run"]) == 0
     assert "autonomous" in capsys.readouterr().out
     assert not any(tmp_path.iterdir())
+
+
+def wired_plan(folder):
+    text = PLAN.replace('cube = ["soft", "medium", "hard"]', 'specimen = ["liver", "cyst"]')
+    text = text.replace('clock = "virtual"', f'rig = "{RIG}"\ndepth_m = 0.003')
+    path = folder / "plan.toml"
+    path.write_text(text)
+    return path
+
+
+def test_the_factor_specimen_names_the_specimen_of_each_trial(tmp_path):
+    path = wired_plan(tmp_path)
+    trials = planned_trials(read_plan(path), tmp_path)
+    assert [trial.settings.specimen for trial in trials] == ["liver", "cyst"]
+    path.write_text(path.read_text().replace("depth_m = 0.003", ""))
+    with pytest.raises(InputError, match="--depth 3mm"):
+        planned_trials(read_plan(path), tmp_path)
+
+
+def test_a_series_on_a_rig_of_devices_needs_a_person_or_yes(tmp_path, refused):
+    path = wired_plan(tmp_path)
+    for options in ((), ("--no-ask",)):
+        assert "expected --yes" in refused("series", path, "--out", tmp_path / "out", *options)
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_prompt_of_a_series_arms_the_drives_and_is_the_only_one(tmp_path, monkeypatch, capsys):
+    run = []
+    monkeypatch.setattr("teleop.commands.series.run", lambda *given: run.append(given) or 1 / 0)
+    answers = iter(["\n"])
+    monkeypatch.setattr("sys.stdin.readline", lambda: next(answers), raising=False)
+    with pytest.raises(ZeroDivisionError):
+        main(["series", str(wired_plan(tmp_path)), "--out", str(tmp_path / "out"), "--ask"])
+    assert len(run) == 1
+    prompt = capsys.readouterr().err
+    for part in ("serial board: autonomous, liver, depth 3 mm, force limit 200 N", "Ctrl-C"):
+        assert part in prompt

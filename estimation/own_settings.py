@@ -1,0 +1,94 @@
+"""Settings of single estimators that replace the shared settings of a preset."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields
+from typing import Any, Literal
+
+from estimation.estimator import Estimator
+from estimation.method_settings import MethodSettings
+from estimation.methods.grid import Grid
+
+
+@dataclass(frozen=True)
+class OwnSettings:
+    """Settings of one estimator; None keeps the value of the preset.
+
+    They have the units and ranges of `MethodSettings`.
+    """
+
+    forgetting: float | None = None
+    """Forgetting factor per sample."""
+    initial_covariance: tuple[float, float] | None = None
+    """Diagonal of the initial covariance of RLS."""
+    adaptation_gain: tuple[float, float] | None = None
+    """Adaptation gain for b and k."""
+    ai_method: Literal["rk4", "exact"] | None = None
+    """Integration of adaptive identification."""
+    grid: Grid | None = None
+    """Candidates of the multi-estimator."""
+    forgetting_rate: float | None = None
+    """Forgetting rate of the multi-estimator [1/s]."""
+    x_size: float | None = None
+    """Typical displacement [m]."""
+    v_size: float | None = None
+    """Typical velocity [m/s]."""
+    f_size: float | None = None
+    """Typical force [N]."""
+    segment: float | None = None
+    """Length of the segments that `segments` compares [s]."""
+
+    @property
+    def stated(self) -> dict[str, Any]:
+        """The settings that are not None, by name."""
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
+        return {name: value for name, value in values.items() if value is not None}
+
+
+def with_own_settings(
+    name: str,
+    make: Callable[[MethodSettings], Estimator],
+    shared: MethodSettings,
+    own: Mapping[str, OwnSettings],
+) -> Estimator:
+    """Return an estimator, constructed with its own settings where it has some.
+
+    Parameters
+    ----------
+    name
+        Name of the estimator.
+    make
+        Its factory.
+    shared
+        Settings of all estimators.
+    own
+        Settings of single estimators, by name.
+
+    Raises
+    ------
+    ValueError
+        A setting is out of its range, or the estimator does not use it.
+    """
+    if name not in own:
+        return make(shared)
+    stated = own[name].stated
+    used: set[str] = set()
+
+    class Watched(type(shared)):  # type: ignore[misc]
+        """The same settings, which record the names that the factory reads."""
+
+        def __getattribute__(self, attribute: str) -> Any:
+            used.add(attribute)
+            return super().__getattribute__(attribute)
+
+    values = {f.name: getattr(shared, f.name) for f in fields(shared)} | stated
+    estimator = make(Watched(**values))
+    for setting in stated:
+        if setting not in used:
+            known = [f.name for f in fields(OwnSettings) if f.name in used]
+            raise ValueError(
+                f"{setting}: not a setting of this estimator: expected some of "
+                f"{', '.join(known) or 'none'}"
+            )
+    return estimator

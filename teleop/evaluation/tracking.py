@@ -1,0 +1,134 @@
+"""How well a position follows a sinusoidal target."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+
+from estimation.compiled import Floats
+
+FEWEST = 2.0
+"""Least number of periods of the target from which the tracking is computed."""
+ROUNDING = 0.02
+"""Fraction by which the last period may be incomplete, so that a few ticks do not cost a period."""
+EARLIEST = 0.25
+"""Greatest lead of the position, as a fraction of the period; a longer lead counts as a delay."""
+SPAN = 2.0
+"""The achieved frequency is searched up to this factor below and above that of the target."""
+SAMPLES, PADDING = 64, 8
+"""Samples per period of the target in the search, and factor by which they are zero-padded."""
+
+
+class Tracking(NamedTuple):
+    """Tracking of a sinusoidal target by a position.
+
+    Gain, phase and delay are those at the frequency of the target.
+    """
+
+    gain: float
+    """Amplitude of the position as a multiple of that of the target."""
+    phase_deg: float
+    """Phase of the position relative to the target [deg], in (-270, 90]; negative for a lag."""
+    delay_s: float
+    """Delay of the position after the target that gives this phase [s]; negative for a lead."""
+    rms_m: float
+    """Root mean square of position minus target [m]."""
+    frequency_hz: float
+    """Frequency of the sine that fits the position best [Hz]."""
+    target_hz: float
+    """Frequency of the target [Hz]."""
+    periods: int
+    """Periods of the target that were evaluated."""
+
+
+def tracking(t: Floats, target: Floats, position: Floats, frequency: float) -> Tracking | None:
+    """Return how a position follows a sinusoidal target.
+
+    The largest number of whole periods at the end of the record is evaluated, without the first
+    period, in which the position starts to move. Sines and a linear trend are fitted by
+    least squares.
+
+    Parameters
+    ----------
+    t
+        Time [s], of shape (n,), increasing.
+    target
+        Target [m], of shape (n,); NaN where there is none, constant before it moves.
+    position
+        Position [m], of shape (n,).
+    frequency
+        Frequency of the target [Hz].
+
+    Returns
+    -------
+    The tracking; None if the target moves for less than `FEWEST` periods.
+    """
+    moves = np.flatnonzero(np.abs(np.diff(target)) > 0.0)  # not where the target is NaN
+    if not len(moves):
+        return None
+    first, last = int(moves[0]), int(moves[-1]) + 1
+    duration = float(t[last] - t[first])
+    if duration * frequency < FEWEST - ROUNDING:
+        return None
+    periods = math.floor(duration * frequency - 1.0 + ROUNDING)
+    used = slice(int(np.searchsorted(t, t[last] - periods / frequency)), last + 1)
+    t, target, position = t[used], target[used], position[used]
+    ratio = phasor(t, position, frequency) / phasor(t, target, frequency)
+    cycles = (math.degrees(float(np.angle(ratio))) / 360.0 - EARLIEST) % -1.0 + EARLIEST
+    return Tracking(
+        gain=abs(ratio),
+        phase_deg=360.0 * cycles,
+        delay_s=-cycles / frequency,
+        rms_m=float(np.sqrt(np.mean((position - target) ** 2))),
+        frequency_hz=achieved_frequency(t, position, frequency),
+        target_hz=frequency,
+        periods=periods,
+    )
+
+
+def design(t: Floats, frequency: float) -> Floats:
+    """Return the regressors of a sine with an offset and a trend, of shape (n, 4)."""
+    angle = 2.0 * math.pi * frequency * t
+    middle = t - np.mean(t)
+    return np.stack([np.cos(angle), np.sin(angle), np.ones_like(t), middle], axis=1)
+
+
+def phasor(t: Floats, x: Floats, frequency: float) -> complex:
+    """Return the complex amplitude of the sine that fits a signal best."""
+    (cosine, sine, *_), *_ = np.linalg.lstsq(design(t, frequency), x)
+    return complex(cosine, -sine)
+
+
+def achieved_frequency(t: Floats, position: Floats, frequency: float) -> float:
+    """Return the frequency of the sine that fits a position best [Hz].
+
+    Parameters
+    ----------
+    t
+        Time [s], of shape (n,).
+    position
+        Position [m], of shape (n,).
+    frequency
+        Frequency about which the search is made [Hz].
+    """
+    duration = float(t[-1] - t[0])
+    count = max(round(SAMPLES * duration * frequency), SAMPLES)
+    even = np.linspace(t[0], t[-1], count)
+    x = np.interp(even, t, position)
+    x -= np.mean(x)
+
+    def misfit(f: float) -> float:
+        regressors = design(even, f)
+        found = np.linalg.lstsq(regressors, x)[0]
+        return float(np.sum((x - regressors @ found) ** 2))
+
+    padded = PADDING * count
+    frequencies = np.fft.rfftfreq(padded, duration / (count - 1))
+    searched = (frequencies >= frequency / SPAN) & (frequencies <= frequency * SPAN)
+    power = np.where(searched, np.abs(np.fft.rfft(x, padded)), 0.0)
+    best, half_step = float(frequencies[int(np.argmax(power))]), 0.5 / duration
+    bounds = (max(best - half_step, 0.1 * best), best + half_step)
+    return float(minimize_scalar(misfit, bounds=bounds, method="bounded").x)

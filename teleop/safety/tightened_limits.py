@@ -1,0 +1,65 @@
+"""Limits of a trial that are tighter than those of its rig."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+from teleop.safety.limits import Limits
+
+
+@dataclass(frozen=True)
+class TightenedLimits:
+    """Limits that replace those of the rig; each must be at least as tight. None keeps it.
+
+    Only limits of which a smaller value is always safer are included. A lower acceleration, for
+    example, makes every stop longer.
+    """
+
+    max_velocity: float | None = None
+    """Greatest commanded speed of the slave [m/s]."""
+    max_master_velocity: float | None = None
+    """Greatest commanded speed of the master [m/s]."""
+    soft_position: tuple[float, float] | None = None
+    """Soft limits of the slave's position, lower and upper [m]; the slave brakes before them."""
+    hard_position: tuple[float, float] | None = None
+    """Hard limits of the slave's position, lower and upper [m]."""
+    soft_force: float | None = None
+    """Magnitude of the contact force above which the slave does not press further [N]."""
+    hard_force: float | None = None
+    """Greatest magnitude of the contact force [N]."""
+    following_error: float | None = None
+    """Greatest difference between commanded and measured travel of the slave [m]."""
+    rest_master_force: float | None = None
+    """Greatest force on the handle at which the drives may be armed [N]."""
+
+    @property
+    def stated(self) -> dict[str, Any]:
+        """The limits that are not None, by name."""
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
+        return {name: value for name, value in values.items() if value is not None}
+
+    def applied(self, limits: Limits) -> Limits:
+        """Return limits with these in place of their own.
+
+        Raises
+        ------
+        ValueError
+            The result is not consistent, see `Limits`.
+        """
+        return replace(limits, **self.stated)
+
+    def looser(self, limits: Limits) -> Iterator[tuple[str, Any, Any]]:
+        """Yield name, value and present value of each limit that is looser than the present one."""
+        for name, value in self.stated.items():
+            present = getattr(limits, name)
+            if name.endswith("_position"):
+                tight = present[0] <= value[0] and value[1] <= present[1]
+            else:
+                tight = value <= present
+            if not tight:
+                yield name, value, present
+
+
+NOT_TIGHTENED = TightenedLimits()

@@ -1,0 +1,177 @@
+"""What a trial on a rig of devices must state, and how a person arms it."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+import sys
+from pathlib import Path
+
+import pytest
+
+from drivers.rig_file import read_rig_file
+from teleop.cli import main
+from teleop.errors import InputError
+from teleop.trial.arming import arming_text, ask_to_arm
+from teleop.trial.configuration import read_configuration
+from teleop.trial.run import run_trial
+from teleop.trial.settings import TrialSettings
+
+BOARD = Path(__file__).parents[3] / "rigs" / "serial-board.toml"
+STATED = ("--specimen", "liver", "--depth", "3mm")
+
+
+def wired(**settings):
+    return TrialSettings(rig=read_rig_file(BOARD), **settings)
+
+
+@pytest.fixture
+def unopened(monkeypatch):
+    """Fail if a rig is opened."""
+    monkeypatch.setattr("drivers.wired_rig.WiredRig.open", lambda self: pytest.fail("opened"))
+
+
+@pytest.fixture
+def terminal(monkeypatch):
+    """Return a function that makes standard input a terminal on which a line is typed."""
+    pty = pytest.importorskip("pty", reason="needs a pseudo-terminal")
+    leader, follower = pty.openpty()
+
+    def type_after_the_prompt(line):
+        file = os.fdopen(follower, closefd=False)
+        monkeypatch.setattr("sys.stdin", file)
+        monkeypatch.setattr("teleop.trial.arming.is_foreground", lambda: True)
+        monkeypatch.setattr("sys.stderr", Typist(leader, line))
+        return leader
+
+    yield type_after_the_prompt
+    os.close(leader)
+    os.close(follower)
+
+
+class Typist(io.StringIO):
+    """Standard error whose reader types a line when the prompt is shown."""
+
+    def __init__(self, leader, line):
+        super().__init__()
+        self.leader, self.line = leader, line
+
+    def write(self, text):
+        if "Enter arms" in text:
+            os.write(self.leader, self.line)
+        return super().write(text)
+
+
+@pytest.mark.parametrize(
+    ("stated", "missing"),
+    [
+        ((), ("--specimen NAME", "--depth 3mm")),
+        (("--specimen", "liver"), ("--depth 3mm",)),
+        (("--depth", "3mm"), ("--specimen NAME",)),
+    ],
+)
+def test_a_run_on_a_rig_without_specimen_or_depth_is_refused_in_one_line(
+    refused, unopened, stated, missing
+):
+    line = refused("run", "--rig", BOARD, "--yes", *stated)
+    for option in ("--specimen NAME", "--depth 3mm"):
+        assert (option in line) == (option in missing)
+
+
+def test_a_trial_started_from_python_has_to_state_them_too(unopened):
+    with pytest.raises(InputError, match="expected also a specimen"):
+        run_trial(wired(depth=3e-3))
+
+
+def test_a_cube_on_a_rig_of_devices_is_refused(refused, unopened):
+    line = refused("run", "--rig", BOARD, *STATED, "--cube", "soft", "--yes")
+    assert "--cube: belongs to the simulated rig" in line
+
+
+def test_a_depth_beyond_the_soft_limit_of_the_rig_is_refused(refused, unopened):
+    line = refused("run", "--rig", BOARD, "--specimen", "liver", "--depth", "26mm", "--yes")
+    assert "depth 26 mm: expected at most 25 mm" in line
+    assert wired(depth=25e-3).depth == 25e-3
+
+
+def test_the_adaptation_gain_follows_the_depth_and_not_a_cube():
+    soft = TrialSettings(cube="soft").estimation_preset.adaptation_gain
+    as_soft = wired(depth=TrialSettings().setup.depth).estimation_preset.adaptation_gain
+    assert as_soft == soft
+    half = wired(depth=0.5 * TrialSettings().setup.depth, cube="hard")
+    assert half.estimation_preset.adaptation_gain == pytest.approx([4.0 * g for g in soft])
+
+
+def test_without_a_terminal_the_drives_are_not_armed(refused, unopened, monkeypatch):
+    monkeypatch.setattr("sys.stdin", io.StringIO("\n"))
+    assert "expected --yes" in refused("run", "--rig", BOARD, *STATED)
+
+
+@pytest.mark.parametrize(("line", "armed"), [(b"\n", True), (b"n\n", False), (b" \n", False)])
+def test_enter_alone_arms_the_drives(terminal, line, armed):
+    terminal(line)
+    assert ask_to_arm(wired(specimen="liver", depth=3e-3)) == armed
+
+
+def test_a_key_typed_before_the_prompt_does_not_arm(terminal):
+    leader = terminal(b"no\n")
+    os.write(leader, b"\n")
+    assert not ask_to_arm(wired(specimen="liver", depth=3e-3))
+
+
+def test_a_refusal_ends_the_command_before_the_rig_is_opened(terminal, unopened, tmp_path):
+    terminal(b"no\n")
+    record = tmp_path / "a.mcap"
+    assert main(["run", "--rig", str(BOARD), *STATED, "--record", str(record)]) == 130
+    assert not record.exists()
+
+
+def test_the_prompt_states_what_will_happen_and_how_to_stop():
+    text = arming_text(wired(condition="mimic", specimen="liver", depth=3e-3))
+    for part in ("serial board", "mimic", "liver", "3 mm", "200 N", "Ctrl-C"):
+        assert part in text
+
+
+def test_a_configuration_of_a_rig_names_no_cube(tmp_path):
+    path = tmp_path / "trial.toml"
+    path.write_text(f'rig = "{BOARD}"\ncube = "hard"\n')
+    with pytest.raises(InputError, match="cube: belongs to the simulated rig"):
+        read_configuration(path)
+
+
+def test_a_rig_file_may_have_a_rate_above_1_khz(tmp_path, refused):
+    path = tmp_path / "fast.toml"
+    path.write_text(BOARD.read_text().replace("rate_hz = 1000", "rate_hz = 2000", 1))
+    assert read_rig_file(path).sections.rate_hz == 2000.0
+    line = refused("run", "--rig", path, *STATED, "--yes")
+    assert "port /dev/ttyACM0 cannot be opened" in line
+
+
+@pytest.mark.parametrize(
+    ("keys", "code", "shown"),
+    [
+        (b"\x03", 130, b""),
+        (b"no\n", 130, b"not armed: nothing was moved"),
+        (b"\n", 2, b"port /dev/ttyACM0 cannot be opened"),
+    ],
+)
+def test_the_answer_in_a_terminal_decides_whether_the_rig_is_opened(keys, code, shown, tmp_path):
+    pty = pytest.importorskip("pty", reason="needs a pseudo-terminal")
+    pid, terminal = pty.fork()
+    if pid == 0:
+        os.chdir(tmp_path)
+        command = [sys.executable, "-m", "teleop", "run", "--rig", str(BOARD), *STATED]
+        os.execv(sys.executable, command)
+    text, answered = b"", False
+    with contextlib.suppress(OSError):
+        while chunk := os.read(terminal, 4096):
+            text += chunk
+            if b"any other answer ends." in text and not answered:
+                answered = True
+                os.write(terminal, keys)
+    os.close(terminal)
+    assert os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) == code
+    assert shown in text
+    assert (b"cannot be opened" in text) == (code == 2)
+    assert not [*tmp_path.rglob("*.mcap")]
