@@ -104,10 +104,10 @@ def check_refused(checked: Checked, factor: float, axis: str = "slave") -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "wrong"),
-    [(name, drive_goes) for name in RIGS] + [("serial-board", encoder_reads)],
+    ("name", "factor", "wrong"),
+    [(RIGS[0], factor, wrong) for factor in FACTORS for wrong in (drive_goes, encoder_reads)]
+    + [(name, 2.0, drive_goes) for name in RIGS[1:]],
 )
-@pytest.mark.parametrize("factor", FACTORS)
 def test_a_wrong_sign_or_scale_is_refused_before_the_slave_gets_far(in_memory, name, factor, wrong):
     checked = Checked(in_memory(name, **wrong(factor)))
     check_refused(checked, factor)
@@ -128,10 +128,14 @@ LOW = rewritten(
 )
 
 
-@pytest.mark.parametrize("name", RIGS)
 @pytest.mark.parametrize(
-    ("cube", "factor"),
-    [("hard", f) for f in (20.0, 5.0, -1.0)] + [("medium", 20.0), ("soft", 2.0), ("soft", -1.0)],
+    ("name", "cube", "factor"),
+    [
+        *((RIGS[0], "hard", factor) for factor in (20.0, 5.0, -1.0)),
+        (RIGS[0], "medium", 20.0),
+        *((RIGS[0], "soft", factor) for factor in (2.0, -1.0)),
+        *((name, "hard", 20.0) for name in RIGS[1:]),
+    ],
 )
 def test_a_tenth_of_a_low_force_limit_is_not_exceeded(in_memory, name, cube, factor):
     checked = Checked(in_memory(name, cube=cube, rewrite=LOW, **drive_goes(factor)))
@@ -145,8 +149,11 @@ def test_a_scale_that_drive_and_velocity_channel_share_is_refused(in_memory):
     check_refused(Checked(in_memory("serial-board", rewrite=shared)), 20.0)
 
 
-@pytest.mark.parametrize("values", [{"sign": -1}, {"scale": 2.0}], ids=["sign", "scale"])
-@pytest.mark.parametrize("name", RIGS)
+@pytest.mark.parametrize(
+    ("name", "values"),
+    [(RIGS[0], {"scale": 2.0}), *((name, {"sign": -1}) for name in RIGS)],
+    ids=["scale", *RIGS],
+)
 def test_a_wrong_sign_or_scale_of_the_velocity_channel_alone_is_refused(in_memory, name, values):
     checked = Checked(in_memory(name, rewrite=rewritten("channels", "slave_velocity", **values)))
     assert checked.stayed_small()
