@@ -86,18 +86,24 @@ def test_a_missing_number_is_null_in_json(capsys):
 def test_estimates_from_the_recording_are_exactly_those_of_the_run(
     capsys, tmp_path, conditioning, clock
 ):
-    path, picture = tmp_path / "run.mcap", tmp_path / "run.png"
+    path = tmp_path / "run.mcap"
     chosen = ["--conditioning", conditioning, "--cube", "medium", "--bandwidth", "30"]
     lengths = ["--clock", clock, "--duration", "1", "--json"]
-    files = ["--record", str(path), "--plot", str(picture)]
-    assert main(["run", *chosen, *lengths, *files]) == 0
+    assert main(["run", *chosen, *lengths, "--record", str(path)]) == 0
     online = json.loads(capsys.readouterr().out)
     assert online["recording"]["path"] == str(path)
-    assert picture.read_bytes().startswith(b"\x89PNG")
     assert main(["estimate", str(path), "--json"]) == 0
     offline = json.loads(capsys.readouterr().out)
     assert offline["as_online"]
     assert offline["estimates"] == online["estimates"]
+
+
+def test_other_settings_than_those_of_the_run_are_reported(capsys, tmp_path):
+    path, picture = tmp_path / "run.mcap", tmp_path / "run.png"
+    options = ["--record", str(path), "--plot", str(picture)]
+    assert main(["run", "--clock", "virtual", "--duration", "1", *options]) == 0
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    capsys.readouterr()
     assert main(["estimate", str(path), "--preset", "scaled", "--json"]) == 0
     assert not json.loads(capsys.readouterr().out)["as_online"]
 
