@@ -95,15 +95,16 @@ def test_a_recording_that_does_not_fit_a_lagging_spring_is_reported():
         measure_lag(x, 0.0 * f, dt)
 
 
-def test_the_command_measures_a_recording(tmp_path, capsys):
-    x, f, dt = spring(6e-3)
-    path = tmp_path / "spring.csv"
+def written(path, x, f, dt):
+    """Write a recording as CSV, and return its path."""
+    columns = {"Time": np.cumsum(dt), "Displacement": x, "Force": f}
     with new_file(path) as file:
-        write_table(
-            file,
-            {"Time": np.cumsum(dt), "Displacement": x, "Force": f},
-            {"Time": "s", "Displacement": "m", "Force": "N"},
-        )
+        write_table(file, columns, {"Time": "s", "Displacement": "m", "Force": "N"})
+    return path
+
+
+def test_the_command_measures_a_recording(tmp_path, capsys):
+    path = written(tmp_path / "spring.csv", *spring(6e-3))
     assert main(["lag", str(path), "--json"]) == 0
     printed = json.loads(capsys.readouterr().out)
     assert printed["lag_s"] == pytest.approx(6e-3, rel=0.02)
@@ -114,13 +115,7 @@ def test_the_command_measures_a_recording(tmp_path, capsys):
 
 
 def test_the_command_says_when_a_recording_cannot_separate_them(tmp_path, capsys):
-    x, f, dt = spring(4.4e-3, lost_motion=40e-6, motion=one_sine)
-    path = tmp_path / "spring.csv"
-    with new_file(path) as file:
-        write_table(
-            file,
-            {"Time": np.cumsum(dt), "Displacement": x, "Force": f},
-            {"Time": "s", "Displacement": "m", "Force": "N"},
-        )
+    samples = spring(4.4e-3, lost_motion=40e-6, motion=one_sine)
+    path = written(tmp_path / "spring.csv", *samples)
     assert main(["lag", str(path)]) == 0
     assert "cannot be separated" in capsys.readouterr().out
