@@ -39,8 +39,8 @@ def series(
         journal.jsonl; by default series-NAME.
     ask
         Ask before each trial: Enter runs it, s skips it, r repeats the last one, q quits; text
-        after the letter is kept as a note. By default in a terminal, if a trial has a rig of
-        devices.
+        after the letter is kept as a note. After each trial, ask for a note. By default in a
+        terminal, if a trial has a rig of devices.
     dry_run
         Print the order of the trials, and run none.
     json
@@ -48,7 +48,7 @@ def series(
     """
     from teleop.output.console import plain_console, print_json, print_table
     from teleop.printable import print_error
-    from teleop.studies.series.conduct import conduct, counts, unattended
+    from teleop.studies.series.conduct import conduct, counts, no_note, unattended
     from teleop.studies.series.plan import planned_trials, read_plan
 
     read = read_plan(plan)
@@ -66,7 +66,8 @@ def series(
         return 0
     if ask is None:
         ask = sys.stdin.isatty() and any(trial.settings.rig for trial in trials)
-    journal = conduct(folder, read, trials, person if ask else unattended, report=print_error)
+    before, after = (person, note_of_person) if ask else (unattended, no_note)
+    journal = conduct(folder, read, trials, before, after, report=print_error)
     summary = {"folder": str(folder), **counts(journal, trials)}
     if json:
         print_json(summary)
@@ -90,3 +91,9 @@ def person(trial: PlannedTrial, prompt: str) -> tuple[Answer, str]:
         if letter.lower() in answers:
             return answers[letter.lower()], note
         print("Expected Enter, s, r or q.", file=sys.stderr)
+
+
+def note_of_person(trial: PlannedTrial) -> str:
+    """Ask on the terminal for a note on a trial; the end of the input is no note."""
+    print(f"Note on trial {trial.number}, {trial.label}; Enter for none.", file=sys.stderr)
+    return sys.stdin.readline().strip()

@@ -22,6 +22,8 @@ from teleop.trial.settings import TrialSettings
 Answer = Literal["run", "skip", "repeat", "quit"]
 Ask = Callable[[PlannedTrial, str], tuple[Answer, str]]
 """Asks a person what to do next; gets the trial and its prompt, returns the answer and a note."""
+AskNote = Callable[[PlannedTrial], str]
+"""Asks a person for a note on the trial that has just ended; returns it, empty for none."""
 Run = Callable[[TrialSettings, Path], Trial]
 """Runs and records a trial."""
 INTERRUPTED = "interrupted"
@@ -32,6 +34,11 @@ ATTEMPTS = 3
 def unattended(trial: PlannedTrial, prompt: str) -> tuple[Answer, str]:
     """Run every trial."""
     return "run", ""
+
+
+def no_note(trial: PlannedTrial) -> str:
+    """Return no note."""
+    return ""
 
 
 def open_journal(folder: Path, plan: Plan, trials: Sequence[PlannedTrial]) -> Journal:
@@ -68,6 +75,7 @@ def conduct(
     plan: Plan,
     trials: Sequence[PlannedTrial],
     ask: Ask = unattended,
+    ask_note: AskNote = no_note,
     run: Run = run_trial,
     report: Callable[[str], None] = print,
 ) -> Journal:
@@ -86,6 +94,8 @@ def conduct(
         Its trials in their order.
     ask
         Asks a person before each trial.
+    ask_note
+        Asks a person for a note after each trial.
     run
         Runs and records a trial.
     report
@@ -117,6 +127,9 @@ def conduct(
             problem = attempt(folder, journal, trial, run, note)
             rested, previous = time.monotonic(), trial
             report(f"{trial.number} of {len(trials)}, {trial.label}: {problem or 'done'}")
+            if after := ask_note(trial):
+                attempts = journal.attempts(trial.number)
+                journal.write("note", trial.number, attempt=attempts, note=after)
             write_results(folder, trials, journal)
             if problem and ask is unattended:
                 if problem == INTERRUPTED:

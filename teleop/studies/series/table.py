@@ -41,6 +41,7 @@ def result_rows(trials: Sequence[PlannedTrial], journal: Journal) -> Iterator[di
                 "attempt": result["attempt"],
                 "time": result["time"],
                 "file": result["file"],
+                "note": journal.note(trial.number, result["attempt"]),
                 "seed": summary["seed"],
                 "estimator": name,
                 **{RESULTS[key]: values[key] for key in RESULTS},
