@@ -12,6 +12,7 @@ from pathlib import Path
 from cyclopts import App, CycloptsError, UnusedCliTokensError
 
 from drivers import RigError
+from teleop.commands.compare import compare
 from teleop.commands.config import config
 from teleop.commands.estimate import estimate
 from teleop.commands.export import export
@@ -44,7 +45,7 @@ app = App(
     version=installed_version,
     help_format="plaintext",
 )
-for command in (run, estimate, report, export, recover, lag, reproduce):
+for command in (run, estimate, compare, report, export, recover, lag, reproduce):
     app.command(command, help_format="markdown")
 app.command(config)
 app.command(series, help_format="markdown")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import signal
 import subprocess
@@ -20,6 +21,8 @@ for name in ("SIGINT", "SIGHUP", "SIGQUIT"):
     if ending and signal.getsignal(ending) is signal.SIG_IGN:  # as set by nohup and scripts
         quits = name == "SIGQUIT"
         signal.signal(ending, signal.SIG_DFL if quits else signal.default_int_handler)
+
+os.environ.pop("COLUMNS", None)  # set by readline for the workers of pytest-xdist
 
 COMPILER = pytest.StashKey[subprocess.Popen]()
 

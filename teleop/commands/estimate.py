@@ -115,6 +115,7 @@ def estimate(
     from teleop.evaluation.material import Indenter, elastic_modulus
     from teleop.evaluation.pooled import taken_together
     from teleop.evaluation.replay import agrees
+    from teleop.evaluation.settings_summary import settings_summary
     from teleop.files import check_outputs, new_file
     from teleop.output import console
     from teleop.output.estimate_tables import print_evaluation
@@ -154,14 +155,16 @@ def estimate(
     summaries = []
     for path in (file, *more):
         signals, recording = columns.read(path)
+        settings = chosen(recording, columns.datum, cube, given)
         try:
-            evaluation = evaluate(signals, chosen(recording, columns.datum, cube, given))
+            evaluation = evaluate(signals, settings)
         except InputError as error:
             raise InputError(f"{path}: {error}" if more else str(error)) from error
         summary = {
             "file": str(path),
             "force_filter": signals.force_filter,
             "reading": signals.notes,
+            **settings_summary(settings),
             **evaluation.summary(cost),
         }
         if tip:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -76,6 +77,13 @@ def series(
             f"{folder}: {summary['done']} of {len(trials)} trials done, {summary['skipped']} "
             f"skipped, {summary['pending']} pending"
         )
+        if summary["done"]:
+            name = shlex.quote(str(folder))
+            plain_console().print(
+                f"table and figure: teleop compare {name} --out {name}/table.tex "
+                f"--plot {name}/figure.pdf",
+                soft_wrap=True,
+            )
     return 0
 
 

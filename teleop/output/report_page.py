@@ -11,7 +11,13 @@ from estimation import MultiEstimator
 from estimation.model import KELVIN_VOIGT
 from estimation.redundancy import ambiguity
 from teleop.evaluation.evaluation import Evaluation
-from teleop.output.estimate_tables import HEADINGS, estimate_cells, interval_table
+from teleop.output.estimate_tables import (
+    AT_END,
+    AVERAGES,
+    HEADINGS,
+    estimate_cells,
+    interval_table,
+)
 from teleop.output.fault_report import fault_text
 from teleop.output.figures import ambiguity_figure, estimates_figure, fault_figure, timing_figure
 from teleop.output.web_page import svg, web_page
@@ -78,6 +84,8 @@ def of_evaluation(name: str, evaluation: Evaluation | None) -> dict[str, Any]:
     return {
         "summary": summary,
         "gaps": e.gaps,
+        "at_end": AT_END,
+        "averages": AVERAGES,
         "headings": HEADINGS,
         "estimates": estimate_cells({**summary["estimates"], "batch": summary["batch"]}),
         "interval_headings": headings,

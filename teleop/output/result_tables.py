@@ -1,18 +1,14 @@
-"""What the commands print of a result: the number to publish, the models, several files."""
+"""Tables of a result: the number to publish, the batch models, several files together."""
 
 from __future__ import annotations
 
 import math
-import textwrap
 from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from teleop.output.console import number, plain_console, print_table, small
-
-COLUMNS = 80
-"""Width of the text [characters]."""
 
 
 def print_result(summary: Mapping[str, Any], name: str) -> None:
@@ -35,8 +31,7 @@ def print_result(summary: Mapping[str, Any], name: str) -> None:
             )
     for reason in result["reasons"]:
         style = "yellow" if result["identifiable"] else "red"
-        for line in textwrap.wrap(reason, COLUMNS - 4, initial_indent="- ", subsequent_indent="  "):
-            console.print(f"  {line}", style=style)
+        console.print(f"  - {reason}", style=style)
     print_tangent(result["tangent"])
     counts = Counter(phase["phase"] for phase in summary["phases"])
     phases = ", ".join(f"{count} {phase}" for phase, count in counts.items())
@@ -102,9 +97,7 @@ def print_models(summary: Mapping[str, Any]) -> None:
     )
     for fit in models:
         cells = [parameter_text(name, one) for name, one in fit["parameters"].items()]
-        text = f"{fit['name']}: {', '.join(cells)}"
-        for line in textwrap.wrap(text, COLUMNS - 2, subsequent_indent="  "):
-            console.print(f"  {line}")
+        console.print(f"  {fit['name']}: {', '.join(cells)}")
 
 
 def parameter_text(name: str, one: Mapping[str, Any]) -> str:
@@ -151,11 +144,12 @@ def print_together(together: Mapping[str, Any]) -> None:
             ),
         )
     for symbol, ratio in together["ratios"].items():
+        if not math.isfinite(ratio["ratio"]):
+            continue
         console.print(
             f"  largest {symbol} over smallest: {ratio['ratio']:.3g} "
             f"(95 % interval {ratio['low']:.3g} to {ratio['high']:.3g})"
         )
     style = "bold red" if together["insufficient"] else None
     for reason in together["reasons"]:
-        for line in textwrap.wrap(reason, COLUMNS - 2):
-            console.print(f"  {line}", style=style)
+        console.print(f"  {reason}", style=style)

@@ -11,6 +11,7 @@ import numpy as np
 
 from estimation import Bank, Estimates
 from estimation.compiled import Floats
+from estimation.presets import GATE
 from estimation.summary import summarise
 from teleop.recording.gaps import gap_rows, missing_text
 from teleop.recording.recording import Recording
@@ -20,6 +21,9 @@ from teleop.safety.events import ACTIVE, STOPPING
 from teleop.safety.soft_limits import ACCELERATION, FORCE, POSITION, VELOCITY
 from teleop.trial.metadata import estimated_channels
 from teleop.trial.settings import TrialSettings
+
+LEAST_CONTACT = 1.0
+"""Time in contact below which an interrupted trial gives no estimates [s]."""
 
 
 @dataclass(frozen=True)
@@ -81,12 +85,17 @@ class Trial:
         else:
             depth, excitation = 0.0, (math.nan, math.nan)
         whole = self.recording
+        threshold = (settings.estimation_preset.gate or GATE).force
+        contact = float(np.sum(regression.dt[np.abs(regression.f) > threshold]))
         return {
             "condition": settings.condition,
             "cube": settings.cube,
             "rig": settings.rig_name,
             "estimated_channels": list(estimated_channels(settings)),
             "duration_s": settings.duration,
+            "actual_duration_s": float(t[-1]) if len(t) else 0.0,
+            "contact_s": contact,
+            "least_contact_s": LEAST_CONTACT,
             "clock": settings.clock,
             "seed": settings.seed,
             "ticks": int(np.isin(self.recording["mode"], (ACTIVE, STOPPING)).sum()),
@@ -96,7 +105,7 @@ class Trial:
             "estimates": {
                 name: summarise(t, regression, estimates, self.bank[name])._asdict()
                 for name, estimates in active.estimates().items()
-                if len(t)
+                if len(t) and (contact >= LEAST_CONTACT or not self.interrupted)
             },
             "truth": None if settings.rig else truth(settings, depth),
             "excitation": {"mean": excitation[0], "last": excitation[1]},

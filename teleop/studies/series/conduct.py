@@ -14,7 +14,7 @@ from teleop.files import make_folder
 from teleop.safety.events import time_text
 from teleop.studies.series.journal import LOCK, NAME, Journal, locked
 from teleop.studies.series.plan import Plan, PlannedTrial
-from teleop.studies.series.table import write_results
+from teleop.studies.series.table import RECORDINGS, write_results
 from teleop.trial.result import Trial
 from teleop.trial.run import run_trial
 from teleop.trial.settings import TrialSettings
@@ -142,7 +142,7 @@ def conduct(
 def attempt(folder: Path, journal: Journal, trial: PlannedTrial, run: Run, note: str) -> str:
     """Run a trial once; return why it is to be repeated, empty if it is not."""
     number = journal.attempts(trial.number) + 1
-    path = folder / "recordings" / f"{trial.number:03d}-{trial.label}-{number}.mcap"
+    path = folder / RECORDINGS / f"{trial.number:03d}-{trial.label}-{number}.mcap"
     make_folder(path)
     journal.write("started", trial.number, attempt=number, file=path.name, note=note)
     try:

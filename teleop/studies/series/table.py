@@ -12,7 +12,7 @@ from teleop.files import write_text
 from teleop.studies.series.journal import Journal
 from teleop.studies.series.plan import PlannedTrial
 
-NAME = "trials.csv"
+NAME, RECORDINGS = "trials.csv", "recordings"
 RESULTS = {
     "k": "k [N/m]",
     "b": "b [N s/m]",
