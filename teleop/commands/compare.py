@@ -9,7 +9,7 @@ from cyclopts import Parameter
 
 from teleop.commands.overwriting import Overwrite
 from teleop.commands.recording import BY_NAME, ColumnOptions
-from teleop.names import ConditioningName, CubeName, ModelName, PresetName
+from teleop.names import ConditioningName, CubeName, ModelName, PresetName, WidthName
 
 if TYPE_CHECKING:
     from teleop.evaluation.comparison import Compared
@@ -31,6 +31,7 @@ def compare(
     anova: Literal["k", "b", "e_f", "rise_time_s"] | None = None,
     out: Path | None = None,
     plot: Path | None = None,
+    width: WidthName = "screen",
     overwrite: Overwrite = False,
     json: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
@@ -79,6 +80,9 @@ def compare(
         LaTeX (booktabs) and Markdown have the groups.
     plot
         Plot stiffness and damping by group to a .png, .svg or .pdf file.
+    width
+        Width of the figure: for a screen, one (single) or two columns (double) of an IEEE paper,
+        or a page of A4.
     json
         Print one JSON document instead of tables.
     """
@@ -164,9 +168,10 @@ def compare(
         write_table_file(out, tidy, headings, cells, len(factors) + 1, overwrite)
     if plot:
         from teleop.output.comparison_figure import comparison_figure
-        from teleop.output.figures import save
+        from teleop.output.figure_style import figure_style, save
 
-        save(comparison_figure(rows, groups, factors), plot, overwrite)
+        with figure_style(width):
+            save(comparison_figure(rows, groups, factors), plot, overwrite)
     return 0
 
 

@@ -7,15 +7,18 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from teleop.evaluation.comparison import BATCH, Compared, Group, Mean
 from teleop.evaluation.result import Result
-from teleop.output.figures import plain
+from teleop.output.figure_style import new_figure, plain
 
 SPREAD = 0.35
 """Width over which the recordings of a group are spread, as a share of the distance of groups."""
 WIDE = 10.0
 """Ratio of the largest to the smallest stiffness from which on the axis is logarithmic."""
+CHARACTERS = 9.0
+"""Characters of the names of groups per inch that fit beside one another."""
 LONGEST_LEVEL = 24
 """Most characters of a group's name."""
 
@@ -34,7 +37,7 @@ def comparison_figure(
     by
         Factors of the groups.
     """
-    figure = Figure(figsize=(8.0, 6.0), layout="constrained")
+    figure = new_figure(0.75, rows=2)
     panels = figure.subplots(2, 1, sharex=True)
     labels = {"k": "stiffness $k$ [N/m]", "b": "damping $b$ [N s/m]"}
     for axes, symbol in zip(panels, labels, strict=True):
@@ -48,8 +51,14 @@ def comparison_figure(
     names = ["\n".join(plain(level[:LONGEST_LEVEL]) for level in one.levels) for one in groups]
     stiffness = [one.result.k for one in rows if one.result.k is not None]
     if stiffness and 0.0 < WIDE * min(stiffness) < max(stiffness):
-        panels[0].set_yscale("log")
+        panels[0].set_yscale("log", subs=(1, 2, 5))
+        panels[0].yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        panels[0].yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        panels[0].yaxis.set_minor_formatter(NullFormatter())
     panels[-1].set_xticks(range(len(groups)), names or [""])
+    longest = max((len(part) for name in names for part in name.split("\n")), default=0)
+    if longest * len(groups) > CHARACTERS * figure.get_figwidth():
+        panels[-1].tick_params(axis="x", labelrotation=90)
     panels[-1].set_xlim(-0.6, len(groups) - 0.4)
     if by:
         panels[-1].set_xlabel(plain(", ".join(by)))

@@ -19,7 +19,8 @@ from teleop.output.estimate_tables import (
     interval_table,
 )
 from teleop.output.fault_report import fault_text
-from teleop.output.figures import ambiguity_figure, estimates_figure, fault_figure, timing_figure
+from teleop.output.figures import estimates_figure
+from teleop.output.trial_figures import ambiguity_figure, fault_figure, timing_figure
 from teleop.output.web_page import svg, web_page
 from teleop.recording.gaps import missing_text
 from teleop.recording.recording import Recording

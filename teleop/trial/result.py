@@ -13,6 +13,7 @@ from estimation import Bank, Estimates
 from estimation.compiled import Floats
 from estimation.presets import GATE
 from estimation.summary import summarise
+from teleop.errors import InputError
 from teleop.recording.gaps import gap_rows, missing_text
 from teleop.recording.recording import Recording
 from teleop.recording.sinks import Outcome
@@ -21,6 +22,7 @@ from teleop.safety.events import ACTIVE, STOPPING
 from teleop.safety.soft_limits import ACCELERATION, FORCE, POSITION, VELOCITY
 from teleop.trial.metadata import estimated_channels
 from teleop.trial.settings import TrialSettings
+from teleop.trial.settings_json import from_document
 
 LEAST_CONTACT = 1.0
 """Time in contact below which an interrupted trial gives no estimates [s]."""
@@ -140,6 +142,17 @@ def truth(settings: TrialSettings, depth: float) -> dict[str, float]:
         "force_lag_s": setup.force_lag,
         "lost_motion_m": transmission.lost_motion,
     }
+
+
+def recorded_truth(recording: Recording) -> dict[str, float] | None:
+    """Return the truth of a recorded trial on the simulated rig; None for other recordings."""
+    if not recording.settings or recording.session.get("rig") != "simulated":
+        return None
+    try:
+        settings = from_document(recording.settings)
+    except InputError:
+        return None
+    return truth(settings, float(np.max(np.abs(recording["slave_position"]), initial=0.0)))
 
 
 def safety_summary(active: Recording, fault: dict[str, Any] | None) -> dict[str, Any]:

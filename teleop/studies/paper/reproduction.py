@@ -16,7 +16,8 @@ from sim_backend import CUBES
 from teleop.control.conditions import CONDITIONS
 from teleop.errors import InputError
 from teleop.files import check_outputs, unwritable, write_text
-from teleop.output.figures import estimates_figure, save, stiffness_figure
+from teleop.output.figure_style import save
+from teleop.output.figures import estimates_figure, stiffness_figure
 from teleop.output.web_page import svg
 from teleop.studies.anova import Effect, check_available
 from teleop.studies.paper.claims import Claim, check_claims
@@ -227,6 +228,7 @@ def draw(name: str, outcomes: Sequence[Outcome], folder: Path, overwrite: bool) 
         figure = stiffness_figure(
             {c: (trial[c, "soft"].t, trial[c, "soft"].series) for c in CONDITIONS},
             {c: table1()[c, "soft", "rls"].k for c in CONDITIONS},
+            same_scale=True,
         )
     save(figure, folder / f"{name}.png", overwrite)
     figure.set_layout_engine("none")  # keep the layout of the PNG file
