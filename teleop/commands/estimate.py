@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from teleop.commands.figures import estimates_of, force_of
+from teleop.commands.figures import truth_of
 from teleop.commands.overwriting import Overwrite
 from teleop.commands.recording import BY_NAME, ColumnOptions
 from teleop.names import ConditioningName, CubeName, ModelName, PresetName, WidthName
@@ -198,11 +198,12 @@ def estimate(
     if out:
         with new_file(out, overwrite) as table:
             write_table(table, *evaluation.columns())
+    from teleop.output.evaluation_figures import estimates_of, force_of
     from teleop.output.figure_style import figure_style, save
 
     with figure_style(width):
         if plot:
-            save(estimates_of(file.name, evaluation, recording), plot, overwrite)
+            save(estimates_of(file.name, evaluation, truth_of(recording)), plot, overwrite)
         if plot_force:
             save(force_of(file.name, evaluation), plot_force, overwrite)
         if plot_fit:

@@ -1,4 +1,4 @@
-"""Figures of a trial or an evaluated recording, the same for every command."""
+"""Figures of a trial."""
 
 from __future__ import annotations
 
@@ -7,31 +7,18 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from matplotlib.figure import Figure
-
-    from teleop.evaluation.evaluation import Evaluation
     from teleop.names import WidthName
+    from teleop.output.figures import Truth
     from teleop.recording.recording import Recording
     from teleop.trial.result import Trial
 
 
-def estimates_of(name: str, evaluation: Evaluation, recording: Recording | None) -> Figure:
-    """Return the figure of the estimates, with the truth of a simulated trial."""
-    from teleop.output.figures import estimates_figure, known_truth
+def truth_of(recording: Recording | None) -> Truth | None:
+    """Return the true values of a recorded trial on the simulated rig; None if not known."""
+    from teleop.output.figures import known_truth
     from teleop.trial.result import recorded_truth
 
-    truth = known_truth(recorded_truth(recording)) if recording else None
-    x, v, *_ = evaluation.regression
-    return estimates_figure(name, evaluation.t, x, v, evaluation.estimates, truth)
-
-
-def force_of(name: str, evaluation: Evaluation) -> Figure:
-    """Return the figure of the force, predicted by the first estimator."""
-    from teleop.output.force_figure import force_figure
-
-    e = evaluation
-    first = next(iter(e.estimates))
-    return force_figure(name, e.t, e.regression, first, e.estimates[first], e.batch)
+    return known_truth(recorded_truth(recording)) if recording else None
 
 
 def draw_trial(

@@ -11,7 +11,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from teleop.evaluation.comparison import BATCH, Compared, Group, Mean
 from teleop.evaluation.result import Result
-from teleop.output.figure_style import new_figure, plain
+from teleop.output.figure_style import legend, new_figure, plain
 
 SPREAD = 0.35
 """Width over which the recordings of a group are spread, as a share of the distance of groups."""
@@ -64,7 +64,7 @@ def comparison_figure(
         panels[-1].set_xlabel(plain(", ".join(by)))
     handles, texts = panels[0].get_legend_handles_labels()
     unique = dict(zip(texts, handles, strict=True))
-    figure.legend(unique.values(), unique.keys(), loc="outside upper right", ncols=2, frameon=False)
+    legend(figure, [*unique.values()], [*unique])
     return figure
 
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 import contextlib
 import warnings
 from collections.abc import Iterator, Sequence
+from contextvars import ContextVar
 from itertools import pairwise
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, Literal
 
 import matplotlib as mpl
 import numpy as np
@@ -24,6 +25,8 @@ WIDTHS: dict[WidthName, float] = {"screen": 8.0, "single": 3.5, "double": 7.16, 
 """Widths of figures [in]: screen, one and two columns of IEEE, A4 with margins of 25 mm."""
 FONTS: dict[WidthName, float] = {"screen": 10.0, "single": 7.0, "double": 8.0, "a4": 9.0}
 """Sizes of text [pt]."""
+CHOSEN: ContextVar[WidthName] = ContextVar("CHOSEN", default="screen")
+"""The width of the style."""
 NARROW = 5.0
 """Width below which a figure has one column of panels [in]."""
 FILES: Any = {"pdf.fonttype": 42, "svg.fonttype": "none"}
@@ -48,14 +51,17 @@ def figure_style(width: WidthName = "screen") -> Iterator[None]:
     """Draw figures for a width within the block."""
     font = FONTS[width]
     parameters: Any = {
-        "figure.figsize": (WIDTHS[width], 0.75 * WIDTHS[width]),
         "font.size": font,
         "axes.titlesize": 1.1 * font,
         "legend.fontsize": 0.9 * font,
         "axes.linewidth": 0.8 if width == "screen" else 0.6,
     }
-    with mpl.rc_context(parameters):
-        yield
+    token = CHOSEN.set(width)
+    try:
+        with mpl.rc_context(parameters):
+            yield
+    finally:
+        CHOSEN.reset(token)
 
 
 def new_figure(ratio: float, rows: int = 1) -> Figure:
@@ -68,14 +74,14 @@ def new_figure(ratio: float, rows: int = 1) -> Figure:
     rows
         Number of panels above one another; each is at least 1.25 inch high.
     """
-    width = mpl.rcParams["figure.figsize"][0]
+    width = WIDTHS[CHOSEN.get()]
     height = max(ratio * width, 1.25 * rows + 1.0)
     return Figure(figsize=(width, height), layout="constrained")
 
 
 def is_narrow() -> bool:
     """Whether the style is for one column of a page."""
-    return bool(mpl.rcParams["figure.figsize"][0] < NARROW)
+    return WIDTHS[CHOSEN.get()] < NARROW
 
 
 def line(index: int) -> dict[str, Any]:
@@ -157,6 +163,31 @@ def limits(axes: Axes, series: Sequence[Floats], levels: Sequence[float] = ()) -
     low, high = min(values), max(values)
     margin = 0.12 * (high - low) or 0.1 * abs(high) or 1.0
     axes.set_ylim(low - margin, high + margin)
+
+
+def legend(
+    figure: Figure,
+    handles: Sequence[Any],
+    names: Sequence[str],
+    place: Literal["upper", "lower"] = "upper",
+) -> None:
+    """Draw the legend of a figure above or below its panels, in columns that fit."""
+    font = 0.9 * FONTS[CHOSEN.get()]
+    fits = [n for n in (4, 3, 2, 1) if columns_width(names, n, font) < figure.get_figwidth()]
+    figure.legend(
+        handles,
+        names,
+        loc="outside upper right" if place == "upper" else "outside lower right",
+        ncols=fits[0] if fits else 1,
+        frameon=False,
+    )
+
+
+def columns_width(names: Sequence[str], columns: int, font: float) -> float:
+    """Return the approximate width of a legend [in] with text of a size in points."""
+    rows = -(-len(names) // columns)
+    longest = [max(map(len, names[i : i + rows])) for i in range(0, len(names), rows)]
+    return sum(0.62 * length + 5.0 for length in longest) * font / 72.0
 
 
 def tidy(axes: Axes) -> None:

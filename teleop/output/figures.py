@@ -21,6 +21,7 @@ from teleop.output.figure_style import (
     PROFILE,
     draw,
     is_narrow,
+    legend,
     limits,
     line,
     new_figure,
@@ -106,9 +107,7 @@ def estimates_figure(
     panels[1].set_xlim(t[0], t[-1])
     profile(panels[0], t, x * 1e3, "displacement [mm]")
     profile(panels[1], t, v * 1e3, "velocity [mm/s]")
-    figure.legend(
-        handles, names, loc="outside upper right", ncols=2 if is_narrow() else 3, frameon=False
-    )
+    legend(figure, handles, names)
     return figure
 
 
@@ -163,7 +162,7 @@ def small_multiples(
         handles.append(Line2D([], [], **TRUTH))
         names.append("true values")
     figure.suptitle(plain(title), x=0.01, ha="left")
-    figure.legend(handles, names, loc="outside lower right", ncols=3, frameon=False)
+    legend(figure, handles, names, "lower")
     return figure
 
 
@@ -273,12 +272,7 @@ def stiffness_figure(
     if same_scale:
         limits(axes[0], everything, (0.0, *(level * 1e-3 for level in paper.values())))
     axes[-1].set_xlabel("time [s]")
-    figure.legend(
-        *axes[0].get_legend_handles_labels(),
-        loc="outside upper right",
-        ncols=2 if is_narrow() else 4,
-        frameon=False,
-    )
+    legend(figure, *axes[0].get_legend_handles_labels())
     return figure
 
 

@@ -28,6 +28,9 @@ MOST_POINTS = 4000
 def fit_figure(title: str, evaluation: Evaluation) -> Figure:
     """Return force over displacement with the best model, force over time, and the residual.
 
+    Position and force are those to which the models were fitted: without the baseline that is
+    slower than the palpation.
+
     Parameters
     ----------
     title
@@ -41,8 +44,9 @@ def fit_figure(title: str, evaluation: Evaluation) -> Figure:
     over_x, over_t, residual = (figure.add_subplot(grid[i]) for i in range(3))
     residual.sharex(over_t)
     every = max(1, len(record.t) // MOST_POINTS)
-    x, f, t = ((record.x - datum.x) * 1e3, record.raw_f - datum.f, record.t)
-    draw_phases(over_x, evaluation, x, record.f - datum.f, every)
+    fitted = evaluation.analysis.data or record
+    x, f, t = ((fitted.x - datum.x) * 1e3, fitted.raw_f - datum.f, record.t)
+    draw_phases(over_x, evaluation, x, fitted.f - datum.f, every)
     over_t.plot(t[::every], f[::every], color="#555555", linewidth=0.9, label="measured")
     for phase in evaluation.analysis.phases.phases:
         over_t.axvspan(
@@ -51,7 +55,7 @@ def fit_figure(title: str, evaluation: Evaluation) -> Figure:
     fit = best_fit(evaluation)
     if fit is not None:
         draw_fit(over_x, over_t, fit, (x, t), every)
-        left = record.f - datum.f - fit.predicted
+        left = fitted.f - datum.f - fit.predicted
         residual.plot(t[::every], left[::every], color=MODEL, linewidth=0.6)
     over_x.set_title(plain(title), loc="left")
     over_x.set_xlabel("displacement from the datum [mm]")

@@ -15,7 +15,7 @@ from teleop.output.figure_style import (
     ORANGE,
     draw,
     extremes,
-    is_narrow,
+    legend,
     limits,
     new_figure,
     plain,
@@ -75,11 +75,5 @@ def force_figure(
         tidy(axes)
     handles, names = over_t.get_legend_handles_labels()
     model, text = over_x.get_legend_handles_labels()
-    figure.legend(
-        [*handles, model[1]],
-        [*names, text[1]],
-        loc="outside upper right",
-        ncols=1 if is_narrow() else 3,
-        frameon=False,
-    )
+    legend(figure, [*handles, model[1]], [*names, text[1]])
     return figure

@@ -16,19 +16,9 @@ def print_result(summary: Mapping[str, Any], name: str) -> None:
     console = plain_console()
     result = summary["result"]
     console.print(f"{name}: result", style="bold")
-    if not result["identifiable"]:
-        console.print("  no stiffness and no damping can be given:", style="bold red")
-    else:
-        for symbol, unit, what in (("k", "N/m", "stiffness"), ("b", "N s/m", "damping")):
-            low, value, high = (result[f"{symbol}{end}"] for end in ("_low", "", "_high"))
-            low_text, value_text, high_text = (
-                significant(each, high - low) for each in (low, value, high)
-            )
-            console.print(
-                f"  {what:9} {symbol} = {value_text} {unit} "
-                f"(95 % interval {low_text} to {high_text})",
-                style="bold",
-            )
+    style = "bold" if result["identifiable"] else "bold red"
+    for line in result_lines(summary):
+        console.print(f"  {line}", style=style)
     for reason in result["reasons"]:
         style = "yellow" if result["identifiable"] else "red"
         console.print(f"  - {reason}", style=style)
@@ -46,6 +36,19 @@ def print_result(summary: Mapping[str, Any], name: str) -> None:
     console.print(f"  conditioning keeps {kept:.0%} of the force variance")
     if summary.get("material"):
         print_material(summary["material"])
+
+
+def result_lines(summary: Mapping[str, Any]) -> list[str]:
+    """Return stiffness and damping with their intervals, or that there are none."""
+    result = summary["result"]
+    if not result["identifiable"]:
+        return ["no stiffness and no damping can be given:"]
+    lines = []
+    for symbol, unit, what in (("k", "N/m", "stiffness"), ("b", "N s/m", "damping")):
+        values = [result[f"{symbol}{end}"] for end in ("_low", "", "_high")]
+        low, value, high = (significant(each, values[2] - values[0]) for each in values)
+        lines.append(f"{what:9} {symbol} = {value} {unit} (95 % interval {low} to {high})")
+    return lines
 
 
 def print_tangent(tangent: Mapping[str, Any]) -> None:

@@ -15,6 +15,7 @@ from teleop.output.figure_style import (
     BLUE,
     ORANGE,
     draw,
+    legend,
     limits,
     new_figure,
     plain,
@@ -114,6 +115,5 @@ def ambiguity_figure(t: Floats, tied: Ambiguity, winner: Estimates) -> Figure:
         tidy(axes)
     lower.set_xlabel("time [s]")
     lower.set_xlim(t[0], t[-1])
-    handles = upper.get_legend_handles_labels()
-    figure.legend(*handles, loc="outside upper right", ncols=2, frameon=False)
+    legend(figure, *upper.get_legend_handles_labels())
     return figure

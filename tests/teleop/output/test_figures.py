@@ -11,6 +11,8 @@ from hypothesis import strategies as st
 from matplotlib.colors import to_rgb
 
 from estimation import Estimates, Regression, least_squares
+from teleop.evaluation.evaluation import EstimateSettings, evaluate
+from teleop.evaluation.signals import Signals
 from teleop.output.figure_style import (
     BINS,
     WIDTHS,
@@ -20,7 +22,9 @@ from teleop.output.figure_style import (
     save,
 )
 from teleop.output.figures import TOGETHER, Truth, estimates_figure, stiffness_figure
+from teleop.output.fit_figures import fit_figure
 from teleop.output.force_figure import force_figure
+from teleop.output.web_page import svg
 
 T = np.linspace(0.0, 10.0, 5000)
 X, V = 4e-3 - 3e-3 * np.cos(6.0 * T), 18e-3 * np.sin(6.0 * T)
@@ -121,6 +125,22 @@ def test_a_pdf_has_no_type_3_fonts_and_the_width_of_its_column(width, tmp_path):
     assert b"/CIDFontType2" in content
 
 
+def test_the_size_of_a_drawing_does_not_grow_with_the_duration():
+    sizes = []
+    for n in (20_000, 200_000):
+        t, noise = np.arange(n) * 1e-3, np.random.default_rng(0).normal(size=n)
+        e = Estimates(noise, noise, abs(noise), abs(noise), np.zeros(n, dtype=bool))
+        x = np.cumsum(noise)
+        regression = Regression(x, noise, noise, np.full(n, 1e-3), np.empty((n, 0)))
+        fit = least_squares(x, noise, noise)
+        figures = (
+            estimates_figure("", t, x, noise, {"rls": e}),
+            force_figure("", t, regression, "rls", e, fit),
+        )
+        sizes.append(sum(len(svg(drawn)) for drawn in figures))
+    assert sizes[1] < 1.2 * sizes[0] < 1_000_000
+
+
 def test_an_svg_has_text_as_text(tmp_path):
     save(figure(["rls"]), tmp_path / "figure.svg")
     assert "95 % interval of rls</text>" in (tmp_path / "figure.svg").read_text()
@@ -136,3 +156,26 @@ def test_the_figure_of_the_force_has_measurement_prediction_and_model():
     assert np.abs(error.get_lines()[0].get_ydata()[1:]).max() == pytest.approx(0.0, abs=1e-9)
     model = lines(over_x)["batch least squares of the model"]
     assert np.allclose(model.get_ydata(), lines(over_x)["measured"].get_ydata())
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+def test_a_legend_with_long_names_is_within_the_figure(width):
+    with figure_style(width):
+        drawn = figure(["rls_conditional", "rls_directional"], truth=Truth(1.0, 2.0, 3.0))
+    drawn.draw_without_rendering()
+    (legend,) = drawn.legends
+    box = legend.get_window_extent()
+    assert box.x0 >= 0.0
+    assert box.x1 <= drawn.bbox.x1
+
+
+def test_the_residual_of_a_fit_is_that_of_the_data_without_baseline():
+    rng = np.random.default_rng(1)
+    t = np.arange(0.0, 20.0, 2e-3)
+    x = 4e-3 - 3e-3 * np.cos(6.0 * t)
+    f = 2000.0 * x + 90e-3 * np.sin(6.0 * t) + 0.5 * t + rng.normal(0.0, 0.02, t.size)
+    signals = Signals(t, x, f, np.full(t.size, 2e-3), "Position", ())
+    evaluation = evaluate(signals, EstimateSettings())
+    residual = fit_figure("title", evaluation).axes[2].get_lines()[0].get_ydata()
+    drift = 0.5 * 20.0 / np.sqrt(12.0)
+    assert np.nanstd(residual) < 0.2 * drift
