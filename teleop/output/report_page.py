@@ -65,7 +65,8 @@ def report_page(
         Path of the recording from the folder of the page; empty for its name.
     """
     values = of_recording(recording) | of_evaluation(name, evaluation, summary, truth)
-    return web_page("report.html", title=name, link=quote(link or name), **values)
+    address = quote(link or name, errors="surrogateescape")  # a name may have any bytes
+    return web_page("report.html", title=name, link=address, **values)
 
 
 def of_recording(recording: Recording | None) -> dict[str, Any]:

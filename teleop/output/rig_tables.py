@@ -126,7 +126,8 @@ def print_emulation(
     console.print(f"{name}: emulated, {cube} cube, Ctrl-C ends it")
     for bus, port in ports.items():
         console.print(f"  {bus}: {port}")
-    console.print(f"  run against it: teleop run --rig {out} --condition {condition} --cube {cube}")
+    command = f"teleop run --rig {out} --condition {condition} --cube {cube}"
+    console.print(f"  run against it: {command}", soft_wrap=True)
 
 
 def print_lag(summary: Mapping[str, Any]) -> None:
@@ -155,7 +156,8 @@ def print_lag(summary: Mapping[str, Any]) -> None:
             f"lost motion {summary['true_lost_motion_m'] * 1e6:.1f} um"
         )
     console.print(
-        f"take it into account with: teleop estimate FILE --force-lag {summary['lag_s']:.5f}"
+        f"take it into account with: teleop estimate FILE --force-lag {summary['lag_s']:.5f}",
+        soft_wrap=True,
     )
 
 
@@ -166,5 +168,6 @@ def print_tare(tare: Tare, noise: float, path: Path, rig: Path | None) -> None:
         f"master force zero {tare.master_force:+.4f} N\n"
         f"contact force zero {tare.contact_force:+.4f} N, noise {noise:.3f} N rms\n"
         f"contact datum {tare.slave_position * 1e3:+.4f} mm\n"
-        f"stored in {path}, {tare.date}; apply it with: teleop run {on_rig}--tare {path}"
+        f"stored in {path}, {tare.date}; apply it with: teleop run {on_rig}--tare {path}",
+        soft_wrap=True,
     )

@@ -67,7 +67,8 @@ def print_incomplete(console: Console, recording: Mapping[str, Any]) -> None:
         if recording["recoverable"]:
             console.print(
                 "  the tables above are computed from its intact part; write that to a complete "
-                f"file with: teleop recover {recording['path']}"
+                f"file with: teleop recover {recording['path']}",
+                soft_wrap=True,
             )
         else:
             console.print("  the tables above are computed from the last seconds, kept in memory")

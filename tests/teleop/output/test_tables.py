@@ -76,3 +76,10 @@ def test_lines_are_broken_between_words_only(words, width, indent):
     assert " ".join(lines).split() == words
     for line in lines:
         assert len(line) <= max(width, indent + 1) or len(line.split()) <= 1
+
+
+def test_a_command_to_copy_is_not_broken(monkeypatch, capsys, tmp_path):
+    monkeypatch.setenv("COLUMNS", "40")
+    path = tmp_path / "configuration.toml"
+    assert main(["config", "init", str(path)]) == 0
+    assert capsys.readouterr().out == f"{path}: run it with: teleop run --config {path}\n"
