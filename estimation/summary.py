@@ -17,7 +17,7 @@ class EstimatorSummary(NamedTuple):
     """Summary of one estimator over a record."""
 
     b: float
-    """Average damping [N s/m]."""
+    """Average damping [N s/m] from the first estimate on; so are the next three."""
     k: float
     """Average stiffness [N/m]."""
     e_f: float
@@ -38,6 +38,10 @@ class EstimatorSummary(NamedTuple):
     """Share of the samples at which the estimate was held."""
     further: dict[str, float]
     """Values of the model's further parameters at the end, by name."""
+    further_interval: dict[str, float]
+    """Half widths of their 95 % intervals; NaN for none."""
+    further_unit: dict[str, str]
+    """Units of the further parameters, by name."""
     note: str | None
     """Remark that the estimator makes on its estimates; None for none."""
 
@@ -46,6 +50,9 @@ def summarise(
     t: Floats, regression: Regression, estimates: Estimates, estimator: Estimator
 ) -> EstimatorSummary:
     """Return the summary of one estimator.
+
+    Averages leave out the samples at the start at which the estimator holds its initial value.
+    They are NaN if it holds it throughout.
 
     Parameters
     ----------
@@ -60,11 +67,15 @@ def summarise(
     """
     f = regression.f
     one_step = f - predicted_force(regression, estimates)
+    known = ~np.logical_and.accumulate(estimates.held)
+    some = bool(known.any())
+    fitted = estimated_force(regression, estimates)
+    units = dict(zip(estimator.names, estimator.units, strict=True))
     return EstimatorSummary(
-        b=float(np.mean(estimates.b)),
-        k=float(np.mean(estimates.k)),
-        e_f=force_error(f, estimated_force(regression, estimates)),
-        one_step_rms=float(np.sqrt(np.mean(one_step**2))),
+        b=float(np.mean(estimates.b[known])) if some else math.nan,
+        k=float(np.mean(estimates.k[known])) if some else math.nan,
+        e_f=force_error(f[known], fitted[known]) if some else math.nan,
+        one_step_rms=float(np.sqrt(np.mean(one_step[known] ** 2))) if some else math.nan,
         rise_time_s=rise_time(t, estimates.k),
         b_end=float(estimates.b[-1]),
         k_end=float(estimates.k[-1]),
@@ -72,6 +83,11 @@ def summarise(
         k_interval=interval_at_end(estimates, estimates.k_std),
         held=float(np.mean(estimates.held)),
         further={name: float(series.value[-1]) for name, series in estimates.further.items()},
+        further_interval={
+            name: interval_at_end(estimates, series.std)
+            for name, series in estimates.further.items()
+        },
+        further_unit={name: units[name] for name in estimates.further},
         note=estimator.note(estimates),
     )
 

@@ -12,10 +12,12 @@ from pathlib import Path
 from cyclopts import App, CycloptsError, UnusedCliTokensError
 
 from drivers import RigError
+from teleop.commands.compare import compare
 from teleop.commands.config import config
 from teleop.commands.estimate import estimate
 from teleop.commands.export import export
 from teleop.commands.lag import lag
+from teleop.commands.option_groups import grouped
 from teleop.commands.recover import recover
 from teleop.commands.report import report
 from teleop.commands.reproduce import reproduce
@@ -44,11 +46,25 @@ app = App(
     version=installed_version,
     help_format="plaintext",
 )
-for command in (run, estimate, report, export, recover, lag, reproduce):
-    app.command(command, help_format="markdown")
+for command in (run, estimate, compare, report, export, recover, lag):
+    app.command(grouped(command), help_format="markdown")
+app.command(reproduce, help_format="markdown")
 app.command(config)
 app.command(series, help_format="markdown")
 app.command(rig)
+app.register_install_completion_command(
+    help="Install the completion of commands and options for this shell (bash, zsh or fish)."
+)
+START = """\
+teleop palpates with a 1-DOF telemanipulator and estimates stiffness and damping. To start:
+
+  teleop run --record trial.mcap    palpate a simulated cube for ten seconds
+  teleop report trial.mcap          write its results and figures to trial.html
+  teleop estimate FILE              evaluate a recording of your own (CSV, MATLAB, ...)
+
+All commands: teleop --help. Options of a command: teleop COMMAND --help.
+"""
+"""Text of the command without arguments."""
 
 
 NARROWEST = 20
@@ -91,6 +107,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     prepare_streams()
     try:
         with Interruption(), avoid_claimed_processors():
+            if not (sys.argv[1:] if arguments is None else arguments):
+                sys.stdout.write(START)
+                return 0
             code = app(
                 arguments, exit_on_error=False, print_error=False, result_action="return_value"
             )

@@ -22,6 +22,7 @@ for name in ("SIGINT", "SIGHUP", "SIGQUIT"):
         quits = name == "SIGQUIT"
         signal.signal(ending, signal.SIG_DFL if quits else signal.default_int_handler)
 
+os.environ.pop("COLUMNS", None)  # set by readline for the workers of pytest-xdist
 # Threads of a linear-algebra library would compete with the other worker for the two cores.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 # The tests start hundreds of processes: each would compile all modules without the bytecode.

@@ -31,6 +31,8 @@ ALLOWED = {
         "markupsafe",
         "pydantic",
         "pydantic_core",
+        "pandas",
+        "statsmodels",
         "tomlkit",
         "h5py",
         "pyarrow",

@@ -34,7 +34,7 @@ def init(
 
     settings = read_configuration(source) if source else TrialSettings()
     write_text(out, write_configuration(settings), overwrite)
-    plain_console().print(f"{out}: run it with: teleop run --config {out}")
+    plain_console().print(f"{out}: run it with: teleop run --config {out}", soft_wrap=True)
     return 0
 
 

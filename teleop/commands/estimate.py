@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
+from teleop.commands.figures import truth_of
 from teleop.commands.overwriting import Overwrite
 from teleop.commands.recording import BY_NAME, ColumnOptions
-from teleop.names import ConditioningName, CubeName, ModelName, PresetName
+from teleop.names import ConditioningName, CubeName, ModelName, PresetName, WidthName
 
 if TYPE_CHECKING:
     from teleop.evaluation.evaluation import EstimateSettings
@@ -35,7 +36,9 @@ def estimate(
     cost: Annotated[bool, Parameter(negative="")] = False,
     out: Path | None = None,
     plot: Path | None = None,
+    plot_force: Path | None = None,
     plot_fit: Path | None = None,
+    width: WidthName = "screen",
     indenter: Literal["flat", "sphere", "cone"] | None = None,
     radius: float | None = None,
     angle: float | None = None,
@@ -93,9 +96,14 @@ def estimate(
         Write signals and estimates to this CSV file.
     plot
         Draw the paper's Figure 3 for this file to a .png, .svg or .pdf file.
+    plot_force
+        Draw the measured and the predicted force to a .png, .svg or .pdf file.
     plot_fit
         Draw force over displacement with the best model, its residual and the phases; for several
         files, the complex modulus over frequency.
+    width
+        Width of the figures: for a screen, one (single) or two columns (double) of an IEEE paper,
+        or a page of A4.
     indenter
         Shape of the tip, to report the elastic modulus.
     radius
@@ -115,6 +123,7 @@ def estimate(
     from teleop.evaluation.material import Indenter, elastic_modulus
     from teleop.evaluation.pooled import evaluate_together
     from teleop.evaluation.replay import agrees
+    from teleop.evaluation.settings_summary import settings_summary
     from teleop.files import check_outputs, new_file
     from teleop.output import console
     from teleop.output.estimate_tables import print_evaluation
@@ -122,8 +131,8 @@ def estimate(
     from teleop.recording.export_formats import write_table
     from teleop.recording.gaps import gap_rows
 
-    if more and (out or plot):
-        raise InputError("--out and --plot need exactly one file")
+    if more and (out or plot or plot_force):
+        raise InputError("--out, --plot and --plot-force need exactly one file")
     if plot_fit:
         check_outputs(None, picture=plot_fit, sources=(file, *more), overwrite=overwrite)
     tip = None
@@ -138,6 +147,7 @@ def estimate(
     elif radius is not None or angle is not None or thickness is not None:
         raise InputError("--radius, --angle and --thickness need --indenter")
     check_outputs(out, picture=plot, sources=(file,), overwrite=overwrite)
+    check_outputs(out, plot, picture=plot_force, sources=(file,), overwrite=overwrite)
     for i, path in enumerate(more):
         if path.resolve() in [other.resolve() for other in (file, *more[:i])]:
             raise InputError(f"{path} is given twice: expected different recordings")
@@ -154,14 +164,16 @@ def estimate(
     summaries = []
     for path in (file, *more):
         signals, recording = columns.read(path)
+        settings = chosen(recording, columns.datum, cube, given)
         try:
-            evaluation = evaluate(signals, chosen(recording, columns.datum, cube, given))
+            evaluation = evaluate(signals, settings)
         except InputError as error:
             raise InputError(f"{path}: {error}" if more else str(error)) from error
         summary = {
             "file": str(path),
             "force_filter": signals.force_filter,
             "reading": signals.notes,
+            **settings_summary(settings),
             **evaluation.summary(cost),
         }
         if tip:
@@ -186,24 +198,26 @@ def estimate(
     if out:
         with new_file(out, overwrite) as table:
             write_table(table, *evaluation.columns())
-    if plot:
-        from teleop.output.figures import estimates_figure, save
+    from teleop.output.evaluation_figures import estimates_of, force_of
+    from teleop.output.figure_style import figure_style, save
 
-        x, v, *_ = evaluation.regression
-        save(estimates_figure(file.name, evaluation.t, x, v, evaluation.estimates), plot, overwrite)
-    if plot_fit:
-        from teleop.output.figures import save
-        from teleop.output.fit_figures import fit_figure, modulus_figure
+    with figure_style(width):
+        if plot:
+            save(estimates_of(file.name, evaluation, truth_of(recording)), plot, overwrite)
+        if plot_force:
+            save(force_of(file.name, evaluation), plot_force, overwrite)
+        if plot_fit:
+            from teleop.output.fit_figures import fit_figure, modulus_figure
 
-        if together is None:
-            figure = fit_figure(file.name, next(iter(evaluations.values())))
-        elif together["modulus"]:
-            figure = modulus_figure(together["modulus"])
-        else:
-            raise InputError(
-                "--plot-fit: no file has a complex modulus: expected periodic palpations"
-            )
-        save(figure, plot_fit, overwrite)
+            if together is None:
+                figure = fit_figure(file.name, evaluation)
+            elif together["modulus"]:
+                figure = modulus_figure(together["modulus"])
+            else:
+                raise InputError(
+                    "--plot-fit: no file has a complex modulus: expected periodic palpations"
+                )
+            save(figure, plot_fit, overwrite)
     return 0
 
 

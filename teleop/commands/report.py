@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
 
 from teleop.commands.overwriting import Overwrite
 from teleop.commands.recording import BY_NAME, ColumnOptions
-from teleop.names import CubeName, PresetName
+from teleop.names import CubeName, ModelName, PresetName
 
 
 def report(
@@ -15,15 +19,19 @@ def report(
     *,
     out: Path | None = None,
     columns: ColumnOptions = BY_NAME,
+    estimators: str | None = None,
+    model: ModelName | None = None,
     preset: PresetName | None = None,
     cube: CubeName = "soft",
     force_lag: float | None = None,
     overwrite: Overwrite = False,
+    json: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
-    """Write the estimates and figures of a recording to one HTML page that works offline.
+    """Write the results and figures of a recording to one HTML page that works offline.
 
-    The page also shows, over time, which parameter values the data cannot distinguish. For a run
-    with a safety stop it shows the fault, and the channels before and after it.
+    The page has the result, the estimates, the figures, which parameter values the data do not
+    distinguish, the safety events and all settings, and a link to the recording. For a run with a
+    safety stop it shows the fault, and the channels before and after it.
 
     Example: `teleop report run.mcap --out run.html`
 
@@ -36,6 +44,11 @@ def report(
         HTML file to write. Default: the name of the recording with the ending .html.
     columns
         Columns to read, and their zeros.
+    estimators
+        Names of estimators, such as rls,kalman, or all. Default: those of the run, and rls,ai,me
+        for a table.
+    model
+        Model of the environment, for the estimators that support any model.
     preset
         Settings of the estimators: scaled from the data (scaled), or the paper's (paper).
         Default: those of the run for a recording, scaled for CSV and TSV.
@@ -43,9 +56,14 @@ def report(
         Cube whose adaptation gain is used with the paper's settings.
     force_lag
         Lag of the force channel [s], which is compensated.
+    json
+        Print one JSON document with the results instead of the name of the page.
     """
+    from teleop.commands.choices import choose_estimators, choose_model
     from teleop.commands.estimate import chosen
+    from teleop.commands.figures import truth_of
     from teleop.evaluation.evaluation import FEWEST, evaluate
+    from teleop.evaluation.settings_summary import settings_summary
     from teleop.files import check_ending, check_outputs, write_text
     from teleop.output import console
     from teleop.output.report_page import report_page
@@ -53,16 +71,24 @@ def report(
     page = out or file.with_suffix(".html")
     check_ending(page, ".html")
     check_outputs(page, sources=(file,), overwrite=overwrite)
+    given = {
+        "preset": preset,
+        "force_lag": force_lag,
+        "estimators": None if estimators is None else choose_estimators(estimators),
+        "model": choose_model(model) if model else None,
+    }
     signals, recording = columns.read(file)
-    fault = recording.fault if recording else None
-    if recording and fault and len(signals.t) < FEWEST:
-        evaluation = None
-    else:
-        settings = chosen(
-            recording, columns.datum, cube, {"preset": preset, "force_lag": force_lag}
-        )
+    evaluation = summary = None
+    if not (recording and recording.fault and len(signals.t) < FEWEST):
+        settings = chosen(recording, columns.datum, cube, given)
         evaluation = evaluate(signals, settings)
-    text = report_page(file.name, evaluation, recording)
+        summary = {**settings_summary(settings), **evaluation.summary()}
+    link = os.path.relpath(file.resolve(), page.resolve().parent)
+    truth = truth_of(recording)
+    text = report_page(file.name, evaluation, summary, recording, truth, link)
     write_text(page, text, overwrite)
-    console.plain_console().print(str(page))
+    if json:
+        console.print_json({"page": str(page), "file": str(file), **(summary or {})})
+    else:
+        console.plain_console().print(str(page), soft_wrap=True)
     return 0

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 from cyclopts import Parameter
 
+from teleop.commands.figures import draw_trial
 from teleop.commands.overwriting import Overwrite
 from teleop.names import (
     ClockName,
@@ -18,10 +19,8 @@ from teleop.names import (
     ModelName,
     RealtimeName,
     SignalName,
+    WidthName,
 )
-
-if TYPE_CHECKING:
-    from teleop.trial.result import Trial
 
 
 def run(
@@ -52,6 +51,8 @@ def run(
     no_record: Annotated[bool, Parameter(negative="")] = False,
     plot: Path | None = None,
     yes: Annotated[bool, Parameter(negative="")] = False,
+    plot_force: Path | None = None,
+    width: WidthName = "screen",
     overwrite: Overwrite = False,
     json: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
@@ -131,6 +132,11 @@ def run(
         Plot the estimates to this .png, .svg or .pdf file.
     yes
         Arm the drives of a rig of devices without asking, for scripts.
+    plot_force
+        Plot the measured and the predicted force to this .png, .svg or .pdf file.
+    width
+        Width of the figures: for a screen, one (single) or two columns (double) of an IEEE paper,
+        or a page of A4.
     json
         Print one JSON document instead of tables.
     """
@@ -193,6 +199,7 @@ def run(
         check_ending(record, RECORDING)
         make_folder(record)
     check_outputs(record, picture=plot, sources=(config, rig, tare), overwrite=overwrite)
+    check_outputs(plot, picture=plot_force, sources=(record,), overwrite=overwrite)
     if settings.rig and not yes and not ask_to_arm(settings):
         print_error("not armed: nothing was moved")
         return 130
@@ -213,13 +220,13 @@ def run(
             if reserved and reserved.exists() and not reserved.stat().st_size:
                 reserved.unlink()
         problems = [trial.incomplete] if trial.incomplete else []
-        if plot and len(trial.columns["time"]):
+        if (plot or plot_force) and len(trial.columns["time"]):
             try:
-                draw(trial, plot, overwrite)
+                draw_trial(trial, plot, plot_force, width, overwrite)
             except InputError as error:
                 problems.append(str(error))
-        elif plot:
-            print_error(f"{plot}: not drawn: there are no estimates")
+        elif plot or plot_force:
+            print_error(f"{plot or plot_force}: not drawn: there are no estimates")
         try:
             if json:
                 console.print_json(trial.summary())
@@ -236,27 +243,6 @@ def run(
     if problems:
         raise InputError("; ".join(problems))
     return 130 if trial.interrupted else 0
-
-
-def draw(trial: Trial, plot: Path, overwrite: bool) -> None:
-    """Plot the estimates of a trial to a file.
-
-    Raises
-    ------
-    InputError
-        The file cannot be written.
-    """
-    from teleop.output.figures import estimates_figure, save
-
-    settings, columns = trial.settings, trial.columns
-    figure = estimates_figure(
-        f"{settings.condition}, {settings.palpated}",
-        columns["time"],
-        columns["x"],
-        columns["v"],
-        trial.estimates,
-    )
-    save(figure, plot, overwrite)
 
 
 def read_depth(text: str | None) -> float | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -44,8 +45,8 @@ def series(
         journal.jsonl; by default series-NAME.
     ask
         Ask before each trial: Enter runs it, s skips it, r repeats the last one, q quits; text
-        after the letter is kept as a note. By default in a terminal, if a trial has a rig of
-        devices.
+        after the letter is kept as a note. After each trial, ask for a note. By default in a
+        terminal, if a trial has a rig of devices.
     yes
         Without prompts, arm the drives of a rig of devices without asking.
     dry_run
@@ -56,7 +57,7 @@ def series(
     from teleop.errors import InputError
     from teleop.output.console import plain_console, print_json, print_table
     from teleop.printable import print_error
-    from teleop.studies.series.conduct import conduct, counts, unattended
+    from teleop.studies.series.conduct import conduct, counts, no_note, unattended
     from teleop.studies.series.plan import planned_trials, read_plan
     from teleop.trial.stop_key import is_foreground
 
@@ -81,7 +82,8 @@ def series(
             f"{plan}: nobody is asked to arm the drives: expected --yes, which arms them without "
             "asking, or --ask"
         )
-    journal = conduct(folder, read, trials, person if ask else unattended, run, print_error)
+    before, after = (person, note_of_person) if ask else (unattended, no_note)
+    journal = conduct(folder, read, trials, before, after, run, print_error)
     summary = {"folder": str(folder), **counts(journal, trials)}
     if json:
         print_json(summary)
@@ -90,6 +92,13 @@ def series(
             f"{folder}: {summary['done']} of {len(trials)} trials done, {summary['skipped']} "
             f"skipped, {summary['pending']} pending"
         )
+        if summary["done"]:
+            name = shlex.quote(str(folder))
+            plain_console().print(
+                f"table and figure: teleop compare {name} --out {name}/table.tex "
+                f"--plot {name}/figure.pdf",
+                soft_wrap=True,
+            )
     return 0
 
 
@@ -120,3 +129,9 @@ def person(trial: PlannedTrial, prompt: str) -> tuple[Answer, str]:
         if letter.lower() in answers:
             return answers[letter.lower()], note
         print("Expected Enter, s, r or q.", file=sys.stderr)
+
+
+def note_of_person(trial: PlannedTrial) -> str:
+    """Ask on the terminal for a note on a trial; the end of the input is no note."""
+    print(f"Note on trial {trial.number}, {trial.label}; Enter for none.", file=sys.stderr)
+    return sys.stdin.readline().strip()

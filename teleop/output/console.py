@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import math
+import re
+import shutil
+import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, TextIO
 
 from rich import box
+from rich.cells import cell_len
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
@@ -15,7 +19,16 @@ from teleop.json_documents import dumps
 from teleop.printable import printable
 
 WIDTH, HEIGHT = 10_000, 25
-"""Size of the console [characters]; a narrower terminal wraps the lines of a table."""
+"""Size of the console that rich is given [characters]."""
+BREAK = re.compile(r" (?=\[)| (?=[^ ]*$)|(/)")
+"""Where a heading is broken: before its unit, before its last word, or after a slash."""
+BORDERS = 3
+"""Characters between the text of a column of a table and that of the next."""
+
+
+def terminal_width() -> int:
+    """Return the width of the terminal [characters]; `WIDTH` for a file or a pipe."""
+    return shutil.get_terminal_size((0, 0)).columns or WIDTH
 
 
 def print_json(document: Mapping[str, Any]) -> None:
@@ -24,7 +37,13 @@ def print_json(document: Mapping[str, Any]) -> None:
 
 
 class PlainConsole(Console):
-    """A console that shows control characters instead of sending them to the terminal."""
+    """A console that shows control characters, and breaks lines of text only between words."""
+
+    def print(self, *objects: Any, **options: Any) -> None:
+        """Print objects; a text is wrapped to the terminal, unless `soft_wrap` is true."""
+        width = WIDTH if options.get("soft_wrap") else terminal_width()
+        shown = (wrapped(one, width) if isinstance(one, str) else one for one in objects)
+        super().print(*shown, **options)
 
     def render_str(self, text: str, **options: Any) -> Text:
         """Return the text with escapes for its control characters."""
@@ -38,17 +57,36 @@ class PlainConsole(Console):
 def plain_console(stream: TextIO | None = None) -> Console:
     """Return a console without markup, highlighting and truncation.
 
-    Given both width and height, rich asks neither the terminal nor the environment: it takes 80
-    columns for a terminal of the type `dumb`, whatever its width is set to.
+    With both width and height, rich reads neither the terminal nor the environment. Otherwise it
+    assumes 80 columns for a terminal of the type `dumb`, even if COLUMNS has another value.
     """
     return PlainConsole(
         file=stream, highlight=False, markup=False, soft_wrap=True, width=WIDTH, height=HEIGHT
     )
 
 
+def wrapped(text: str, width: int) -> str:
+    """Return a text whose lines are broken between words; a longer word is not broken."""
+    lines = []
+    for line in text.split("\n"):
+        indent = line[: len(line) - len(line.lstrip(" "))]
+        lines += (
+            textwrap.wrap(
+                line,
+                max(width, len(indent) + 1),
+                subsequent_indent=f"{indent}  " if indent else "",
+                break_long_words=False,
+                break_on_hyphens=False,
+            )
+            if len(line) > width
+            else [line]
+        )
+    return "\n".join(lines)
+
+
 def number(value: float, digits: int) -> str:
-    """Return a number with separated thousands, or a dash if it is not finite."""
-    return f"{value:,.{digits}f}".replace(",", " ") if math.isfinite(value) else "-"
+    """Return a number, or a dash if it is not finite."""
+    return f"{value:.{digits}f}" if math.isfinite(value) else "-"
 
 
 def small(value: float) -> str:
@@ -59,14 +97,74 @@ def small(value: float) -> str:
 
 
 def print_table(
-    console: Console, title: str, headings: Sequence[str], rows: Iterable[Sequence[str]]
+    console: Console,
+    title: str,
+    headings: Sequence[str],
+    rows: Iterable[Sequence[str]],
+    left: int = 1,
 ) -> None:
-    """Print a table whose first column is text and whose other columns are numbers."""
-    table = Table(
-        title=title or None, title_justify="left", box=box.SIMPLE_HEAD, title_style="bold"
-    )
-    for i, heading in enumerate(headings):
-        table.add_column(heading, justify="right" if i else "left", no_wrap=True)
-    for cells in rows:
-        table.add_row(*cells)
-    console.print(table)
+    """Print a table that fits the terminal.
+
+    If it is too wide, headings are broken into two lines; if it is still too wide, its columns
+    are printed in several tables. If names in the first column are too long for that, they are
+    printed below with a number each.
+
+    Parameters
+    ----------
+    console
+        The console.
+    title
+        Title of the table; empty for none.
+    headings, rows
+        Text of the cells.
+    left
+        Number of the first columns, which are text and part of each table. The other columns are
+        numbers.
+    """
+    cells = [list(row) for row in rows]
+    width = terminal_width()
+    names = list(headings)
+    legend = []
+    if total(widths(names, cells)) > width:
+        names = [BREAK.sub(lambda found: (found[1] or "") + "\n", name, count=1) for name in names]
+    needed = widths(names, cells)
+    if total([*needed[:left], max(needed[left:], default=0)]) > width:
+        legend = [f"  {number}: {row[0]}" for number, row in enumerate(cells, start=1)]
+        cells = [[str(number), *row[1:]] for number, row in enumerate(cells, start=1)]
+    for part in parts(widths(names, cells), left, width):
+        table = Table(
+            title=title or None, title_justify="left", box=box.SIMPLE_HEAD, title_style="bold"
+        )
+        for i in part:
+            table.add_column(names[i], justify="right" if i >= left else "left", no_wrap=True)
+        for row in cells:
+            table.add_row(*(row[i] for i in part))
+        console.print(table)
+        title = ""
+    for line in legend:
+        console.print(line)
+
+
+def widths(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> list[int]:
+    """Return the width of the text of each column [characters]."""
+    lines = [heading.split("\n") for heading in headings]
+    return [
+        max(cell_len(printable(text)) for text in (*lines[i], *(row[i] for row in rows)))
+        for i in range(len(headings))
+    ]
+
+
+def total(columns: Sequence[int]) -> int:
+    """Return the width of a table with columns of these widths [characters]."""
+    return sum(columns) + BORDERS * len(columns)
+
+
+def parts(columns: Sequence[int], left: int, width: int) -> list[list[int]]:
+    """Return the columns of each table, so that it fits the width if a table with one does."""
+    first = list(range(left))
+    found = [first[:]]
+    for i in range(left, len(columns)):
+        if len(found[-1]) > left and total([columns[j] for j in [*found[-1], i]]) > width:
+            found.append(first[:])
+        found[-1].append(i)
+    return found

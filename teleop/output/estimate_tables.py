@@ -1,4 +1,4 @@
-"""What the commands print of estimates: the table, and how far each can be trusted."""
+"""Tables of estimates: the values at the end with intervals, averages, and remarks."""
 
 from __future__ import annotations
 
@@ -15,15 +15,21 @@ from teleop.recording.gaps import Gap, missing_text
 STALL = 20.0
 """A sample period this many times longer than the median is reported."""
 GAPS_LISTED = 3
-"""Most gaps that are listed."""
+"""Largest number of gaps that are listed."""
 MEANINGLESS = 1e6
-"""An interval this many times its value is not shown: nothing has been learned."""
+"""Ratio of an interval to its value from which on it is not shown, because nothing is known."""
 HEADINGS = ("", "k [N/m]", "b [N s/m]", "e_f [N]", "one-step rms [N]", "rise time [s]")
-"""Of the table of estimators."""
+"""Headings of the table of averages."""
+AVERAGES = "averages, from the first estimate of each estimator on"
+"""What the table of averages shows."""
+AT_END = "estimates at the end, \u00b1 95 % interval"
+"""What the table of intervals shows."""
+COMPARISON = "compared with batch least squares"
+"""What the table of comparisons shows."""
 
 
 def estimate_cells(rows: Mapping[str, Mapping[str, Any]]) -> list[list[str]]:
-    """The table of estimators as text, a row each, below `HEADINGS`."""
+    """Return the table of averages as text, one row per estimator, for `HEADINGS`."""
     return [
         [
             name,
@@ -38,85 +44,110 @@ def estimate_cells(rows: Mapping[str, Mapping[str, Any]]) -> list[list[str]]:
 
 
 def digits(value: float) -> int:
-    """Decimals of a damping."""
+    """Return the number of decimals of a damping."""
     return 1 if abs(value) < 1000.0 else 0
 
 
 def with_interval(value: float, half: float, decimals: int) -> str:
-    """A value with half of its 95 % interval, where there is one."""
+    """Return a value and half of its 95 % interval with two digits; without one, the value."""
     if not half < MEANINGLESS * max(abs(value), 1.0):
         return number(value, decimals)
-    if 0.0 < half < 1.0:
-        decimals = max(decimals, min(1 - math.floor(math.log10(half)), 4))
+    if half > 0.0:
+        decimals = min(max(1 - math.floor(math.log10(half)), 0), 4)
     return f"{number(value, decimals)} \u00b1 {number(half, decimals)}"
 
 
-def print_estimates(rows: Mapping[str, Mapping[str, Any]], title: str) -> None:
-    """The table of estimators, and what to know of each."""
-    print_table(plain_console(), title, HEADINGS, estimate_cells(rows))
-    print_intervals(rows)
+def print_estimates(
+    rows: Mapping[str, Mapping[str, Any]], further: Mapping[str, Mapping[str, Any]]
+) -> None:
+    """Print the estimates at the end, the averages, and the remarks on each estimator.
 
-
-def print_intervals(rows: Mapping[str, Mapping[str, Any]]) -> None:
-    """What each estimator says at the end, how far it can be trusted, and what to know of it."""
+    Parameters
+    ----------
+    rows
+        Summary of each estimator by its name.
+    further
+        Rows for the table of averages only.
+    """
     console = plain_console()
-    print_table(console, "", *interval_table(rows))
+    headings, cells = interval_table(rows)
+    print_table(console, AT_END, headings, cells)
+    if compared := comparison_table(rows):
+        print_table(console, COMPARISON, *compared)
+    print_table(console, AVERAGES, HEADINGS, estimate_cells({**rows, **further}))
+    for line in further_lines(rows):
+        console.print(f"  {line}")
     for name, row in rows.items():
-        further = [f"{parameter} {value:.4g}" for parameter, value in row["further"].items()]
-        if further:
-            console.print(f"  {name}: {', '.join(further)} at the end")
         if row["held"] == 1.0:
-            console.print(f"  {name}: held throughout, for want of contact or motion", style="red")
+            console.print(f"  {name}: no estimate: no contact or no motion", style="red")
         if row["note"]:
             console.print(f"  {name}: {row['note']}", style="yellow")
 
 
-def interval_table(rows: Mapping[str, Mapping[str, Any]]) -> tuple[list[str], list[list[str]]]:
-    """Headings and cells: the estimates at the end with their intervals, and how often held.
-
-    With a comparison, see `teleop.evaluation.model_comparison.Comparison`, and a cost, these too.
-    """
-    compared = any("one_step_ratio" in row for row in rows.values())
-    headings = ["at the end", "k [N/m]", "b [N s/m]", "held"]
-    if compared:
-        headings += ["rms/batch", "k within", "b within"]
-    timed = any("cost_us" in row for row in rows.values())
-    if timed:
-        headings.append("cost [us]")
-    cells = []
+def further_lines(rows: Mapping[str, Mapping[str, Any]]) -> list[str]:
+    """Return a line for each estimator with further parameters: their values at the end."""
+    lines = []
     for name, row in rows.items():
-        cells.append(
-            [
-                name,
-                with_interval(row["k_end"], row["k_interval"], 0),
-                with_interval(row["b_end"], row["b_interval"], digits(row["b_end"])),
-                percent(row["held"]),
-            ]
-        )
-        if compared:
-            cells[-1] += [
-                small(row["one_step_ratio"]),
-                percent(row["k_coverage"]),
-                percent(row["b_coverage"]),
-            ]
-        if timed:
-            cells[-1].append(number(row["cost_us"], 1))
+        texts = []
+        for parameter, value in row["further"].items():
+            half, unit = row["further_interval"][parameter], row["further_unit"][parameter]
+            interval = f" \u00b1 {half:.2g}" if math.isfinite(half) else ""
+            texts.append(f"{parameter} {value:.4g}{interval} {unit}".removesuffix(" -"))
+        if texts:
+            lines.append(f"{name} at the end: {', '.join(texts)}")
+    return lines
+
+
+def interval_table(rows: Mapping[str, Mapping[str, Any]]) -> tuple[list[str], list[list[str]]]:
+    """Return headings and cells: estimates at the end with intervals, and share of held samples."""
+    timed = any("cost_us" in row for row in rows.values())
+    headings = ["", "k [N/m]", "b [N s/m]", "held", *(["cost [us]"] if timed else [])]
+    cells = [
+        [
+            name,
+            with_interval(row["k_end"], row["k_interval"], 0),
+            with_interval(row["b_end"], row["b_interval"], digits(row["b_end"])),
+            percent(row["held"]),
+            *([number(row["cost_us"], 1)] if timed else []),
+        ]
+        for name, row in rows.items()
+    ]
     return headings, cells
 
 
+def comparison_table(
+    rows: Mapping[str, Mapping[str, Any]],
+) -> tuple[list[str], list[list[str]]] | None:
+    """Return headings and cells of a comparison with batch least squares; None for none.
+
+    See `teleop.evaluation.model_comparison.Comparison`.
+    """
+    cells = [
+        [
+            name,
+            small(row["one_step_ratio"]),
+            percent(row["k_coverage"]),
+            percent(row["b_coverage"]),
+        ]
+        for name, row in rows.items()
+        if "one_step_ratio" in row
+    ]
+    return (["", "rms/batch", "k within", "b within"], cells) if cells else None
+
+
 def percent(share: float) -> str:
-    """A share, or a dash where there is none."""
+    """Return a share in percent, or a dash if it is not finite."""
     return f"{share:.0%}" if math.isfinite(share) else "-"
 
 
 def print_estimated(console: Console, summary: Mapping[str, Any]) -> None:
-    """Which channels no sensor measured."""
+    """Print which channels no sensor measured."""
     for name in summary.get("estimated_channels", ()):
         console.print(f"  {name}: estimated by an observer, not measured", style="yellow")
 
 
 def print_reading(console: Console, summary: Mapping[str, Any]) -> None:
-    """What the file states of a force filter, and what was done to its samples."""
+    """Print what the file states about a force filter, and what was done to its samples."""
     if summary["force_filter"]:
         console.print(
             f"  the file states a filter of the force: {summary['force_filter']!r}; "
@@ -132,29 +163,35 @@ def print_evaluation(summary: Mapping[str, Any], name: str) -> None:
     console = plain_console()
     print_result(summary, name)
     print_models(summary)
-    rows = {**summary["estimates"], "batch": summary["batch"]}
-    title = "online estimators, averages over the record"
-    print_table(console, title, HEADINGS, estimate_cells(rows))
-    print_intervals(summary["estimates"])
-    datum = summary["datum"]
-    console.print(
-        f"  {summary['samples_used']} of {summary['samples']} samples, "
-        f"{summary['from_s']:.3f} to {summary['to_s']:.3f} s, at {summary['rate_hz']:g} Hz, "
-        f"jitter {summary['jitter']:.1%}\n"
-        f"  datum: {datum['position_m'] * 1e3:.6g} mm, {datum['force_n']:.6g} N "
-        f"({datum['source']})\n"
-        f"  conditioning bandwidth {summary['bandwidth_hz']:.3g} Hz, "
-        f"memory of the estimators {summary['memory_s']:.3g} s\n"
-        f"  excitation: {summary['excitation']['mean']:.2f} (0 none, 1 a sine about the datum)"
-    )
+    console.print("online estimators", style="bold")
+    print_estimates(summary["estimates"], {"batch": summary["batch"]})
+    for line in evaluation_lines(summary):
+        console.print(f"  {line}")
     print_estimated(console, summary)
     print_reading(console, summary)
     print_model(console, summary)
     print_gaps(console, summary)
 
 
+def evaluation_lines(summary: Mapping[str, Any]) -> list[str]:
+    """Return what the estimates depend on: samples, datum, conditioning and version."""
+    datum = summary["datum"]
+    lag = summary["force_lag_s"]
+    return [
+        f"{summary['samples_used']} of {summary['samples']} samples, {summary['from_s']:.3f} to "
+        f"{summary['to_s']:.3f} s, at {summary['rate_hz']:g} Hz; longest period "
+        f"{summary['longest_gap_s'] * 1e3:.4g} ms",
+        f"datum: {datum['position_m'] * 1e3:.6g} mm, {datum['force_n']:.6g} N ({datum['source']})",
+        f"conditioning: {summary['conditioning']}, bandwidth {summary['bandwidth_hz']:.3g} Hz; "
+        + (f"force lag {lag * 1e3:g} ms compensated" if lag else "no force lag compensated"),
+        f"memory of the estimators: {summary['memory_s']:.3g} s",
+        f"excitation: {summary['excitation']['mean']:.2f} (0 none, 1 a sine about the datum)",
+        summary["software"],
+    ]
+
+
 def print_gaps(console: Console, summary: Mapping[str, Any]) -> None:
-    """Where samples are missing, and whether the estimates are those of the run."""
+    """Print where samples are missing, and whether the estimates are those of the run."""
     gaps = summary["gaps"]
     for gap in gaps[:GAPS_LISTED]:
         console.print(
@@ -166,8 +203,8 @@ def print_gaps(console: Console, summary: Mapping[str, Any]) -> None:
         console.print(f"  and {len(gaps) - GAPS_LISTED} more gaps", style="yellow")
     if summary["jitter"] > STALL:
         console.print(
-            f"  the loop took no sample for up to {summary['longest_gap_s']:.3g} s: position and "
-            "force are taken for straight lines meanwhile, as in the run",
+            f"  the longest time between two samples is {summary['longest_gap_s']:.3g} s: position "
+            "and force are interpolated linearly in between",
             style="yellow",
         )
     if "as_online" not in summary:
@@ -177,14 +214,14 @@ def print_gaps(console: Console, summary: Mapping[str, Any]) -> None:
         console.print(f"  the estimates are not those of the run: {missing}", style="red")
     else:
         console.print(
-            "  the estimates are those that the run computed, to the bit"
+            "  the estimates are exactly those that the run computed"
             if summary["as_online"]
-            else "  other settings than the run's: the estimates are not those that it computed"
+            else "  other settings than the run: the estimates differ from those that it computed"
         )
 
 
 def print_model(console: Console, summary: Mapping[str, Any]) -> None:
-    """What the model needs, and who does not take it."""
+    """Print which estimators have their own model, and which need the contact point."""
     from_contact = summary["from_contact"]
     if summary["own_model"]:
         console.print(f"  model {summary['model']}, but for {', '.join(summary['own_model'])}")

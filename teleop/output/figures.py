@@ -1,40 +1,72 @@
-"""The paper's Figure 3 for any run: stiffness over displacement, damping over velocity."""
+"""Figures of estimates: stiffness over displacement, damping over velocity, as in Figure 3."""
 
 from __future__ import annotations
 
-import warnings
+import math
 from collections.abc import Mapping
-from pathlib import Path
-from typing import IO, Any
+from typing import Any, NamedTuple
 
 import numpy as np
-from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 
 from estimation import Estimates
 from estimation.compiled import Floats
 from estimation.estimator import LEVEL_95
-from estimation.redundancy import Ambiguity
-from teleop.files import new_file
-from teleop.printable import printable
-from teleop.recording.recording import Recording
+from teleop.output.figure_style import (
+    BLUE,
+    LINES,
+    PROFILE,
+    draw,
+    is_narrow,
+    legend,
+    limits,
+    line,
+    new_figure,
+    plain,
+    shade,
+    tidy,
+)
 
-STYLES: dict[str, dict[str, Any]] = {
-    "rls": {"color": "#0072B2", "linewidth": 2.4, "alpha": 0.55},
-    "ai": {"color": "#D55E00", "linewidth": 1.2},
-    "me": {"color": "#000000", "linewidth": 1.0, "linestyle": (0, (4, 2))},
-}
-"""Told apart where lines coincide, in print and by the colour-blind (Okabe and Ito)."""
-PROFILE = "#8C8C8C"
-LONGEST_TITLE = 120
-"""Most characters of a title; a longer one leaves no room for the figure."""
+TOGETHER = len(LINES)
+"""Largest number of estimators in one panel; each of more estimators has panels of its own."""
+START = 0.1
+"""Share of the time at the start that does not set the limits of an axis."""
+TRUTH: dict[str, Any] = {"color": "#009E73", "linewidth": 1.0, "linestyle": (0, (2, 2))}
+"""Style of the true values of the simulated rig."""
+
+
+class Truth(NamedTuple):
+    """True values of the simulated rig."""
+
+    b: float
+    """Damping [N s/m]."""
+    k_surface: float
+    """Stiffness at the surface [N/m]."""
+    k_deepest: float
+    """Secant stiffness at the greatest depth [N/m]."""
+
+
+class Drawn(NamedTuple):
+    """Estimates of one estimator as they are drawn, arrays of shape (n,), NaN before the first."""
+
+    k: Floats
+    k_half: Floats
+    b: Floats
+    b_half: Floats
 
 
 def estimates_figure(
-    title: str, t: Floats, x: Floats, v: Floats, estimates: Mapping[str, Estimates]
+    title: str,
+    t: Floats,
+    x: Floats,
+    v: Floats,
+    estimates: Mapping[str, Estimates],
+    truth: Truth | None = None,
 ) -> Figure:
-    """Estimated stiffness with the displacement profile, damping with the velocity profile.
+    """Return estimated stiffness and damping over time, with displacement and velocity.
 
     Parameters
     ----------
@@ -43,199 +75,160 @@ def estimates_figure(
     t, x, v
         Time [s], displacement [m], velocity [m/s], each of shape (n,).
     estimates
-        The estimates by estimator.
+        The estimates by estimator. More than `TOGETHER` are drawn in panels of their own.
+    truth
+        True values of the simulated rig; None if they are not known.
     """
-    figure = Figure(figsize=(8.0, 6.0), layout="constrained")
-    upper, lower = figure.subplots(2, 1, sharex=True)
-    scale, prefix = (1e-6, "MN/m") if largest_k(estimates) >= 1e6 else (1e-3, "kN/m")
-    for i, (name, series) in enumerate(estimates.items()):
-        style = STYLES.get(name, {"color": colormaps["tab20"](i % 20), "linewidth": 1.0})
-        upper.plot(t, series.k * scale, label=label(name), **style)
-        lower.plot(t, series.b, **style)
-    first = next(iter(estimates.values()))
-    interval(upper, t, first.k * scale, first.k_std * scale)
-    interval(lower, t, first.b, first.b_std)
-    upper.set_title(plain(title), loc="left", fontsize=11)
-    upper.set_ylabel(f"stiffness $\\hat k$ [{prefix}]")
-    lower.set_ylabel("damping $\\hat b$ [N s/m]")
-    lower.set_xlabel("time [s]")
-    frame(upper, [series.k * scale for series in estimates.values()], from_zero=True)
-    frame(lower, [series.b for series in estimates.values()], from_zero=False)
-    profile(upper, t, x * 1e3, "displacement [mm]")
-    profile(lower, t, v * 1e3, "velocity [mm/s]")
-    figure.legend(
-        *upper.get_legend_handles_labels(),
-        loc="outside upper right",
-        ncols=min(len(estimates), 6),
-        fontsize="medium" if len(estimates) <= 6 else "x-small",
-        frameon=False,
-    )
-    lower.set_xlim(t[0], t[-1])
-    return figure
-
-
-def fault_figure(recording: Recording, fault: Mapping[str, Any]) -> Figure:
-    """The channels about a fault, and the command that followed it.
-
-    Parameters
-    ----------
-    recording
-        Ticks about the fault.
-    fault
-        The event.
-    """
-    t = recording["time"]
-    part = (t > fault["time"] - 0.5) & (t < fault["time"] + 0.5)
-    ms = (t[part] - fault["time"]) * 1e3
-    figure = Figure(figsize=(8.0, 8.0), layout="constrained")
-    rows = figure.subplots(4, 1, sharex=True)
-    panels = (
-        ("force [N]", 1.0, ("contact_force", "master_force")),
-        ("position [mm]", 1e3, ("slave_position", "master_position")),
-        (
-            "velocity [mm/s]",
-            1e3,
-            ("slave_velocity", "desired_slave_velocity", "applied_slave_velocity"),
-        ),
-        ("lateness [ms]", 1e3, ("lateness",)),
-    )
-    colours = ("#0072B2", "#D55E00", "#000000")
-    for axes, (label, scale, names) in zip(rows, panels, strict=True):
-        for name, colour in zip(names, colours, strict=False):
-            label_of = name.replace("_", " ")
-            width = 2.2 if fault["source"] == name else 1.1
-            axes.plot(ms, recording[name][part] * scale, color=colour, lw=width, label=label_of)
-        axes.axvline(0.0, color="#CC0000", linewidth=1.0)
+    scale, prefix = k_scale(estimates)
+    shown = {name: drawn(series, scale) for name, series in estimates.items()}
+    labels = (f"stiffness $\\hat k$ [{prefix}]", "damping $\\hat b$ [N s/m]")
+    if len(shown) > TOGETHER:
+        return small_multiples(title, t, shown, labels, scaled(truth, scale))
+    figure = new_figure(0.75, rows=2)
+    panels = figure.subplots(2, 1, sharex=True)
+    for i, (name, one) in enumerate(shown.items()):
+        draw(panels[0], t, one.k, label=name, **line(i))
+        draw(panels[1], t, one.b, **line(i))
+    first = next(iter(shown))
+    interval(panels[0], t, shown[first].k, shown[first].k_half)
+    interval(panels[1], t, shown[first].b, shown[first].b_half)
+    panels[0].set_title(plain(title), loc="left")
+    for axes, label in zip(panels, labels, strict=True):
         axes.set_ylabel(label)
-        axes.grid(alpha=0.25, linewidth=0.6)
-        axes.spines[["top", "right"]].set_visible(False)
-        axes.legend(loc="best", fontsize=8, framealpha=0.8, edgecolor="none")
-    rows[0].set_title(plain(fault["text"]), loc="left", fontsize=11, color="#CC0000")
-    rows[-1].set_xlabel(f"time since the fault at {fault['time']:.3f} s [ms]")
+    handles, names = panels[0].get_legend_handles_labels()
+    if np.isfinite(shown[first].k_half).any():
+        handles.append(Patch(facecolor=BLUE, alpha=0.12))
+        names.append(f"95 % interval of {first}")
+    handles.append(Line2D([], [], color=PROFILE, linewidth=0.8))
+    names.append("motion (right axis)")
+    handles, names = draw_truth(panels, scaled(truth, scale), handles, names)
+    frame(panels, t, shown, scaled(truth, scale))
+    panels[1].set_xlabel("time [s]")
+    panels[1].set_xlim(t[0], t[-1])
+    profile(panels[0], t, x * 1e3, "displacement [mm]")
+    profile(panels[1], t, v * 1e3, "velocity [mm/s]")
+    legend(figure, handles, names)
     return figure
 
 
-def timing_figure(recording: Recording) -> Figure:
-    """How late the ticks of a loop in real time began, and how long they took, as histograms.
-
-    Parameters
-    ----------
-    recording
-        Every tick.
-    """
-    figure = Figure(figsize=(8.0, 2.8), layout="constrained")
-    axes = figure.subplots(1, 2, sharey=True)
-    bins = np.logspace(-1.0, 5.0, 61)
-    for panel, name, label in zip(
-        axes, ("lateness", "busy_time"), ("late by [us]", "a tick takes [us]"), strict=True
-    ):
-        panel.hist(np.clip(recording[name] * 1e6, bins[0], bins[-1]), bins, color="#0072B2")
-        panel.set_xscale("log")
-        panel.set_yscale("log")
-        panel.set_xlabel(label)
-        panel.grid(alpha=0.25, linewidth=0.6)
-        panel.spines[["top", "right"]].set_visible(False)
-    axes[0].set_ylabel("ticks")
-    return figure
-
-
-def plain(text: str) -> str:
-    """A text for a figure as it is, whatever characters a file's name has."""
-    shown = printable(" ".join(text.split()))
-    shown = shown if len(shown) <= LONGEST_TITLE else f"{shown[: LONGEST_TITLE - 4]} ..."
-    return shown.replace("$", r"\$")
-
-
-def ambiguity_figure(t: Floats, tied: Ambiguity, winner: Estimates) -> Figure:
-    """The candidates that the data could not tell apart, as bands about the winner.
-
-    Parameters
-    ----------
-    t
-        Time of each look [s], shape (n,).
-    tied
-        The candidates that tied at each look.
-    winner
-        The multi-estimator's estimate at each look.
-    """
-    figure = Figure(figsize=(8.0, 4.6), layout="constrained")
-    upper, lower = figure.subplots(2, 1, sharex=True)
-    bands = (
-        (upper, tied.k_low * 1e-3, tied.k_high * 1e-3, winner.k * 1e-3, "$\\hat k$ [kN/m]"),
-        (lower, tied.b_low, tied.b_high, winner.b, "$\\hat b$ [N s/m]"),
-    )
-    for axes, low, high, best, label in bands:
-        axes.fill_between(t, low, high, color="#0072B2", alpha=0.25, linewidth=0.0)
-        axes.plot(t, best, color="#000000", linewidth=1.0)
-        axes.set_ylabel(label)
-        frame(axes, [low, high], from_zero=False, room=1.0)
-    lower.set_xlabel("time [s]")
-    lower.set_xlim(t[0], t[-1])
-    return figure
-
-
-def stiffness_figure(
-    panels: Mapping[str, tuple[Floats, Mapping[str, Estimates]]], paper: Mapping[str, float]
+def small_multiples(
+    title: str,
+    t: Floats,
+    shown: Mapping[str, Drawn],
+    labels: tuple[str, str],
+    truth: Truth | None,
 ) -> Figure:
-    """Estimated stiffness of several trials, one above the other.
-
-    Parameters
-    ----------
-    panels
-        For each trial, by its title, time [s] and the estimates by estimator.
-    paper
-        The paper's average stiffness for each trial [N/m], drawn as a level.
-    """
-    figure = Figure(figsize=(8.0, 2.3 * len(panels) + 0.6), layout="constrained")
-    axes = figure.subplots(len(panels), 1, sharex=True)
-    for row, (title, (t, estimates)) in zip(axes, panels.items(), strict=True):
-        for name, series in estimates.items():
-            style: dict[str, Any] = STYLES.get(name, {})
-            row.plot(t, series.k * 1e-3, label=name.upper(), **style)
-        row.axhline(paper[title] * 1e-3, color=PROFILE, linewidth=0.9, label="paper, RLS average")
-        row.set_title(title, loc="left", fontsize=10)
-        row.set_ylabel("$\\hat k$ [kN/m]")
-        frame(row, [series.k * 1e-3 for series in estimates.values()], from_zero=True, room=1.0)
-        row.set_xlim(t[0], t[-1])
-    axes[-1].set_xlabel("time [s]")
-    figure.legend(
-        *axes[0].get_legend_handles_labels(), loc="outside upper right", ncols=4, frameon=False
-    )
+    """Return stiffness and damping of each estimator in panels of its own, with common axes."""
+    pairs = 1 if is_narrow() else 2
+    rows = -(-len(shown) // pairs)
+    figure = new_figure(0.1, rows=rows)
+    figure.set_figheight(0.72 * rows + 0.9)
+    panels = figure.subplots(rows, 2 * pairs, sharex=True, squeeze=False)
+    columns = {
+        quantity: [panels[i % rows, 2 * (i // rows) + q] for i in range(len(shown))]
+        for q, quantity in enumerate(("k", "b"))
+    }
+    for quantity, label in zip(columns, labels, strict=True):
+        for axes in columns[quantity][1:]:
+            axes.sharey(columns[quantity][0])
+        for axes in panels[0, (quantity == "b") :: 2]:
+            axes.set_title(label, loc="left", fontsize="medium")
+    for (name, one), k_axes, b_axes in zip(shown.items(), columns["k"], columns["b"], strict=True):
+        for axes, values, half in ((k_axes, one.k, one.k_half), (b_axes, one.b, one.b_half)):
+            interval(axes, t, values, half)
+            draw(axes, t, values, color="#000000", linewidth=0.9)
+        k_axes.annotate(
+            name,
+            (0.98, 0.08),
+            xycoords="axes fraction",
+            ha="right",
+            fontsize="small",
+            bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 0.8},
+        )
+        draw_truth((k_axes, b_axes), truth, [], [])
+    frame((columns["k"][0], columns["b"][0]), t, shown, truth)
+    for column in panels.T:
+        used = [axes for axes in column if axes.has_data()]
+        for axes in used:
+            tidy(axes)
+            axes.tick_params(labelbottom=axes is used[-1])
+        used[-1].set_xlabel("time [s]")
+        for axes in column[len(used) :]:
+            axes.set_visible(False)
+    panels[0, 0].set_xlim(t[0], t[-1])
+    handles = [Line2D([], [], color="#000000", linewidth=0.9), Patch(facecolor=BLUE, alpha=0.25)]
+    names = ["estimate", "95 % interval"]
+    if truth:
+        handles.append(Line2D([], [], **TRUTH))
+        names.append("true values")
+    figure.suptitle(plain(title), x=0.01, ha="left")
+    legend(figure, handles, names, "lower")
     return figure
 
 
-def label(name: str) -> str:
-    """An estimator's name as a legend has it."""
-    return name.replace("_", " ").upper()
+def drawn(series: Estimates, scale: float) -> Drawn:
+    """Return the estimates of an estimator with NaN before the first estimate."""
+    unknown = np.logical_and.accumulate(series.held)
+    k, b = (np.where(unknown, np.nan, values) for values in (series.k, series.b))
+    k_half, b_half = (
+        np.where(unknown | ~np.isfinite(std), np.nan, LEVEL_95 * std)
+        for std in (series.k_std, series.b_std)
+    )
+    return Drawn(k * scale, k_half * scale, b, b_half)
 
 
-def interval(axes: Axes, t: Floats, values: Floats, std: Floats) -> None:
-    """A shade over the 95 % interval, where there is one."""
-    half = LEVEL_95 * std
-    axes.fill_between(t, values - half, values + half, color="#0072B2", alpha=0.12, linewidth=0)
+def k_scale(estimates: Mapping[str, Estimates]) -> tuple[float, str]:
+    """Return the factor and the unit of the axis of the stiffness."""
+    largest = max(float(np.median(np.abs(series.k))) for series in estimates.values())
+    if largest >= 1e6:
+        return 1e-6, "MN/m"
+    return (1e-3, "kN/m") if largest >= 1e3 else (1.0, "N/m")
 
 
-def largest_k(estimates: Mapping[str, Estimates]) -> float:
-    """Largest of the estimators' median stiffnesses [N/m]."""
-    return max(float(np.median(np.abs(series.k))) for series in estimates.values())
+def scaled(truth: Truth | None, scale: float) -> Truth | None:
+    """Return true values with the stiffness in the unit of its axis."""
+    return truth and Truth(truth.b, truth.k_surface * scale, truth.k_deepest * scale)
 
 
-def frame(axes: Axes, series: list[Floats], from_zero: bool, room: float = 5.0) -> None:
-    """Limits that show all but each estimator's wildest 4 % of samples, and room above them."""
-    low = min(float(np.percentile(s, 2)) for s in series)
-    high = max(float(np.percentile(s, 98)) for s in series)
-    if from_zero:
-        low = min(low, 0.0)
-    margin = 0.08 * (high - low) or 1.0
-    axes.set_ylim(low - margin, high + room * margin)
-    axes.grid(alpha=0.25, linewidth=0.6)
-    axes.spines["top"].set_visible(False)
+def draw_truth(
+    panels: tuple[Axes, Axes] | np.ndarray,
+    truth: Truth | None,
+    handles: list[Line2D | Patch],
+    names: list[str],
+) -> tuple[list[Line2D | Patch], list[str]]:
+    """Draw the true stiffness at the surface and at the deepest, and the true damping."""
+    if truth is None:
+        return handles, names
+    for level in {truth.k_surface, truth.k_deepest}:
+        panels[0].axhline(level, **TRUTH)
+    panels[1].axhline(truth.b, **TRUTH)
+    return [*handles, Line2D([], [], **TRUTH)], [*names, "true values (k: surface, deepest)"]
+
+
+def frame(
+    panels: tuple[Axes, Axes] | np.ndarray,
+    t: Floats,
+    shown: Mapping[str, Drawn],
+    truth: Truth | None,
+) -> None:
+    """Set the limits of the axes from all samples but those of the start."""
+    later = t >= t[0] + START * (t[-1] - t[0])
+    k_levels = (0.0, truth.k_surface, truth.k_deepest) if truth else (0.0,)
+    limits(panels[0], [one.k[later] for one in shown.values()], k_levels)
+    limits(panels[1], [one.b[later] for one in shown.values()], (truth.b,) if truth else ())
+    for axes in panels:
+        tidy(axes)
+
+
+def interval(axes: Axes, t: Floats, values: Floats, half: Floats) -> None:
+    """Shade the 95 % interval of an estimate."""
+    shade(axes, t, values - half, values + half, color=BLUE, alpha=0.12)
 
 
 def profile(axes: Axes, t: Floats, values: Floats, label: str) -> None:
-    """The motion as a thin grey line on an axis of its own, behind the estimates."""
+    """Draw the motion as a thin grey line on an axis of its own, behind the estimates."""
     twin = axes.twinx()
-    twin.plot(t, values, color=PROFILE, linewidth=0.8, alpha=0.8)
+    draw(twin, t, values, color=PROFILE, linewidth=0.8, alpha=0.8)
     twin.set_ylabel(label, color=PROFILE)
     twin.tick_params(axis="y", colors=PROFILE)
     twin.spines["top"].set_visible(False)
@@ -243,29 +236,48 @@ def profile(axes: Axes, t: Floats, values: Floats, label: str) -> None:
     axes.patch.set_visible(False)
 
 
-def save(figure: Figure, path: Path, overwrite: bool = False) -> None:
-    """Write a figure; the format follows the file's ending.
+def stiffness_figure(
+    panels: Mapping[str, tuple[Floats, Mapping[str, Estimates]]],
+    paper: Mapping[str, float],
+    same_scale: bool = False,
+) -> Figure:
+    """Return the estimated stiffness of several trials, one above the other.
 
     Parameters
     ----------
-    figure
-        What to write.
-    path
-        The file.
-    overwrite
-        Whether to overwrite a file of that name.
-
-    Raises
-    ------
-    InputError
-        The file cannot be written, or is there already.
+    panels
+        For each trial, by its title, time [s] and the estimates by estimator.
+    paper
+        The paper's average stiffness for each trial [N/m], drawn as a level.
+    same_scale
+        Whether all trials have the same axis of the stiffness.
     """
-    with new_file(path, overwrite) as file:
-        render(figure, file, dpi=150, format=path.suffix[1:].lower())
+    figure = new_figure(0.29 * len(panels) + 0.08, rows=len(panels))
+    axes = figure.subplots(len(panels), 1, sharex=True, sharey=same_scale)
+    everything = []
+    for row, (title, (t, estimates)) in zip(axes, panels.items(), strict=True):
+        shown = {name: drawn(series, 1e-3) for name, series in estimates.items()}
+        for i, (name, one) in enumerate(shown.items()):
+            draw(row, t, one.k, label=name, **line(i))
+        level = paper[title] * 1e-3
+        row.axhline(level, color=PROFILE, linewidth=0.9, label="paper, average of rls")
+        row.set_title(title, loc="left", fontsize="medium")
+        row.set_ylabel("$\\hat k$ [kN/m]")
+        later = t >= t[0] + START * (t[-1] - t[0])
+        own = [one.k[later] for one in shown.values()]
+        everything += own
+        limits(row, everything if same_scale else own, (0.0, level))
+        tidy(row)
+        row.set_xlim(t[0], t[-1])
+    if same_scale:
+        limits(axes[0], everything, (0.0, *(level * 1e-3 for level in paper.values())))
+    axes[-1].set_xlabel("time [s]")
+    legend(figure, *axes[0].get_legend_handles_labels())
+    return figure
 
 
-def render(figure: Figure, file: IO[Any], **options: Any) -> None:
-    """Write a figure to a file; a character that the font does not have becomes a box."""
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", "Glyph .* missing from font")
-        figure.savefig(file, **options)
+def known_truth(values: Mapping[str, float] | None) -> Truth | None:
+    """Return the true values in the summary of a trial; None if they are not known."""
+    if not values or not all(math.isfinite(values[name]) for name in Truth._fields):
+        return None
+    return Truth(*(values[name] for name in Truth._fields))

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from estimation.batch_models import BatchFit
 from teleop.evaluation.evaluation import Evaluation
-from teleop.output.figures import plain
+from teleop.output.figure_style import new_figure, plain, tidy
 
 PHASE_COLOURS = {
     "free": "#BBBBBB",
@@ -19,14 +19,17 @@ PHASE_COLOURS = {
     "hold": "#E69F00",
     "unloading": "#009E73",
 }
-"""Colours that the colour-blind distinguish (Okabe and Ito)."""
+"""Colours that colour-blind readers distinguish (Okabe and Ito)."""
 MODEL = "#D55E00"
 MOST_POINTS = 4000
-"""Samples drawn at most of a line."""
+"""Largest number of samples of a line that are drawn."""
 
 
 def fit_figure(title: str, evaluation: Evaluation) -> Figure:
     """Return force over displacement with the best model, force over time, and the residual.
+
+    Position and force are those to which the models were fitted: without the baseline that is
+    slower than the palpation.
 
     Parameters
     ----------
@@ -36,13 +39,14 @@ def fit_figure(title: str, evaluation: Evaluation) -> Figure:
         Its evaluation.
     """
     record, datum = evaluation.analysis.record, evaluation.datum
-    figure = Figure(figsize=(7.2, 7.6), layout="constrained")
+    figure = new_figure(1.05, rows=3)
     grid = figure.add_gridspec(3, 1, height_ratios=(3.0, 2.0, 1.0))
     over_x, over_t, residual = (figure.add_subplot(grid[i]) for i in range(3))
     residual.sharex(over_t)
     every = max(1, len(record.t) // MOST_POINTS)
-    x, f, t = ((record.x - datum.x) * 1e3, record.raw_f - datum.f, record.t)
-    draw_phases(over_x, evaluation, x, record.f - datum.f, every)
+    fitted = evaluation.analysis.data or record
+    x, f, t = ((fitted.x - datum.x) * 1e3, fitted.raw_f - datum.f, record.t)
+    draw_phases(over_x, evaluation, x, fitted.f - datum.f, every)
     over_t.plot(t[::every], f[::every], color="#555555", linewidth=0.9, label="measured")
     for phase in evaluation.analysis.phases.phases:
         over_t.axvspan(
@@ -51,9 +55,9 @@ def fit_figure(title: str, evaluation: Evaluation) -> Figure:
     fit = best_fit(evaluation)
     if fit is not None:
         draw_fit(over_x, over_t, fit, (x, t), every)
-        left = record.f - datum.f - fit.predicted
+        left = fitted.f - datum.f - fit.predicted
         residual.plot(t[::every], left[::every], color=MODEL, linewidth=0.6)
-    over_x.set_title(plain(title), loc="left", fontsize=11)
+    over_x.set_title(plain(title), loc="left")
     over_x.set_xlabel("displacement from the datum [mm]")
     over_x.set_ylabel("force [N]")
     over_t.set_ylabel("force [N]")
@@ -63,10 +67,9 @@ def fit_figure(title: str, evaluation: Evaluation) -> Figure:
     residual.axhline(0.0, color="#888888", linewidth=0.6)
     over_t.set_xlim(t[0], t[-1])
     for axes in (over_x, over_t, residual):
-        axes.grid(alpha=0.25, linewidth=0.6)
-        axes.spines[["top", "right"]].set_visible(False)
-    over_x.legend(loc="upper left", fontsize=9, frameon=False)
-    over_t.legend(loc="upper right", fontsize=9, framealpha=0.85, edgecolor="none", ncols=2)
+        tidy(axes)
+    over_x.legend(loc="upper left", frameon=False)
+    over_t.legend(loc="upper right", framealpha=0.85, edgecolor="none", ncols=2)
     return figure
 
 
@@ -120,7 +123,7 @@ def modulus_figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
     rows
         Moduli of the files, see `Analysis.modulus`.
     """
-    figure = Figure(figsize=(6.4, 6.0), layout="constrained")
+    figure = new_figure(0.9, rows=3)
     panels = figure.subplots(3, 1, sharex=True)
     ordered = sorted(rows, key=lambda row: float(row["frequency_hz"]))
     frequency = [row["frequency_hz"] for row in ordered]
@@ -152,6 +155,5 @@ def modulus_figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
     lower.set_xticks(frequency, [f"{value:.3g}" for value in frequency])
     lower.minorticks_off()
     for axes in panels:
-        axes.grid(alpha=0.25, linewidth=0.6)
-        axes.spines[["top", "right"]].set_visible(False)
+        tidy(axes)
     return figure

@@ -1,9 +1,11 @@
-"""The HTML page of a recording: estimates, figures, and candidates that tie."""
+"""The HTML page of a recording: result, estimates, figures, events and settings."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any
+from urllib.parse import quote
 
 from markupsafe import Markup
 
@@ -11,9 +13,21 @@ from estimation import MultiEstimator
 from estimation.model import KELVIN_VOIGT
 from estimation.redundancy import ambiguity
 from teleop.evaluation.evaluation import Evaluation
-from teleop.output.estimate_tables import HEADINGS, estimate_cells, interval_table
+from teleop.output.estimate_tables import (
+    AT_END,
+    AVERAGES,
+    HEADINGS,
+    estimate_cells,
+    evaluation_lines,
+    further_lines,
+    interval_table,
+)
+from teleop.output.evaluation_figures import estimates_of, force_of
 from teleop.output.fault_report import fault_text
-from teleop.output.figures import ambiguity_figure, estimates_figure, fault_figure, timing_figure
+from teleop.output.figures import Truth
+from teleop.output.fit_figures import fit_figure
+from teleop.output.result_tables import result_lines
+from teleop.output.trial_figures import ambiguity_figure, fault_figure, timing_figure
 from teleop.output.web_page import svg, web_page
 from teleop.recording.gaps import missing_text
 from teleop.recording.recording import Recording
@@ -22,10 +36,17 @@ MARGIN = 0.1
 """Candidates are separated when their monitoring signals differ by more than this share."""
 LOOKS = 400
 """Approximate number of times at which the tied candidates of a recording are determined."""
+STATED = ("condition", "specimen", "cube", "operator", "notes", "duration_s", "clock")
+"""Settings at the top of the page, where they are known."""
 
 
 def report_page(
-    name: str, evaluation: Evaluation | None, recording: Recording | None = None
+    name: str,
+    evaluation: Evaluation | None,
+    summary: Mapping[str, Any] | None,
+    recording: Recording | None = None,
+    truth: Truth | None = None,
+    link: str = "",
 ) -> str:
     """Return the page for one recording.
 
@@ -33,25 +54,40 @@ def report_page(
     ----------
     name
         Name of the recording, the title of the page.
-    evaluation
-        Its evaluation; None for a trial that ended before there were samples.
+    evaluation, summary
+        Its evaluation and the summary of this; None for a trial that ended before there were
+        samples.
     recording
         The recorded trial; None for a table.
+    truth
+        True values of a simulated trial; None if they are not known.
+    link
+        Path of the recording from the folder of the page; empty for its name.
     """
-    values = of_recording(recording) | of_evaluation(name, evaluation)
-    return web_page("report.html", title=name, **values)
+    values = of_recording(recording) | of_evaluation(name, evaluation, summary, truth)
+    address = quote(link or name, errors="surrogateescape")  # a name may have any bytes
+    return web_page("report.html", title=name, link=address, **values)
 
 
 def of_recording(recording: Recording | None) -> dict[str, Any]:
     """Return what the page shows of a recorded trial."""
     values: dict[str, Any] = {
+        "facts": [],
         "estimated_channels": [],
         "missing": "",
         "fault": "",
         "timing": "",
+        "events": [],
+        "settings": [],
     }
     if recording is None:
         return values
+    values["facts"] = [*facts(recording)]
+    values["events"] = [
+        [f"{event['time']:.3f}", event.get("mode") or "", event["text"]]
+        for event in recording.events
+    ]
+    values["settings"] = [*flat(recording.settings)]
     values["estimated_channels"] = recording.estimated_channels
     values["missing"] = missing_text(recording.gaps)
     if fault := recording.fault:
@@ -66,24 +102,55 @@ def of_recording(recording: Recording | None) -> dict[str, Any]:
     return values
 
 
-def of_evaluation(name: str, evaluation: Evaluation | None) -> dict[str, Any]:
+def facts(recording: Recording) -> Iterator[tuple[str, str]]:
+    """Yield what was run, when, and with which software, as names and values."""
+    session = recording.session
+    yield "date", session.get("created", "not known")
+    yield "rig", session.get("rig", "not known")
+    for name in STATED:
+        if recording.settings.get(name) not in (None, ""):
+            yield name.removesuffix("_s"), str(recording.settings[name])
+    for name in ("software", "python", "machine"):
+        yield name, session.get(name, "not known")
+
+
+def flat(settings: Mapping[str, Any], start: str = "") -> Iterator[tuple[str, str]]:
+    """Yield the settings in a document with their names joined by dots."""
+    for name, value in settings.items():
+        if isinstance(value, Mapping):
+            yield from flat(value, f"{start}{name}.")
+        else:
+            yield f"{start}{name}", "none" if value is None else str(value)
+
+
+def of_evaluation(
+    name: str,
+    evaluation: Evaluation | None,
+    summary: Mapping[str, Any] | None,
+    truth: Truth | None,
+) -> dict[str, Any]:
     """Return what the page shows of an evaluation."""
-    if evaluation is None:
+    if evaluation is None or summary is None:
         return {"summary": None, "gaps": ()}
     e = evaluation
-    summary = e.summary()
-    x, v, *_ = e.regression
     headings, intervals = interval_table(summary["estimates"])
     rows = summary["estimates"].items()
     return {
         "summary": summary,
+        "result": result_lines(summary),
         "gaps": e.gaps,
+        "lines": evaluation_lines(summary),
+        "further": further_lines(summary["estimates"]),
+        "at_end": AT_END,
+        "averages": AVERAGES,
         "headings": HEADINGS,
         "estimates": estimate_cells({**summary["estimates"], "batch": summary["batch"]}),
         "interval_headings": headings,
         "intervals": intervals,
         "notes": [(estimator, row["note"]) for estimator, row in rows if row["note"]],
-        "drawing": svg(estimates_figure(name, e.t, x, v, e.estimates)),
+        "drawing": svg(estimates_of(name, e, truth)),
+        "force": svg(force_of(name, e)),
+        "fit": svg(fit_figure(name, e)),
         "ambiguity": ambiguity_drawing(e),
         "margin": f"{MARGIN:.0%}",
     }

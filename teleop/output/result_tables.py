@@ -1,9 +1,8 @@
-"""What the commands print of a result: the number to publish, the models, several files."""
+"""Tables of a result: the number to publish, the batch models, several files together."""
 
 from __future__ import annotations
 
 import math
-import textwrap
 from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
@@ -11,32 +10,18 @@ from typing import Any
 
 from teleop.output.console import number, plain_console, print_table, small
 
-COLUMNS = 80
-"""Width of the text [characters]."""
-
 
 def print_result(summary: Mapping[str, Any], name: str) -> None:
     """Print the result block of a record."""
     console = plain_console()
     result = summary["result"]
     console.print(f"{name}: result", style="bold")
-    if not result["identifiable"]:
-        console.print("  no stiffness and no damping can be given:", style="bold red")
-    else:
-        for symbol, unit, what in (("k", "N/m", "stiffness"), ("b", "N s/m", "damping")):
-            low, value, high = (result[f"{symbol}{end}"] for end in ("_low", "", "_high"))
-            low_text, value_text, high_text = (
-                significant(each, high - low) for each in (low, value, high)
-            )
-            console.print(
-                f"  {what:9} {symbol} = {value_text} {unit} "
-                f"(95 % interval {low_text} to {high_text})",
-                style="bold",
-            )
+    style = "bold" if result["identifiable"] else "bold red"
+    for line in result_lines(summary):
+        console.print(f"  {line}", style=style)
     for reason in result["reasons"]:
         style = "yellow" if result["identifiable"] else "red"
-        for line in textwrap.wrap(reason, COLUMNS - 4, initial_indent="- ", subsequent_indent="  "):
-            console.print(f"  {line}", style=style)
+        console.print(f"  - {reason}", style=style)
     print_tangent(result["tangent"])
     counts = Counter(phase["phase"] for phase in summary["phases"])
     phases = ", ".join(f"{count} {phase}" for phase, count in counts.items())
@@ -51,6 +36,19 @@ def print_result(summary: Mapping[str, Any], name: str) -> None:
     console.print(f"  conditioning keeps {kept:.0%} of the force variance")
     if summary.get("material"):
         print_material(summary["material"])
+
+
+def result_lines(summary: Mapping[str, Any]) -> list[str]:
+    """Return stiffness and damping with their intervals, or that there are none."""
+    result = summary["result"]
+    if not result["identifiable"]:
+        return ["no stiffness and no damping can be given:"]
+    lines = []
+    for symbol, unit, what in (("k", "N/m", "stiffness"), ("b", "N s/m", "damping")):
+        values = [result[f"{symbol}{end}"] for end in ("_low", "", "_high")]
+        low, value, high = (significant(each, values[2] - values[0]) for each in values)
+        lines.append(f"{what:9} {symbol} = {value} {unit} (95 % interval {low} to {high})")
+    return lines
 
 
 def print_tangent(tangent: Mapping[str, Any]) -> None:
@@ -102,9 +100,7 @@ def print_models(summary: Mapping[str, Any]) -> None:
     )
     for fit in models:
         cells = [parameter_text(name, one) for name, one in fit["parameters"].items()]
-        text = f"{fit['name']}: {', '.join(cells)}"
-        for line in textwrap.wrap(text, COLUMNS - 2, subsequent_indent="  "):
-            console.print(f"  {line}")
+        console.print(f"  {fit['name']}: {', '.join(cells)}")
 
 
 def parameter_text(name: str, one: Mapping[str, Any]) -> str:
@@ -151,11 +147,12 @@ def print_together(together: Mapping[str, Any]) -> None:
             ),
         )
     for symbol, ratio in together["ratios"].items():
+        if not math.isfinite(ratio["ratio"]):
+            continue
         console.print(
             f"  largest {symbol} over smallest: {ratio['ratio']:.3g} "
             f"(95 % interval {ratio['low']:.3g} to {ratio['high']:.3g})"
         )
     style = "bold red" if together["insufficient"] else None
     for reason in together["reasons"]:
-        for line in textwrap.wrap(reason, COLUMNS - 2):
-            console.print(f"  {line}", style=style)
+        console.print(f"  {reason}", style=style)

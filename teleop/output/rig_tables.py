@@ -139,7 +139,8 @@ def print_emulation(
     for bus, port in ports.items():
         console.print(f"  {bus}: {port}")
     options = " ".join(f"--{option} {value}" for option, value in palpation.items())
-    console.print(f"  run against it: teleop run --rig {out} {options}")
+    command = f"teleop run --rig {out} {options}"
+    console.print(f"  run against it: {command}", soft_wrap=True)
 
 
 def print_lag(summary: Mapping[str, Any]) -> None:
@@ -168,7 +169,8 @@ def print_lag(summary: Mapping[str, Any]) -> None:
             f"lost motion {summary['true_lost_motion_m'] * 1e6:.1f} um"
         )
     console.print(
-        f"take it into account with: teleop estimate FILE --force-lag {summary['lag_s']:.5f}"
+        f"take it into account with: teleop estimate FILE --force-lag {summary['lag_s']:.5f}",
+        soft_wrap=True,
     )
 
 
@@ -180,5 +182,6 @@ def print_tare(tare: Tare, noise: float, path: Path, rig: Path | None) -> None:
         f"master force zero {tare.master_force:+.4f} N\n"
         f"contact force zero {tare.contact_force:+.4f} N, noise {noise:.3f} N rms\n"
         f"contact datum {tare.slave_position * 1e3:+.4f} mm\n"
-        f"stored in {path}, {tare.date}; apply it with: teleop run {on_rig}--tare {path}{needed}"
+        f"stored in {path}, {tare.date}; apply it with: teleop run {on_rig}--tare {path}{needed}",
+        soft_wrap=True,
     )

@@ -17,12 +17,18 @@ STALL = 0.05
 
 
 def print_trial(summary: Mapping[str, Any]) -> None:
-    """A trial's tables."""
+    """Print the tables of a trial."""
     console = plain_console()
+    console.print(f"{summary['condition']}, {palpated(summary)}, {duration(summary)}", style="bold")
+    if summary["interrupted"]:
+        console.print("  INTERRUPTED before the end", style="bold yellow")
     if summary["estimates"]:
-        print_estimates(
-            summary["estimates"],
-            f"{summary['condition']}, {summary['specimen']}, {summary['duration_s']:g} s",
+        print_estimates(summary["estimates"], {})
+    elif summary["interrupted"]:
+        console.print(
+            f"  no estimates: {summary['contact_s']:.2f} s of contact, expected at least "
+            f"{summary['least_contact_s']:g} s",
+            style="yellow",
         )
     if summary["truth"]:
         print_truth(console, summary["truth"])
@@ -49,12 +55,12 @@ def print_trial(summary: Mapping[str, Any]) -> None:
 
 
 def print_incomplete(console: Console, recording: Mapping[str, Any]) -> None:
-    """Which ticks the recording does not hold, and what can be done about it."""
+    """Print which ticks are missing in the recording, and how it can be repaired."""
     if recording["missing_ticks"]:
         missing = missing_text([Gap(*row.values()) for row in recording["missing_ticks"]])
         console.print(
-            f"  {missing}:\n  the recorder could not keep up; the loop and the estimators had "
-            "these ticks, the averages above do not",
+            f"  {missing}:\n  the recorder could not keep up; the loop and the estimators "
+            "processed these ticks, but the averages above do not contain them",
             style="red",
         )
     if recording["problem"]:
@@ -62,10 +68,24 @@ def print_incomplete(console: Console, recording: Mapping[str, Any]) -> None:
         if recording["recoverable"]:
             console.print(
                 "  the tables above are computed from its intact part; write that to a complete "
-                f"file with: teleop recover {recording['path']}"
+                f"file with: teleop recover {recording['path']}",
+                soft_wrap=True,
             )
         else:
             console.print("  the tables above are computed from the last seconds, kept in memory")
+
+
+def palpated(summary: Mapping[str, Any]) -> str:
+    """Return what was palpated."""
+    return f"{summary['cube']} cube" if summary["cube"] else str(summary["specimen"])
+
+
+def duration(summary: Mapping[str, Any]) -> str:
+    """Return the duration of a trial, with the planned one if it ended before."""
+    planned = f"{summary['duration_s']:g} s"
+    if summary["interrupted"] or summary["safety"]["fault"]:
+        return f"{summary['actual_duration_s']:.2f} of {planned}"
+    return planned
 
 
 def print_truth(console: Console, truth: Mapping[str, Any]) -> None:
@@ -74,7 +94,7 @@ def print_truth(console: Console, truth: Mapping[str, Any]) -> None:
         f"  truth (simulated): b {truth['b']:.3g} N s/m, k {number(truth['k_surface'], 0)} N/m at "
         f"the surface\n  to {number(truth['k_deepest'], 0)} N/m at the deepest; the force channel "
         f"lags by {truth['force_lag_s'] * 1e3:g} ms\n  and the tip loses "
-        f"{truth['lost_motion_m'] * 1e6:g} um of motion, both of which read as negative damping"
+        f"{truth['lost_motion_m'] * 1e6:g} um of motion; both bias the estimate of b downwards"
     )
 
 
@@ -90,7 +110,7 @@ def print_tracking(console: Console, tracking: Mapping[str, Any] | None) -> None
 
 
 def print_loop(console: Console, summary: Mapping[str, Any]) -> None:
-    """How the loop kept time."""
+    """Print the timing of the loop."""
     loop = summary["loop"]
     late, busy = loop["lateness_us"], loop["tick_us"]["busy"]
     few = summary["pairs"] < summary["ticks"]
@@ -119,17 +139,17 @@ def print_loop(console: Console, summary: Mapping[str, Any]) -> None:
 
 
 def print_rejected(console: Console, rejected: Mapping[str, Mapping[str, int]]) -> None:
-    """What devices sent and was not taken."""
+    """Print how many frames of each device were rejected, and why."""
     for device, counts in rejected.items():
         reasons = ", ".join(f"{count} for {reason}" for reason, count in counts.items())
         console.print(f"  {device}: rejected {reasons}", style="yellow")
 
 
 def print_safety(console: Console, safety: Mapping[str, Any]) -> None:
-    """What soft limits held back, and the fault."""
+    """Print which soft limits limited the command, and the fault."""
     held = [f"{name} {count} ticks" for name, count in safety["limited_ticks"].items() if count]
     if held:
-        console.print(f"  soft limits held the command back: {', '.join(held)}", style="yellow")
+        console.print(f"  soft limits limited the command: {', '.join(held)}", style="yellow")
     if safety["fault"]:
         fault = safety["fault"]
         console.print(

@@ -11,7 +11,9 @@ import numpy as np
 
 from estimation import Bank, Estimates
 from estimation.compiled import Floats
+from estimation.presets import GATE
 from estimation.summary import summarise
+from teleop.errors import InputError
 from teleop.evaluation.tracking import tracking
 from teleop.recording.gaps import gap_rows, missing_text
 from teleop.recording.recording import Recording
@@ -21,6 +23,10 @@ from teleop.safety.events import ACTIVE, STOPPING
 from teleop.safety.soft_limits import ACCELERATION, FORCE, POSITION, VELOCITY
 from teleop.trial.metadata import estimated_channels
 from teleop.trial.settings import TrialSettings
+from teleop.trial.settings_json import from_document
+
+LEAST_CONTACT = 1.0
+"""Time in contact below which an interrupted trial gives no estimates [s]."""
 
 
 @dataclass(frozen=True)
@@ -90,6 +96,8 @@ class Trial:
         else:
             depth, excitation = 0.0, (math.nan, math.nan)
         whole = self.recording
+        threshold = (settings.estimation_preset.gate or GATE).force
+        contact = float(np.sum(regression.dt[np.abs(regression.f) > threshold]))
         return {
             "condition": settings.condition,
             "cube": None if settings.rig else settings.cube,
@@ -99,6 +107,9 @@ class Trial:
             "rig": settings.rig_name,
             "estimated_channels": list(estimated_channels(settings)),
             "duration_s": settings.duration,
+            "actual_duration_s": float(t[-1]) if len(t) else 0.0,
+            "contact_s": contact,
+            "least_contact_s": LEAST_CONTACT,
             "clock": settings.clock,
             "seed": settings.seed,
             "ticks": int(np.isin(self.recording["mode"], (ACTIVE, STOPPING)).sum()),
@@ -109,7 +120,7 @@ class Trial:
             "estimates": {
                 name: summarise(t, regression, estimates, self.bank[name])._asdict()
                 for name, estimates in active.estimates().items()
-                if len(t)
+                if len(t) and (contact >= LEAST_CONTACT or not self.interrupted)
             },
             "truth": None if settings.rig else truth(settings, depth),
             "excitation": {"mean": excitation[0], "last": excitation[1]},
@@ -144,6 +155,17 @@ def truth(settings: TrialSettings, depth: float) -> dict[str, float]:
         "force_lag_s": setup.force_lag,
         "lost_motion_m": transmission.lost_motion,
     }
+
+
+def recorded_truth(recording: Recording) -> dict[str, float] | None:
+    """Return the truth of a recorded trial on the simulated rig; None for other recordings."""
+    if not recording.settings or recording.session.get("rig") != "simulated":
+        return None
+    try:
+        settings = from_document(recording.settings)
+    except InputError:
+        return None
+    return truth(settings, float(np.max(np.abs(recording["slave_position"]), initial=0.0)))
 
 
 def safety_summary(active: Recording, fault: dict[str, Any] | None) -> dict[str, Any]:

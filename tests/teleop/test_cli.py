@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from teleop.cli import main
+from teleop.cli import app, main
 
 RUN = ["run", "--clock", "virtual", "--duration", "0.5", "--no-record"]
 GOOD = "Time [s],Position [mm],Force [N]\n" + "".join(
@@ -211,6 +211,33 @@ def test_help_has_an_example(capsys, command):
     assert "Example: teleop" in capsys.readouterr().out
 
 
+def test_the_command_alone_shows_three_commands_to_start_with(capsys):
+    assert main([]) == 0
+    lines = [line for line in capsys.readouterr().out.splitlines() if line.startswith("  teleop ")]
+    assert [line.split()[1] for line in lines] == ["run", "report", "estimate"]
+
+
+@pytest.mark.parametrize("command", ["run", "estimate", "compare", "report"])
+def test_the_help_has_groups_names_and_a_text_for_each_option(command, capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "100")
+    assert main([command, "--help"]) == 0
+    out = capsys.readouterr().out
+    for word in ("Estimation", "Output", "rls_conditional", "me_switching", "kelvin-voigt"):
+        assert word in out
+    assert "Parameters" not in out
+    lines = [line.strip(" │") for line in out.splitlines() if line.startswith("│ --")]
+    assert len(lines) > 10
+    for line in lines:
+        option, _, text = line.partition("  ")
+        assert text.strip()[:1] not in ("", "["), option
+
+
+def test_a_script_completes_commands_and_options_in_a_shell():
+    script = app.generate_completion(shell="bash")
+    for word in ("compare", "--estimators", "autonomous"):
+        assert word in script
+
+
 def test_version_is_the_packages(capsys):
     assert main(["--version"]) == 0
     assert capsys.readouterr().out.strip() == version("teleop")
@@ -218,7 +245,7 @@ def test_version_is_the_packages(capsys):
 
 def test_help_imports_nothing_heavy():
     code = (
-        "import sys; from teleop.cli import main; main(['--help'])\n"
+        "import sys; from teleop.cli import app, main; main(['--help'])\n"
         "heavy = {'numpy', 'scipy', 'matplotlib', 'numba', 'can', 'serial'} & set(sys.modules)\n"
         "sys.exit(', '.join(heavy) or 0)"
     )

@@ -10,9 +10,10 @@ from markupsafe import Markup
 from sim_backend import CUBES
 from teleop.control.conditions import CONDITIONS
 from teleop.output.web_page import web_page
+from teleop.studies.anova import Effect
 from teleop.studies.paper.claims import Claim
 from teleop.studies.paper.methods import MethodResult
-from teleop.studies.paper.study import RESPONSES, Effect, finding
+from teleop.studies.paper.study import RESPONSES, finding
 from teleop.studies.paper.table1 import ESTIMATORS, is_calibrated, table1
 from teleop.studies.paper.trials import Outcome, SlowTrial
 

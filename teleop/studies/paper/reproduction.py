@@ -16,12 +16,14 @@ from sim_backend import CUBES
 from teleop.control.conditions import CONDITIONS
 from teleop.errors import InputError
 from teleop.files import check_outputs, unwritable, write_text
-from teleop.output.figures import estimates_figure, save, stiffness_figure
+from teleop.output.figure_style import save
+from teleop.output.figures import estimates_figure, stiffness_figure
 from teleop.output.web_page import svg
+from teleop.studies.anova import Effect, check_available
 from teleop.studies.paper.claims import Claim, check_claims
 from teleop.studies.paper.methods import MethodResult, Methods, averages
 from teleop.studies.paper.page import reproduction_page
-from teleop.studies.paper.study import RESPONSES, Effect, responses, split_plot
+from teleop.studies.paper.study import RESPONSES, effects_on
 from teleop.studies.paper.table1 import table1
 from teleop.studies.paper.trials import (
     NO_METHODS,
@@ -113,10 +115,13 @@ def reproduce(
     Raises
     ------
     InputError
-        There is less than one seed, or worker processes are not available.
+        There is less than one seed, worker processes are not available, or with several seeds
+        statsmodels is not.
     """
     if seeds < 1:
         raise InputError(f"seeds {seeds}: expected at least 1")
+    if seeds > 1:
+        check_available()
     trials = [(c, q, seed) for seed in range(seeds) for c in CONDITIONS for q in CUBES]
     outcomes = []
     with workers() as pool:
@@ -127,7 +132,7 @@ def reproduce(
         slow_trials = list(slow)
     study = {}
     if seeds > 1:
-        study = {name: split_plot(responses(outcomes, name)) for name in RESPONSES}
+        study = {name: effects_on(outcomes, name) for name in RESPONSES}
     return Reproduction(outcomes, slow_trials, check_claims(outcomes[:9]), study)
 
 
@@ -223,6 +228,7 @@ def draw(name: str, outcomes: Sequence[Outcome], folder: Path, overwrite: bool) 
         figure = stiffness_figure(
             {c: (trial[c, "soft"].t, trial[c, "soft"].series) for c in CONDITIONS},
             {c: table1()[c, "soft", "rls"].k for c in CONDITIONS},
+            same_scale=True,
         )
     save(figure, folder / f"{name}.png", overwrite)
     figure.set_layout_engine("none")  # keep the layout of the PNG file

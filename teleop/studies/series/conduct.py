@@ -14,7 +14,7 @@ from teleop.files import make_folder
 from teleop.safety.events import time_text
 from teleop.studies.series.journal import LOCK, NAME, Journal, locked
 from teleop.studies.series.plan import Plan, PlannedTrial
-from teleop.studies.series.table import write_results
+from teleop.studies.series.table import RECORDINGS, write_results
 from teleop.trial.result import Trial
 from teleop.trial.run import run_trial
 from teleop.trial.settings import TrialSettings
@@ -22,6 +22,8 @@ from teleop.trial.settings import TrialSettings
 Answer = Literal["run", "skip", "repeat", "quit"]
 Ask = Callable[[PlannedTrial, str], tuple[Answer, str]]
 """Function that asks a person; called with trial and prompt, it returns the answer and a note."""
+AskNote = Callable[[PlannedTrial], str]
+"""Function that asks for a note on the trial that has just ended; it returns "" for none."""
 Run = Callable[[TrialSettings, Path], Trial]
 """Function that runs and records a trial."""
 INTERRUPTED = "interrupted"
@@ -32,6 +34,11 @@ ATTEMPTS = 3
 def unattended(trial: PlannedTrial, prompt: str) -> tuple[Answer, str]:
     """Answer that every trial is to be run, without asking a person."""
     return "run", ""
+
+
+def no_note(trial: PlannedTrial) -> str:
+    """Return no note."""
+    return ""
 
 
 def open_journal(folder: Path, plan: Plan, trials: Sequence[PlannedTrial]) -> Journal:
@@ -68,6 +75,7 @@ def conduct(
     plan: Plan,
     trials: Sequence[PlannedTrial],
     ask: Ask = unattended,
+    ask_note: AskNote = no_note,
     run: Run = run_trial,
     report: Callable[[str], None] = print,
 ) -> Journal:
@@ -86,6 +94,8 @@ def conduct(
         Its trials in their order.
     ask
         Function that asks a person before each trial.
+    ask_note
+        Function that asks a person for a note after each trial.
     run
         Function that runs and records a trial.
     report
@@ -117,6 +127,9 @@ def conduct(
             problem = attempt(folder, journal, trial, run, note)
             rested, previous = time.monotonic(), trial
             report(f"{trial.number} of {len(trials)}, {trial.label}: {problem or 'done'}")
+            if after := ask_note(trial):
+                attempts = journal.attempts(trial.number)
+                journal.write("note", trial.number, attempt=attempts, note=after)
             write_results(folder, trials, journal)
             if problem and ask is unattended:
                 if problem == INTERRUPTED:
@@ -129,7 +142,7 @@ def conduct(
 def attempt(folder: Path, journal: Journal, trial: PlannedTrial, run: Run, note: str) -> str:
     """Run a trial once; return the reason to repeat it, empty for none."""
     number = journal.attempts(trial.number) + 1
-    path = folder / "recordings" / f"{trial.number:03d}-{trial.label}-{number}.mcap"
+    path = folder / RECORDINGS / f"{trial.number:03d}-{trial.label}-{number}.mcap"
     make_folder(path)
     journal.write("started", trial.number, attempt=number, file=path.name, note=note)
     try:

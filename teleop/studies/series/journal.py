@@ -7,8 +7,8 @@ disk before the series continues. A series that was interrupted or killed is res
 from __future__ import annotations
 
 import contextlib
-import json
 import os
+from collections import Counter, defaultdict
 from collections.abc import Iterator
 from datetime import datetime
 from pathlib import Path
@@ -33,7 +33,12 @@ class Journal:
 
     def __init__(self, folder: Path) -> None:
         self.path = folder / NAME
-        self.entries = [*self._read()]
+        self.entries: list[dict[str, Any]] = []
+        self._last: dict[int, dict[str, Any]] = {}
+        self._attempts: Counter[int] = Counter()
+        self._notes: defaultdict[tuple[int, int], list[str]] = defaultdict(list)
+        for entry in self._read():
+            self._add(entry)
 
     def write(self, entry: Entry, trial: int = 0, **values: Any) -> None:
         """Append a line and wait until it is on the disk.
@@ -61,16 +66,19 @@ class Journal:
                 os.fsync(file.fileno())
         except OSError as error:
             raise unwritable(self.path, error) from error
-        self.entries.append(json.loads(dumps(record)))
+        self._add(loads(dumps(record)))
 
     def last(self, trial: int) -> dict[str, Any] | None:
         """Return the last entry of a trial other than notes; None for none."""
-        own = (e for e in reversed(self.entries) if e["trial"] == trial and e["entry"] != "note")
-        return next(own, None)
+        return self._last.get(trial)
 
     def attempts(self, trial: int) -> int:
         """Return the number of times that a trial was started."""
-        return sum(e["trial"] == trial and e["entry"] == "started" for e in self.entries)
+        return self._attempts[trial]
+
+    def note(self, trial: int, attempt: int) -> str:
+        """Return the notes before and after an attempt, separated by semicolons."""
+        return "; ".join(self._notes[trial, attempt])
 
     def is_finished(self, trial: int) -> bool:
         """Return whether a trial is done or skipped."""
@@ -79,10 +87,18 @@ class Journal:
 
     def results(self) -> Iterator[dict[str, Any]]:
         """Yield the last entry of each trial that is done, in the order of the trials."""
-        for trial in sorted({e["trial"] for e in self.entries} - {0}):
-            last = self.last(trial)
-            if last and last["entry"] == "done":
+        for _, last in sorted(self._last.items()):
+            if last["entry"] == "done":
                 yield last
+
+    def _add(self, entry: dict[str, Any]) -> None:
+        self.entries.append(entry)
+        if entry["entry"] == "started":
+            self._attempts[entry["trial"]] += 1
+        if entry.get("note") and "attempt" in entry:
+            self._notes[entry["trial"], entry["attempt"]].append(entry["note"])
+        if entry["entry"] not in ("plan", "note"):
+            self._last[entry["trial"]] = entry
 
     def _read(self) -> Iterator[dict[str, Any]]:
         """Yield the entries; an incomplete last line, as after a crash, is ignored."""

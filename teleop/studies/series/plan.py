@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from importlib.resources import as_file, files
 from itertools import product
 from pathlib import Path
@@ -52,10 +53,9 @@ class Plan(BaseModel):
     """Settings that a level of a factor sets, by factor and level."""
 
 
-class PlannedTrial(BaseModel):
+@dataclass(frozen=True)
+class PlannedTrial:
     """One trial of a plan."""
-
-    model_config = ConfigDict(frozen=True, arbitrary_types_allowed=True)
 
     number: int
     """Position in the series, from 1."""
@@ -136,6 +136,7 @@ def planned_trials(plan: Plan, folder: Path) -> list[PlannedTrial]:
     InputError
         Settings of a trial are not as expected. The problems of all trials are named.
     """
+    chosen = chosen_settings(plan, folder)
     blocked = [plan.factors[name] for name in plan.blocks]
     inner = {name: levels for name, levels in plan.factors.items() if name not in plan.blocks}
     cells = [
@@ -144,39 +145,41 @@ def planned_trials(plan: Plan, folder: Path) -> list[PlannedTrial]:
         for levels in product(*inner.values())
     ]
     trials: list[PlannedTrial] = []
-    problems: list[str] = []
     for block, outer in enumerate(product(*blocked)):
         for index in ordered(len(cells), plan.order, plan.seed, block):
-            levels, repetition = cells[index]
-            chosen = dict(zip(plan.blocks, outer, strict=True)) | levels
-            chosen = {name: chosen[name] for name in plan.factors}
+            inner_levels, repetition = cells[index]
+            by_factor = dict(zip(plan.blocks, outer, strict=True)) | inner_levels
+            levels = {name: by_factor[name] for name in plan.factors}
             number = len(trials) + 1
-            try:
-                settings = settings_from(document_of(plan, chosen, number), folder)
-                check_stated(settings)
-            except InputError as error:
-                problems += [f"{', '.join(chosen.values())}: {line}" for line in lines(error)]
-                settings = TrialSettings()
-            trials.append(
-                PlannedTrial(number=number, levels=chosen, repetition=repetition, settings=settings)
-            )
-    if problems:
-        raise InputError("\n".join(dict.fromkeys(problems)))
+            settings = chosen[tuple(levels.values())]
+            settings = replace(settings, seed=settings.seed + number)
+            trials.append(PlannedTrial(number, levels, repetition, settings))
     return trials
 
 
-def document_of(plan: Plan, chosen: Mapping[str, str], number: int) -> dict[str, Any]:
-    """Return the settings of one trial as a dictionary, as read from a configuration file."""
+def chosen_settings(plan: Plan, folder: Path) -> dict[tuple[str, ...], TrialSettings]:
+    """Return the settings of each combination of levels; see `planned_trials`."""
+    settings: dict[tuple[str, ...], TrialSettings] = {}
+    problems: list[str] = []
+    for levels in product(*plan.factors.values()):
+        document = document_of(plan, dict(zip(plan.factors, levels, strict=True)))
+        try:
+            settings[levels] = settings_from(document, folder)
+            check_stated(settings[levels])
+        except InputError as error:
+            problems += [f"{', '.join(levels)}: {line}" for line in str(error).splitlines()]
+    if problems:
+        raise InputError("\n".join(problems))
+    return settings
+
+
+def document_of(plan: Plan, levels: Mapping[str, str]) -> dict[str, Any]:
+    """Return the settings of one combination of levels as a document of a configuration file."""
     document = dict(plan.settings)
-    for name, level in chosen.items():
+    for name, level in levels.items():
         own = plan.levels.get(name, {}).get(level)
         if own is not None:
             document |= own
         elif name in ("condition", "cube", "specimen", "operator"):
             document[name] = level
-    return document | {"seed": int(document.get("seed", 0)) + number}
-
-
-def lines(error: InputError) -> list[str]:
-    """Return the problems that the message of an error lists, one per line."""
-    return str(error).splitlines()
+    return document

@@ -12,7 +12,7 @@ from teleop.files import write_text
 from teleop.studies.series.journal import Journal
 from teleop.studies.series.plan import PlannedTrial
 
-NAME = "trials.csv"
+NAME, RECORDINGS = "trials.csv", "recordings"
 RESULTS = {
     "k": "k [N/m]",
     "b": "b [N s/m]",
@@ -41,6 +41,7 @@ def result_rows(trials: Sequence[PlannedTrial], journal: Journal) -> Iterator[di
                 "attempt": result["attempt"],
                 "time": result["time"],
                 "file": result["file"],
+                "note": journal.note(trial.number, result["attempt"]),
                 "seed": summary["seed"],
                 "estimator": name,
                 **{RESULTS[key]: values[key] for key in RESULTS},

@@ -95,7 +95,8 @@ def test_hayes_factor_is_that_of_his_table(aspect, poisson, factor):
     assert hayes_factor(aspect, poisson) == pytest.approx(factor, abs=2e-3)
 
 
-def test_the_command_prints_the_result_first_in_80_columns(capsys, tmp_path):
+def test_the_command_prints_the_result_first_in_80_columns(capsys, tmp_path, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
     path = tmp_path / "sine.csv"
     signals = sine()
     rows = zip(signals.t, signals.x * 1e3, signals.f, strict=True)
@@ -107,13 +108,16 @@ def test_the_command_prints_the_result_first_in_80_columns(capsys, tmp_path):
     assert main(command) == 0
     lines = capsys.readouterr().out.splitlines()
     assert "result" in lines[0]
-    assert lines[1].startswith("  stiffness k = 2 00")
+    assert lines[1].startswith("  stiffness k = 200")
     assert all(len(line.rstrip()) <= 80 for line in lines)
     picture = tmp_path / "fit.png"
     assert main([*command, "--plot-fit", str(picture), "--json"]) == 0
     document = json.loads(capsys.readouterr().out)
     result = document["result"]
     assert result["k_low"] <= 2000.0 <= result["k_high"]
+    assert document["conditioning"] == "matched"
+    assert document["force_lag_s"] == 0.0
+    assert document["software"].startswith("teleop ")
     assert document["best_model"].startswith("kelvin-voigt")
     assert document["material"]["modulus_pa"] == pytest.approx(0.75 * result["k"] / 0.01)
     assert picture.stat().st_size > 10_000

@@ -1,34 +1,85 @@
-"""What the commands print does not depend on the terminal."""
+"""Tables and texts fit the terminal, and lose nothing on a narrow one."""
 
 from __future__ import annotations
 
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from teleop.cli import main
+from teleop.output.console import plain_console, print_table, wrapped
+
+
+def printed(capsys, monkeypatch, environment, *arguments):
+    for name, value in environment.items():
+        monkeypatch.setenv(name, value)
+    assert main([*arguments]) == 0
+    return re.sub(r"\x1b\[[0-9;]*m", "", capsys.readouterr().out)
+
+
+@pytest.fixture
+def stiff(tmp_path):
+    t = np.arange(0.0, 4.0, 0.01)
+    rows = "".join(f"{s:.2f},{np.sin(s * 6):.5f},{2e9 * np.sin(s * 6):.1f}\n" for s in t)
+    path = tmp_path / "stiff.csv"
+    path.write_text("Time [s],Position [mm],Force [N]\n" + rows)
+    return str(path)
 
 
 @pytest.mark.parametrize("environment", [{"COLUMNS": "40"}, {"TERM": "dumb", "FORCE_COLOR": "1"}])
-def test_no_number_of_a_table_is_cut_off_on_a_narrow_or_dumb_terminal(
-    environment, monkeypatch, capsys, tmp_path
+def test_no_word_or_number_is_lost_on_a_narrow_or_dumb_terminal(
+    environment, monkeypatch, capsys, stiff
 ):
+    arguments = ["estimate", stiff, "--estimators", "all"]
+    wide = printed(capsys, monkeypatch, {"COLUMNS": "200"}, *arguments)
+    narrow = printed(capsys, monkeypatch, environment, *arguments)
+    assert {*narrow.split()} >= {word for word in wide.split() if "─" not in word} - {
+        "rms/batch",
+    }
+    assert "…" not in narrow
+
+
+@pytest.mark.parametrize("columns", [80, 120])
+def test_the_tables_of_all_estimators_fit_a_terminal(columns, monkeypatch, capsys, tmp_path):
+    path = tmp_path / "trial.mcap"
+    chosen = ["--estimators", "all", "--model", "stiffening"]
+    command = ["run", "--clock", "virtual", "--duration", "2", *chosen, "--record", str(path)]
+    environment = {"COLUMNS": str(columns)}
     monkeypatch.chdir(tmp_path)
-    t = np.arange(0.0, 4.0, 0.01)
-    rows = "".join(f"{s:.2f},{np.sin(s * 6):.5f},{2e9 * np.sin(s * 6):.1f}\n" for s in t)
-    Path("stiff.csv").write_text("Time [s],Position [mm],Force [N]\n" + rows)
-    arguments = ["estimate", "stiff.csv", "--estimators", "all"]
+    for arguments in (command, ["estimate", "trial.mcap"]):
+        text = printed(capsys, monkeypatch, environment, *arguments)
+        for line in text.splitlines():
+            assert len(line.rstrip()) <= columns or " " not in line.strip(), line
+    assert "rls_conditional at the end: k3" in text
+    assert re.search(
+        r"hc_log at the end: K \S+ ± \S+ N/m\^n, B \S+ ± \S+ N s/m", " ".join(text.split())
+    )
 
-    def cells():
-        assert main(arguments) == 0
-        text = re.sub(r"\x1b\[[0-9;]*m", "", capsys.readouterr().out)
-        return [re.split(r"\s{2,}", line.strip()) for line in text.splitlines()]
 
-    wide = cells()
-    for name, value in environment.items():
-        monkeypatch.setenv(name, value)
-    narrow = cells()
-    assert [row[:3] for row in narrow] == [row[:3] for row in wide]
-    assert "…" not in str(narrow)
+def test_long_names_are_numbered_where_a_table_would_not_fit(monkeypatch, capsys):
+    monkeypatch.setenv("COLUMNS", "60")
+    names = ["a" * 70, "b" * 20]
+    print_table(plain_console(), "", ["", "k [N/m]"], [[names[0], "1"], [names[1], "2"]])
+    lines = [line.rstrip() for line in capsys.readouterr().out.splitlines()]
+    assert "  1       1" in lines
+    assert lines[-1] == f"  2: {names[1]}"
+    assert names[0] in lines[-2]
+
+
+@given(st.lists(st.text("abc", min_size=1, max_size=30)), st.integers(1, 60), st.integers(0, 4))
+def test_lines_are_broken_between_words_only(words, width, indent):
+    text = " " * indent + " ".join(words)
+    lines = wrapped(text, width).split("\n")
+    assert " ".join(lines).split() == words
+    for line in lines:
+        assert len(line) <= max(width, indent + 1) or len(line.split()) <= 1
+
+
+def test_a_command_to_copy_is_not_broken(monkeypatch, capsys, tmp_path):
+    monkeypatch.setenv("COLUMNS", "40")
+    path = tmp_path / "configuration.toml"
+    assert main(["config", "init", str(path)]) == 0
+    assert capsys.readouterr().out == f"{path}: run it with: teleop run --config {path}\n"

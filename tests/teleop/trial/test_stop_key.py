@@ -145,7 +145,7 @@ def test_ctrl_c_still_ramps_down_and_the_terminal_is_restored(run, keys):
     going.type(keys)
     assert going.end() == 130
     assert going.is_cooked()
-    assert b"rise time" in going.text
+    assert b"INTERRUPTED" in going.text
 
 
 @pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP"])

@@ -116,6 +116,17 @@ def test_without_a_person_a_trial_that_is_always_stopped_ends_the_series(
     assert Journal(tmp_path / "out").attempts(1) == 3
 
 
+def test_notes_before_and_after_a_trial_are_in_its_rows_and_do_not_change_its_state(plan, tmp_path):
+    folder = tmp_path / "out"
+    journal = conduct(folder, *plan, ask=Person("run"), ask_note=lambda trial: "moved late")
+    assert [row["note"] for row in rows(folder)] == ["a note; moved late"]
+    assert journal.last(1)["entry"] == "done"
+    resumed = Journal(folder)
+    assert resumed.note(1, 1) == "a note; moved late"
+    assert resumed.is_finished(1)
+    assert resumed.attempts(1) == 1
+
+
 def test_ctrl_c_ends_an_unattended_series_which_goes_on_from_there(plan, tmp_path):
     folder = tmp_path / "out"
     with pytest.raises(KeyboardInterrupt):
@@ -180,13 +191,14 @@ def test_a_series_that_is_killed_again_and_again_completes_and_loses_nothing(pla
 def test_the_command_asks_before_each_trial_if_the_options_say_so(tmp_path, monkeypatch, capsys):
     (tmp_path / "plan.toml").write_text(PLAN)
     monkeypatch.chdir(tmp_path)
-    answers = iter(["x\n", "\n", "s too soft\n", ""])
+    answers = iter(["x\n", "\n", "slipped once\n", "s too soft\n", ""])
     monkeypatch.setattr("sys.stdin.readline", lambda: next(answers), raising=False)
     assert main(["series", "plan.toml", "--ask", "--json"]) == 0
     captured = capsys.readouterr()
     assert '"done": 1' in captured.out
     assert "Expected Enter, s, r or q." in captured.err
     assert Journal(tmp_path / "series-short").last(2)["note"] == "too soft"
+    assert [row["note"] for row in rows(tmp_path / "series-short")] == ["slipped once"]
 
 
 def test_the_order_is_shown_without_running_anything(tmp_path, monkeypatch, capsys):

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from teleop.errors import InputError
+from teleop.studies.series import plan
 from teleop.studies.series.plan import planned_trials, read_plan
 
 PLAN = """
@@ -87,6 +88,22 @@ def test_a_plan_that_does_not_fit_together_is_refused(read, change, problem):
 def test_settings_that_are_refused_are_named_with_the_trial(read):
     with pytest.raises(InputError, match="s1, free, cyst: depth 1000 mm"):
         planned_trials(read(PLAN.replace("depth_m = 0.001", "depth_m = 1.0")), Path())
+
+
+def test_a_seed_that_is_no_number_is_refused(read):
+    with pytest.raises(InputError, match="s1, free, liver: seed"):
+        planned_trials(read(PLAN.replace("duration_s = 1.0", 'seed = "x"')), Path())
+
+
+def test_the_files_of_a_combination_of_levels_are_read_once(read, monkeypatch):
+    documents = []
+    original = plan.settings_from
+    monkeypatch.setattr(
+        plan, "settings_from", lambda *given: documents.append(given) or original(*given)
+    )
+    trials = planned_trials(read(PLAN.replace("repetitions = 2", "repetitions = 5")), Path())
+    assert len(trials) == 40
+    assert len(documents) == 8
 
 
 def test_the_plan_of_the_paper_has_its_nine_trials():

@@ -1,0 +1,197 @@
+"""`teleop compare`: the results of several recordings, by group."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from cyclopts import Parameter
+
+from teleop.commands.overwriting import Overwrite
+from teleop.commands.recording import BY_NAME, ColumnOptions
+from teleop.names import ConditioningName, CubeName, ModelName, PresetName, WidthName
+
+if TYPE_CHECKING:
+    from teleop.evaluation.comparison import Compared
+
+
+def compare(
+    file: Path,
+    /,
+    *more: Path,
+    by: str | None = None,
+    columns: ColumnOptions = BY_NAME,
+    estimators: str | None = None,
+    model: ModelName | None = None,
+    preset: PresetName | None = None,
+    cube: CubeName = "soft",
+    conditioning: ConditioningName | None = None,
+    bandwidth: float | None = None,
+    force_lag: float | None = None,
+    anova: Literal["k", "b", "e_f", "rise_time_s"] | None = None,
+    out: Path | None = None,
+    plot: Path | None = None,
+    width: WidthName = "screen",
+    overwrite: Overwrite = False,
+    json: Annotated[bool, Parameter(negative="")] = False,
+) -> int:
+    """Compare the results of several recordings, and the means of groups of them.
+
+    A file that cannot be evaluated is reported and left out. If none can be evaluated, the exit
+    code is 2.
+
+    Example: `teleop compare paper-series --by condition,cube --out table.tex --plot figure.pdf`
+
+    Parameters
+    ----------
+    file
+        A recording, a file of another program, the folder of a series, or a folder with
+        recordings.
+    more
+        Further files and folders.
+    by
+        Factors of the groups, separated by commas: factors of the series, settings of the
+        recordings such as condition, cube, rig or seed, and folder. Default: the factors of the
+        series, other than the subject.
+    columns
+        Which columns to take, and where they are zero.
+    estimators
+        Names of estimators, such as rls,kalman, or all. Default: those of the run, and rls,ai,me
+        for a table.
+    model
+        Model of the environment, for the estimators that support any model.
+    preset
+        Settings of the estimators: scaled from the data (scaled), or the paper's (paper).
+        Default: those of the run, and scaled for a table.
+    cube
+        Cube whose adaptation gain is used with the paper's settings.
+    conditioning
+        How velocity is computed from position: see `teleop run --help`.
+    bandwidth
+        Bandwidth of the conditioning filter [Hz].
+    force_lag
+        Lag of the force channel [s], which is compensated.
+    anova
+        Response of an analysis of variance of the estimators: averages of stiffness (k), damping
+        (b) or force error (e_f), or the rise time. The factors are those of the groups and the
+        estimator, and subject is a random factor. Needs the extra `stats`.
+    out
+        Write the table to a .csv, .tex or .md file: CSV has a row per recording and method,
+        LaTeX (booktabs) and Markdown have the groups.
+    plot
+        Plot stiffness and damping by group to a .png, .svg or .pdf file.
+    width
+        Width of the figure: for a screen, one (single) or two columns (double) of an IEEE paper,
+        or a page of A4.
+    json
+        Print one JSON document instead of tables.
+    """
+    from dataclasses import asdict
+
+    from teleop.commands.choices import choose_estimators, choose_model
+    from teleop.commands.estimate import chosen
+    from teleop.errors import InputError
+    from teleop.evaluation.comparison import check_factors, compared, grouped, tidy_rows
+    from teleop.evaluation.evaluation import evaluate
+    from teleop.files import check_outputs
+    from teleop.output.comparison_tables import (
+        EFFECT_HEADINGS,
+        effect_cells,
+        group_table,
+        print_comparison,
+    )
+    from teleop.output.console import plain_console, print_json, print_table
+    from teleop.output.table_files import check_table_ending, write_table_file
+    from teleop.printable import print_error
+    from teleop.studies.anova import check_available
+    from teleop.studies.recordings import known_factors, sources, usual_factors
+
+    if anova:
+        check_available()
+    found = sources((file, *more))
+    if out:
+        check_table_ending(out)
+    inputs = tuple(source.path for source in found)
+    check_outputs(out, picture=plot, sources=inputs, overwrite=overwrite)
+    given = {
+        "preset": preset,
+        "conditioning": conditioning,
+        "bandwidth": bandwidth,
+        "force_lag": force_lag,
+        "estimators": None if estimators is None else choose_estimators(estimators),
+        "model": choose_model(model) if model else None,
+    }
+    rows: list[Compared] = []
+    skipped = []
+    for source in found:
+        try:
+            signals, recording = columns.read(source.path)
+            evaluation = evaluate(signals, chosen(recording, columns.datum, cube, given))
+        except InputError as error:
+            text = str(error).removeprefix(f"{source.path}: ").replace("\n", "; ")
+            skipped.append({"file": str(source.path), "problem": text})
+            print_error(f"{source.path}: left out: {text}")
+            continue
+        settings = recording.settings | {"rig": recording.session.get("rig")} if recording else {}
+        rows.append(compared(str(source.path), known_factors(source, settings), evaluation))
+    if not rows:
+        raise InputError("no file can be evaluated")
+    factors = usual_factors(found) if by is None else [name.strip() for name in by.split(",")]
+    check_factors(rows, factors)
+    groups = grouped(rows, factors)
+    effects = effects_of(rows, factors, anova) if anova else []
+    if json:
+        document: dict[str, Any] = {
+            "by": factors,
+            "recordings": [
+                {
+                    "file": row.file,
+                    "factors": row.factors,
+                    "result": row.result.summary(),
+                    "estimates": {name: one._asdict() for name, one in row.estimates.items()},
+                }
+                for row in rows
+            ],
+            "groups": [asdict(group) for group in groups],
+            "anova": effects,
+            "left_out": skipped,
+        }
+        print_json(document)
+    else:
+        print_comparison(rows, groups, factors)
+        if anova:
+            title = f"analysis of variance of {anova}"
+            print_table(plain_console(), title, EFFECT_HEADINGS, effect_cells(effects))
+    if out:
+        headings, cells = group_table(groups, factors)
+        tidy = tidy_rows(rows, factors)
+        write_table_file(out, tidy, headings, cells, len(factors) + 1, overwrite)
+    if plot:
+        from teleop.output.comparison_figure import comparison_figure
+        from teleop.output.figure_style import figure_style, save
+
+        with figure_style(width):
+            save(comparison_figure(rows, groups, factors), plot, overwrite)
+    return 0
+
+
+def effects_of(rows: list[Compared], factors: list[str], response: str) -> list[dict[str, Any]]:
+    """Return the effects on a response of the estimators, as dictionaries."""
+    from teleop.studies.anova import ESTIMATOR, analysis_of_variance
+    from teleop.studies.recordings import SUBJECT
+
+    table = [
+        {
+            **dict(zip(factors, row.levels(factors), strict=True)),
+            SUBJECT: row.factors.get(SUBJECT),
+            "file": row.file,
+            ESTIMATOR: name,
+            response: getattr(one, response),
+        }
+        for row in rows
+        for name, one in row.estimates.items()
+    ]
+    subjects = {row.factors.get(SUBJECT) for row in rows}
+    random = SUBJECT if len(subjects) > 1 and None not in subjects else None
+    between = [name for name in factors if name != SUBJECT]
+    return [e._asdict() for e in analysis_of_variance(table, response, between, "file", random)]

@@ -1,0 +1,51 @@
+"""Figures of a trial."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from teleop.names import WidthName
+    from teleop.output.figures import Truth
+    from teleop.recording.recording import Recording
+    from teleop.trial.result import Trial
+
+
+def truth_of(recording: Recording | None) -> Truth | None:
+    """Return the true values of a recorded trial on the simulated rig; None if not known."""
+    from teleop.output.figures import known_truth
+    from teleop.trial.result import recorded_truth
+
+    return known_truth(recorded_truth(recording)) if recording else None
+
+
+def draw_trial(
+    trial: Trial, plot: Path | None, plot_force: Path | None, width: WidthName, overwrite: bool
+) -> None:
+    """Plot the estimates, and the force, of a trial to files.
+
+    Raises
+    ------
+    InputError
+        A file cannot be written.
+    """
+    from estimation import least_squares
+    from teleop.output.figure_style import figure_style, save
+    from teleop.output.figures import estimates_figure, known_truth
+    from teleop.output.force_figure import force_figure
+
+    title = f"{trial.settings.condition}, {trial.settings.palpated}"
+    active = trial.recording.estimated()
+    t, regression, estimates = active["time"], active.regression(), active.estimates()
+    with figure_style(width):
+        if plot:
+            truth = known_truth(trial.summary()["truth"])
+            figure = estimates_figure(title, t, *regression[:2], estimates, truth)
+            save(figure, plot, overwrite)
+        if plot_force:
+            first = next(iter(estimates))
+            fit = least_squares(*regression[:3], regression.further)
+            figure = force_figure(title, t, regression, first, estimates[first], fit)
+            save(figure, plot_force, overwrite)

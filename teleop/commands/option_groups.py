@@ -1,0 +1,66 @@
+"""Groups of the options in the help of each command, and the names of the estimators there."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Annotated, Any, get_type_hints
+
+from cyclopts import Group, Parameter
+
+from teleop.names import ESTIMATOR_NAMES
+
+GROUPS = {
+    "Trial": ("config", "condition", "rig", "cube", "duration", "clock", "depth", "seed", "tare"),
+    "Control": ("rate", "signal", "frequency", "coupling", "realtime"),
+    "Columns of a file": ("columns",),
+    "Estimation": (
+        "conditioning",
+        "bandwidth",
+        "force_lag",
+        "estimators",
+        "model",
+        "preset",
+        "whole",
+        "cost",
+    ),
+    "Elastic modulus": ("indenter", "radius", "angle", "thickness", "poisson"),
+    "Groups": ("by", "anova"),
+    "Output": (
+        "record",
+        "no_record",
+        "out",
+        "plot",
+        "plot_force",
+        "plot_fit",
+        "width",
+        "overwrite",
+        "json",
+    ),
+}
+"""Options of each group, in the order in which the help shows the groups."""
+ESTIMATORS = (
+    f"Names of estimators, separated by commas, or all: {', '.join(ESTIMATOR_NAMES)}. "
+    "Default: those of the recording, and rls,ai,me for a new trial or a file of another program."
+)
+"""Help of the option --estimators."""
+
+
+def grouped(command: Callable[..., int]) -> Callable[..., int]:
+    """Return a command whose options are in their groups.
+
+    Parameters
+    ----------
+    command
+        A function of `teleop.commands`. Options that are in no group stay among the others.
+    """
+    hints: dict[str, Any] = get_type_hints(command, include_extras=True)
+    for place, (title, names) in enumerate(GROUPS.items()):
+        group = Group(title, sort_key=place + 1)
+        for name in names:
+            if name not in hints:
+                continue
+            hints[name] = Annotated[hints[name], Parameter(group=group)]
+            if name == "estimators":
+                hints[name] = Annotated[hints[name], Parameter(help=ESTIMATORS)]
+    command.__annotations__ = hints
+    return command

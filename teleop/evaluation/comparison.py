@@ -1,0 +1,191 @@
+"""Several recordings side by side: their results, and the mean of each group of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.special import stdtrit
+
+from estimation.summary import EstimatorSummary, summarise
+from teleop.errors import InputError
+from teleop.evaluation.evaluation import Evaluation
+from teleop.evaluation.result import Result
+
+NO_LEVEL = "-"
+"""Level of a recording for which a factor is not known."""
+BATCH = "batch"
+"""Name of the result of a recording beside the names of the estimators."""
+
+
+@dataclass(frozen=True)
+class Compared:
+    """Results of one recording."""
+
+    file: str
+    """Name of the file."""
+    factors: dict[str, str]
+    """Level of each factor that is known of the recording."""
+    result: Result
+    """Stiffness and damping with their intervals, or the reasons why there are none."""
+    estimates: dict[str, EstimatorSummary]
+    """Averages of the estimators over the record, by their names."""
+
+    def levels(self, by: Sequence[str]) -> tuple[str, ...]:
+        """Return the levels of these factors."""
+        return tuple(self.factors.get(name, NO_LEVEL) for name in by)
+
+
+class Mean(NamedTuple):
+    """Mean of a group with its 95 % interval."""
+
+    value: float
+    """Mean; NaN without values."""
+    half: float
+    """Half width of the interval of the mean; NaN for none."""
+    recordings: int
+    """Number of recordings."""
+
+
+@dataclass(frozen=True)
+class Group:
+    """Recordings with the same levels of the factors."""
+
+    levels: tuple[str, ...]
+    """Level of each factor."""
+    means: dict[str, dict[str, Mean]]
+    """Means of k [N/m], b [N s/m] and e_f [N], by `BATCH` or the name of the estimator."""
+
+
+def compared(file: str, factors: Mapping[str, str], evaluation: Evaluation) -> Compared:
+    """Return the results of one evaluated recording."""
+    e = evaluation
+    estimates = {
+        name: summarise(e.t, e.regression, series, e.bank[name])
+        for name, series in e.estimates.items()
+    }
+    return Compared(file, dict(factors), e.analysis.result, estimates)
+
+
+def mean_of(values: Sequence[float], halves: Sequence[float]) -> Mean:
+    """Return the mean of some recordings.
+
+    Parameters
+    ----------
+    values
+        One finite value per recording.
+    halves
+        Half width of the 95 % interval of each value; NaN for none.
+
+    Returns
+    -------
+    The mean. For two or more recordings, the interval is that of Student's t for the spread
+    between them. For one recording, it is the interval of the recording.
+    """
+    if not values:
+        return Mean(math.nan, math.nan, 0)
+    if len(values) == 1:
+        return Mean(values[0], halves[0], 1)
+    spread = float(np.std(values, ddof=1)) / math.sqrt(len(values))
+    return Mean(
+        float(np.mean(values)), float(stdtrit(len(values) - 1, 0.975)) * spread, len(values)
+    )
+
+
+def grouped(rows: Iterable[Compared], by: Sequence[str]) -> list[Group]:
+    """Return the groups of recordings with the same levels, in the order of the levels.
+
+    Parameters
+    ----------
+    rows
+        The recordings.
+    by
+        Names of factors; a factor that is not known of a recording has the level `NO_LEVEL`.
+    """
+    members: dict[tuple[str, ...], list[Compared]] = {}
+    for row in rows:
+        members.setdefault(row.levels(by), []).append(row)
+    ordered = sorted(members, key=lambda levels: [in_order(level) for level in levels])
+    return [Group(levels, means(members[levels])) for levels in ordered]
+
+
+def in_order(level: str) -> tuple[float, str]:
+    """Return a key that sorts numbers by their value, before other levels."""
+    try:
+        return float(level), level
+    except ValueError:
+        return math.inf, level
+
+
+def means(rows: Sequence[Compared]) -> dict[str, dict[str, Mean]]:
+    """Return the means of the results and of the estimators of some recordings."""
+    results = [row.result for row in rows if row.result.identifiable]
+    found = {BATCH: {symbol: mean_result(results, symbol) for symbol in ("k", "b")}}
+    for name in dict.fromkeys(name for row in rows for name in row.estimates):
+        summaries = [row.estimates[name] for row in rows if name in row.estimates]
+        found[name] = {}
+        for symbol in ("k", "b", "e_f"):
+            values = [getattr(summary, symbol) for summary in summaries]
+            values = [value for value in values if math.isfinite(value)]
+            found[name][symbol] = mean_of(values, [math.nan] * len(values))
+    return found
+
+
+def mean_result(results: Sequence[Result], symbol: str) -> Mean:
+    """Return the mean of k or b of some results that are identifiable."""
+    values = [getattr(result, symbol) for result in results]
+    halves = [
+        0.5 * (getattr(result, f"{symbol}_high") - getattr(result, f"{symbol}_low"))
+        for result in results
+    ]
+    return mean_of(values, halves)
+
+
+def check_factors(rows: Sequence[Compared], by: Sequence[str]) -> None:
+    """Raise InputError for a factor that is known of none of the recordings."""
+    known = dict.fromkeys(name for row in rows for name in row.factors)
+    for name in by:
+        if name not in known:
+            raise InputError(f"factor {name!r}: expected one of {', '.join(known)}")
+
+
+def tidy_rows(rows: Iterable[Compared], by: Sequence[str]) -> list[dict[str, Any]]:
+    """Return one row per recording and method, for a file.
+
+    The row of the method `batch` has the result with its 95 % interval. Rows of estimators have
+    their averages over the record.
+    """
+    found = []
+    for row in rows:
+        start = {"file": row.file, **dict(zip(by, row.levels(by), strict=True))}
+        r = row.result
+        found.append(
+            {
+                **start,
+                "method": BATCH,
+                "k [N/m]": r.k,
+                "k low [N/m]": r.k_low,
+                "k high [N/m]": r.k_high,
+                "b [N s/m]": r.b,
+                "b low [N s/m]": r.b_low,
+                "b high [N s/m]": r.b_high,
+                "e_f [N]": None,
+                "reasons": "; ".join(r.reasons),
+            }
+        )
+        blank = dict.fromkeys(found[-1])
+        found += [
+            {
+                **blank,
+                **start,
+                "method": name,
+                "k [N/m]": one.k,
+                "b [N s/m]": one.b,
+                "e_f [N]": one.e_f,
+            }
+            for name, one in row.estimates.items()
+        ]
+    return found

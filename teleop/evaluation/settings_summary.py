@@ -1,0 +1,17 @@
+"""Settings of an evaluation, as they are stated beside its results."""
+
+from __future__ import annotations
+
+from importlib.metadata import version
+from typing import Any
+
+from teleop.evaluation.evaluation import EstimateSettings
+
+
+def settings_summary(settings: EstimateSettings) -> dict[str, Any]:
+    """Return the version of the software, and the conditioning and force lag of an evaluation."""
+    return {
+        "software": f"teleop {version('teleop')}",
+        "conditioning": settings.conditioning,
+        "force_lag_s": settings.force_lag,
+    }

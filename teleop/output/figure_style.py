@@ -1,0 +1,229 @@
+"""Style of all figures: widths, fonts, line styles, titles, thinning, and files."""
+
+from __future__ import annotations
+
+import contextlib
+import warnings
+from collections.abc import Iterator, Sequence
+from contextvars import ContextVar
+from itertools import pairwise
+from pathlib import Path
+from typing import IO, Any, Literal
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from estimation.compiled import Floats
+from teleop.files import new_file
+from teleop.names import WidthName
+from teleop.printable import printable
+
+WIDTHS: dict[WidthName, float] = {"screen": 8.0, "single": 3.5, "double": 7.16, "a4": 6.3}
+"""Widths of figures [in]: screen, one and two columns of IEEE, A4 with margins of 25 mm."""
+FONTS: dict[WidthName, float] = {"screen": 10.0, "single": 7.0, "double": 8.0, "a4": 9.0}
+"""Sizes of text [pt]."""
+CHOSEN: ContextVar[WidthName] = ContextVar("CHOSEN", default="screen")
+"""The width of the style."""
+NARROW = 5.0
+"""Width below which a figure has one column of panels [in]."""
+FILES: Any = {"pdf.fonttype": 42, "svg.fonttype": "none"}
+"""Type 42 fonts in PDF files, and text as text in SVG files."""
+LINES: tuple[dict[str, Any], ...] = (
+    {"color": "#0072B2", "linewidth": 2.4, "alpha": 0.55},
+    {"color": "#D55E00", "linewidth": 1.2},
+    {"color": "#000000", "linewidth": 1.0, "linestyle": (0, (4, 2))},
+    {"color": "#009E73", "linewidth": 1.2, "linestyle": (0, (6, 1.5, 1, 1.5))},
+    {"color": "#CC79A7", "linewidth": 1.4, "linestyle": (0, (1, 1.2))},
+)
+"""Lines that differ in colour (Okabe and Ito), width and dashes, also for the colour-blind."""
+BLUE, ORANGE, GREY, PROFILE = "#0072B2", "#D55E00", "#555555", "#8C8C8C"
+LONGEST_TITLE = 120
+"""Largest number of characters of a title; a longer title leaves no room for the figure."""
+BINS = 1000
+"""Number of bins of a line, each drawn with its smallest and largest value."""
+
+
+@contextlib.contextmanager
+def figure_style(width: WidthName = "screen") -> Iterator[None]:
+    """Draw figures for a width within the block."""
+    font = FONTS[width]
+    parameters: Any = {
+        "font.size": font,
+        "axes.titlesize": 1.1 * font,
+        "legend.fontsize": 0.9 * font,
+        "axes.linewidth": 0.8 if width == "screen" else 0.6,
+    }
+    token = CHOSEN.set(width)
+    try:
+        with mpl.rc_context(parameters):
+            yield
+    finally:
+        CHOSEN.reset(token)
+
+
+def new_figure(ratio: float, rows: int = 1) -> Figure:
+    """Return a figure with the width of the style.
+
+    Parameters
+    ----------
+    ratio
+        Height over width.
+    rows
+        Number of panels above one another; each is at least 1.25 inch high.
+    """
+    width = WIDTHS[CHOSEN.get()]
+    height = max(ratio * width, 1.25 * rows + 1.0)
+    return Figure(figsize=(width, height), layout="constrained")
+
+
+def is_narrow() -> bool:
+    """Whether the style is for one column of a page."""
+    return WIDTHS[CHOSEN.get()] < NARROW
+
+
+def line(index: int) -> dict[str, Any]:
+    """Return the style of a line; the first five differ. Lines are thin in a narrow figure."""
+    style = LINES[index % len(LINES)]
+    return style | {"linewidth": style["linewidth"] * (0.65 if is_narrow() else 1.0)}
+
+
+def plain(text: str) -> str:
+    """Return a text for a figure, with escapes for control characters and for `$`."""
+    shown = printable(" ".join(text.split()))
+    shown = shown if len(shown) <= LONGEST_TITLE else f"{shown[: LONGEST_TITLE - 4]} ..."
+    return shown.replace("$", r"\$")
+
+
+def draw(axes: Axes, t: Floats, values: Floats, **style: Any) -> None:
+    """Draw a line without the samples that a screen cannot show; see `extremes`."""
+    shown = extremes(values)
+    axes.plot(t[shown], values[shown], **style)
+
+
+def shade(axes: Axes, t: Floats, low: Floats, high: Floats, **style: Any) -> None:
+    """Fill between two lines, of which each bin shows its lowest and its highest value."""
+    size = -(-len(t) // BINS)
+    if size > 1:
+        starts = np.arange(0, len(t), size)
+        with np.errstate(invalid="ignore"):
+            low, high = np.fmin.reduceat(low, starts), np.fmax.reduceat(high, starts)
+        t = t[starts]
+    axes.fill_between(t, low, high, **{"linewidth": 0.0, **style})
+
+
+def extremes(values: Floats) -> NDArray[np.int_]:
+    """Return the indices of the first, smallest and largest sample of each of `BINS` bins.
+
+    Parameters
+    ----------
+    values
+        Samples, shape (n,). All indices are returned for at most three samples per bin.
+    """
+    n = len(values)
+    if n <= 3 * BINS:
+        return np.arange(n)
+    edges = np.linspace(0, n, BINS + 1).astype(int)
+    kept = [edges[:-1], np.array([n - 1])]
+    for start, end in pairwise(edges):
+        part = values[start:end]
+        known = np.isfinite(part)
+        if known.any():
+            kept.append(
+                start
+                + np.array(
+                    [
+                        np.argmin(np.where(known, part, np.inf)),
+                        np.argmax(np.where(known, part, -np.inf)),
+                    ]
+                )
+            )
+    return np.unique(np.concatenate(kept))
+
+
+def limits(axes: Axes, series: Sequence[Floats], levels: Sequence[float] = ()) -> None:
+    """Set limits that show levels, and all but the 2 % largest and smallest samples of lines.
+
+    Parameters
+    ----------
+    axes
+        The axes.
+    series
+        Lines, each of shape (n,). Samples that are not finite are left out.
+    levels
+        Values that are shown.
+    """
+    parts = [one[np.isfinite(one)] for one in series]
+    ends = [np.percentile(one, (2, 98)) for one in parts if len(one)]
+    values = [*(float(end) for pair in ends for end in pair), *levels]
+    if not values:
+        return
+    low, high = min(values), max(values)
+    margin = 0.12 * (high - low) or 0.1 * abs(high) or 1.0
+    axes.set_ylim(low - margin, high + margin)
+
+
+def legend(
+    figure: Figure,
+    handles: Sequence[Any],
+    names: Sequence[str],
+    place: Literal["upper", "lower"] = "upper",
+) -> None:
+    """Draw the legend of a figure above or below its panels, in columns that fit."""
+    font = 0.9 * FONTS[CHOSEN.get()]
+    fits = [n for n in (4, 3, 2, 1) if columns_width(names, n, font) < figure.get_figwidth()]
+    figure.legend(
+        handles,
+        names,
+        loc="outside upper right" if place == "upper" else "outside lower right",
+        ncols=fits[0] if fits else 1,
+        frameon=False,
+    )
+
+
+def columns_width(names: Sequence[str], columns: int, font: float) -> float:
+    """Return the approximate width of a legend [in] with text of a size in points."""
+    rows = -(-len(names) // columns)
+    longest = [max(map(len, names[i : i + rows])) for i in range(0, len(names), rows)]
+    return sum(0.62 * length + 5.0 for length in longest) * font / 72.0
+
+
+def tidy(axes: Axes) -> None:
+    """Draw a light grid, and no border above and to the right."""
+    axes.grid(alpha=0.25, linewidth=0.6)
+    axes.spines[["top", "right"]].set_visible(False)
+
+
+def save(figure: Figure, path: Path, overwrite: bool = False) -> None:
+    """Write a figure in the format of the ending of the file.
+
+    Parameters
+    ----------
+    figure
+        The figure.
+    path
+        The file.
+    overwrite
+        Whether to overwrite an existing file.
+
+    Raises
+    ------
+    InputError
+        The file cannot be written, or exists and may not be overwritten.
+    """
+    with new_file(path, overwrite) as file:
+        render(figure, file, dpi=300 if is_small(figure) else 150, format=path.suffix[1:].lower())
+
+
+def is_small(figure: Figure) -> bool:
+    """Whether a figure is for print, where a pixel is smaller than on a screen."""
+    return bool(figure.get_figwidth() < WIDTHS["screen"])
+
+
+def render(figure: Figure, file: IO[Any], **options: Any) -> None:
+    """Write a figure to an open file; a character that the font does not have becomes a box."""
+    with warnings.catch_warnings(), mpl.rc_context(FILES):
+        warnings.filterwarnings("ignore", "Glyph .* missing from font")
+        figure.savefig(file, **options)

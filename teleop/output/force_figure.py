@@ -1,0 +1,79 @@
+"""Figure of the force: measured and predicted, over time and over displacement."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from estimation import Estimates, Fit, Regression
+from estimation.compiled import Floats
+from estimation.metrics import predicted_force
+from teleop.output.figure_style import (
+    GREY,
+    ORANGE,
+    draw,
+    extremes,
+    legend,
+    limits,
+    new_figure,
+    plain,
+    tidy,
+)
+
+MEASURED: dict[str, Any] = {"color": GREY, "linewidth": 1.6, "alpha": 0.5}
+PREDICTED: dict[str, Any] = {"color": ORANGE, "linewidth": 0.9, "linestyle": (0, (4, 2))}
+MODEL: dict[str, Any] = {"color": "#000000", "linewidth": 0.9}
+
+
+def force_figure(
+    title: str, t: Floats, regression: Regression, name: str, estimates: Estimates, fit: Fit
+) -> Figure:
+    """Return the force over time with its prediction, and over displacement with a model.
+
+    Parameters
+    ----------
+    title
+        What was run.
+    t
+        Time [s], shape (n,).
+    regression
+        The n samples that the estimators processed.
+    name, estimates
+        An estimator and its estimates. Each sample of the force is predicted with the estimate
+        after the previous one.
+    fit
+        Batch least squares of the same samples.
+    """
+    figure = new_figure(0.95, rows=3)
+    grid = figure.add_gridspec(3, 1, height_ratios=(2.0, 1.0, 2.5))
+    over_t, error, over_x = (figure.add_subplot(grid[i]) for i in range(3))
+    error.sharex(over_t)
+    x, f = regression.x * 1e3, regression.f
+    predicted = predicted_force(regression, estimates)
+    predicted = np.where(np.logical_and.accumulate(estimates.held), np.nan, predicted)
+    draw(over_t, t, f, label="measured", **MEASURED)
+    draw(over_t, t, predicted, label=f"predicted by {name}", **PREDICTED)
+    draw(error, t, f - predicted, color=ORANGE, linewidth=0.6)
+    shown = extremes(f)
+    over_x.plot(x[shown], f[shown], label="measured", **MEASURED)
+    over_x.plot(
+        x[shown], (f - fit.residual)[shown], label="batch least squares of the model", **MODEL
+    )
+    over_t.set_title(plain(title), loc="left")
+    over_t.set_ylabel("force [N]")
+    over_t.tick_params(labelbottom=False)
+    error.set_ylabel("error [N]")
+    error.set_xlabel("time [s]")
+    over_t.set_xlim(t[0], t[-1])
+    over_x.set_xlabel("displacement [mm]")
+    over_x.set_ylabel("force [N]")
+    limits(over_t, [np.repeat((f.min(), f.max()), 50)])
+    limits(error, [f - predicted], (0.0,))
+    for axes in (over_t, error, over_x):
+        tidy(axes)
+    handles, names = over_t.get_legend_handles_labels()
+    model, text = over_x.get_legend_handles_labels()
+    legend(figure, [*handles, model[1]], [*names, text[1]])
+    return figure

@@ -1,0 +1,119 @@
+"""Figures of a trial: channels at a fault, timing of the loop, candidates that data allow."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from estimation import Estimates
+from estimation.compiled import Floats
+from estimation.redundancy import Ambiguity
+from teleop.output.figure_style import (
+    BLUE,
+    ORANGE,
+    draw,
+    legend,
+    limits,
+    new_figure,
+    plain,
+    shade,
+    tidy,
+)
+from teleop.recording.recording import Recording
+
+
+def fault_figure(recording: Recording, fault: Mapping[str, Any]) -> Figure:
+    """Return the channels before and after a fault, and the command that followed it.
+
+    Parameters
+    ----------
+    recording
+        Ticks before and after the fault.
+    fault
+        The event.
+    """
+    t = recording["time"]
+    part = (t > fault["time"] - 0.5) & (t < fault["time"] + 0.5)
+    ms = (t[part] - fault["time"]) * 1e3
+    figure = new_figure(1.0, rows=4)
+    rows = figure.subplots(4, 1, sharex=True)
+    panels = (
+        ("force [N]", 1.0, ("contact_force", "master_force")),
+        ("position [mm]", 1e3, ("slave_position", "master_position")),
+        (
+            "velocity [mm/s]",
+            1e3,
+            ("slave_velocity", "desired_slave_velocity", "applied_slave_velocity"),
+        ),
+        ("lateness [ms]", 1e3, ("lateness",)),
+    )
+    colours = (BLUE, ORANGE, "#000000")
+    for axes, (label, scale, names) in zip(rows, panels, strict=True):
+        for name, colour in zip(names, colours, strict=False):
+            label_of = name.replace("_", " ")
+            width = 2.2 if fault["source"] == name else 1.1
+            values = recording[name][part] * scale
+            draw(axes, ms, values, color=colour, linewidth=width, label=label_of)
+        axes.axvline(0.0, color="#CC0000", linewidth=1.0)
+        axes.set_ylabel(label)
+        tidy(axes)
+        axes.legend(loc="best", fontsize="small", framealpha=0.8, edgecolor="none")
+    rows[0].set_title(plain(fault["text"]), loc="left", color="#CC0000")
+    rows[-1].set_xlabel(f"time since the fault at {fault['time']:.3f} s [ms]")
+    return figure
+
+
+def timing_figure(recording: Recording) -> Figure:
+    """Return histograms of the lateness and of the duration of the ticks of a loop.
+
+    Parameters
+    ----------
+    recording
+        All ticks.
+    """
+    figure = new_figure(0.35)
+    axes = figure.subplots(1, 2, sharey=True)
+    bins = np.logspace(-1.0, 5.0, 61)
+    for panel, name, label in zip(
+        axes, ("lateness", "busy_time"), ("lateness [us]", "duration of a tick [us]"), strict=True
+    ):
+        panel.hist(np.clip(recording[name] * 1e6, bins[0], bins[-1]), bins, color=BLUE)
+        panel.set_xscale("log")
+        panel.set_yscale("log")
+        panel.set_xlabel(label)
+        tidy(panel)
+    axes[0].set_ylabel("ticks")
+    return figure
+
+
+def ambiguity_figure(t: Floats, tied: Ambiguity, winner: Estimates) -> Figure:
+    """Return the candidates that the data do not distinguish, as bands around the best one.
+
+    Parameters
+    ----------
+    t
+        Times at which the candidates are compared [s], shape (n,).
+    tied
+        The candidates that the data do not distinguish at each time.
+    winner
+        The estimate of the multi-estimator at each time.
+    """
+    figure = new_figure(0.57, rows=2)
+    upper, lower = figure.subplots(2, 1, sharex=True)
+    bands = (
+        (upper, tied.k_low * 1e-3, tied.k_high * 1e-3, winner.k * 1e-3, "$\\hat k$ [kN/m]"),
+        (lower, tied.b_low, tied.b_high, winner.b, "$\\hat b$ [N s/m]"),
+    )
+    for axes, low, high, best, label in bands:
+        shade(axes, t, low, high, color=BLUE, alpha=0.25, label="candidates that are as good")
+        draw(axes, t, best, color="#000000", linewidth=1.0, label="best candidate")
+        axes.set_ylabel(label)
+        limits(axes, [low, high])
+        tidy(axes)
+    lower.set_xlabel("time [s]")
+    lower.set_xlim(t[0], t[-1])
+    legend(figure, *upper.get_legend_handles_labels())
+    return figure

@@ -1,0 +1,211 @@
+"""Analysis of variance of repeated trials, by statsmodels.
+
+All estimators run on the same trials. Without subjects the design is a split plot: factors between
+trials are tested against the variance between trials with the same levels, and the estimator and
+its interactions against the interaction of estimator and trial. With subjects, who have all trials,
+each effect is tested against its interaction with the subject, a random factor.
+
+References
+----------
+R. E. Kirk, "Experimental Design", 4th ed., 2013, chapters 10 and 12.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from teleop.errors import InputError
+
+ESTIMATOR = "estimator"
+"""Factor within a trial."""
+VALUE = "y"
+"""Column of the response in the data frames."""
+
+
+class Effect(NamedTuple):
+    """One effect of an analysis of variance."""
+
+    source: str
+    """Factor, or factors of the interaction."""
+    degrees: int
+    """Degrees of freedom of the effect."""
+    error_degrees: int
+    """Degrees of freedom of the error."""
+    f: float
+    """F statistic."""
+    p: float
+    """p value of the F test."""
+    partial_eta_squared: float
+    """Sum of squares of the effect, divided by that of effect and error."""
+    eta_squared: float
+    """Sum of squares of the effect, divided by the total sum of squares."""
+
+
+def check_available() -> None:
+    """Raise InputError, which names the extra to install, if statsmodels is not available."""
+    try:
+        import statsmodels.formula.api  # noqa: F401
+    except ImportError as error:
+        raise InputError(
+            "the analysis of variance needs statsmodels: expected pip install 'teleop[stats]'"
+        ) from error
+
+
+def analysis_of_variance(
+    rows: Sequence[Mapping[str, Any]],
+    response: str,
+    factors: Sequence[str],
+    trial: str,
+    subject: str | None = None,
+) -> list[Effect]:
+    """Return the effects of a balanced design.
+
+    Parameters
+    ----------
+    rows
+        One row per trial and estimator, with the columns named below and `estimator`.
+    response
+        Column of the response.
+    factors
+        Columns of the factors between trials.
+    trial
+        Column with a different value for each trial.
+    subject
+        Column of the subjects, a random factor; None for none.
+
+    Returns
+    -------
+    The effects of the factors that have two levels or more, and their interactions.
+
+    Raises
+    ------
+    InputError
+        The response is not finite, the design is not balanced, or it has too few trials.
+    """
+    check_available()
+    import pandas as pd
+
+    frame = pd.DataFrame(list(rows))
+    columns = {name: f"f{i}" for i, name in enumerate([*factors, ESTIMATOR])}
+    frame = frame.rename(columns={**columns, response: VALUE, trial: "trial"})
+    kept = [column for column in columns.values() if frame[column].nunique() > 1]
+    if not kept:
+        raise InputError("analysis of variance: expected a factor with two levels or more")
+    check_design(frame, kept, response, subject)
+    names = {column: name for name, column in columns.items()}
+    squares = sums_of_squares(frame, kept)
+    total = float(((frame[VALUE] - frame[VALUE].mean()) ** 2).sum())
+    if subject:
+        tests = repeated_measures(frame.rename(columns={subject: "subject"}), kept)
+    else:
+        tests = split_plot(frame, kept, squares, columns[ESTIMATOR])
+    return [
+        Effect(
+            " x ".join(names[column] for column in effect),
+            degrees,
+            error_degrees,
+            f,
+            p,
+            f * degrees / (f * degrees + error_degrees) if math.isfinite(f) else 1.0,
+            squares[effect][0] / total,
+        )
+        for effect, (degrees, error_degrees, f, p) in tests.items()
+    ]
+
+
+def check_design(frame: Any, factors: Sequence[str], response: str, subject: str | None) -> None:
+    """Raise InputError unless the design is balanced and has enough trials."""
+    values = frame[VALUE]
+    if not values.map(math.isfinite).all() or values.nunique() < 2:
+        raise InputError(
+            f"analysis of variance: {response} is not finite, or the same, in every trial"
+        )
+    cells = math.prod(frame[column].nunique() for column in factors)
+    sizes = frame.groupby(factors).size()
+    if len(sizes) < cells or sizes.nunique() > 1:
+        raise InputError(
+            "analysis of variance: expected the same number of trials for each combination of "
+            f"levels, got {sizes.min() if len(sizes) == cells else 0} to {sizes.max()}"
+        )
+    if subject is None and sizes.min() < 2:
+        raise InputError(
+            "analysis of variance: expected at least 2 trials for each combination of levels"
+        )
+    if subject and (frame.groupby([subject, *factors]).ngroups < cells * frame[subject].nunique()):
+        raise InputError(
+            "analysis of variance: expected each subject to have all combinations of levels"
+        )
+
+
+def sums_of_squares(frame: Any, factors: Sequence[str]) -> dict[tuple[str, ...], tuple[float, int]]:
+    """Return sum of squares and degrees of freedom of each effect; of the residual by `()`."""
+    from statsmodels.formula.api import ols
+    from statsmodels.stats.anova import anova_lm
+
+    formula = f"{VALUE} ~ {' * '.join(f'C({name})' for name in factors)}"
+    with np.errstate(divide="ignore", invalid="ignore"):  # of F for a residual of zero
+        table = anova_lm(ols(formula, frame).fit())
+    return {
+        () if term == "Residual" else tuple(part[2:-1] for part in term.split(":")): (
+            float(row["sum_sq"]),
+            int(row["df"]),
+        )
+        for term, row in table.iterrows()
+    }
+
+
+Tests = dict[tuple[str, ...], tuple[int, int, float, float]]
+"""Degrees of freedom of effect and error, F and p of each effect."""
+
+
+def split_plot(
+    frame: Any,
+    factors: Sequence[str],
+    squares: Mapping[tuple[str, ...], tuple[float, int]],
+    within: str,
+) -> Tests:
+    """Return the tests of a split plot; `within` is the factor within a trial."""
+    from scipy.special import fdtrc
+
+    between = [name for name in factors if name != within]
+    trials = frame.groupby([*between, "trial"], as_index=False)[VALUE].mean()
+    repeats = len(frame) / len(trials)
+    if between:
+        whole, whole_degrees = sums_of_squares(trials, between)[()]
+    else:
+        whole, whole_degrees = float(trials[VALUE].var(ddof=0)) * len(trials), len(trials) - 1
+    whole *= repeats
+    rest, rest_degrees = squares[()]
+    tests: Tests = {}
+    for effect, (square, degrees) in squares.items():
+        if not effect:
+            continue
+        error, error_degrees = (
+            (rest - whole, rest_degrees - whole_degrees)
+            if within in effect
+            else (whole, whole_degrees)
+        )
+        f = (square / degrees) / (error / error_degrees) if error > 0.0 else math.inf
+        tests[effect] = (degrees, error_degrees, f, float(fdtrc(degrees, error_degrees, f)))
+    return tests
+
+
+def repeated_measures(frame: Any, factors: Sequence[str]) -> Tests:
+    """Return the tests of a design in which each subject has all trials."""
+    from statsmodels.stats.anova import AnovaRM
+
+    model = AnovaRM(frame, VALUE, "subject", within=list(factors), aggregate_func="mean")
+    table = model.fit().anova_table
+    return {
+        tuple(effect.split(":")): (
+            int(row["Num DF"]),
+            int(row["Den DF"]),
+            float(row["F Value"]),
+            float(row["Pr > F"]),
+        )
+        for effect, row in table.iterrows()
+    }

@@ -1,0 +1,137 @@
+"""`teleop compare`."""
+
+from __future__ import annotations
+
+import csv
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from teleop.cli import main
+
+PLAN = """
+name = "short"
+order = "listed"
+repetitions = 2
+[factors]
+subject = ["s1", "s2"]
+cube = ["soft", "medium"]
+[settings]
+clock = "virtual"
+duration_s = 1.0
+condition = "autonomous"
+estimators = ["rls", "me"]
+"""
+
+
+@pytest.fixture(scope="module")
+def series(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("series")
+    (folder / "plan.toml").write_text(PLAN)
+    assert main(["series", str(folder / "plan.toml"), "--out", str(folder / "out")]) == 0
+    return folder / "out"
+
+
+def document(capsys, *arguments):
+    capsys.readouterr()
+    assert main(["compare", *map(str, arguments), "--json"]) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+def test_a_series_is_grouped_by_its_factors_and_has_an_analysis_of_variance(series, capsys):
+    found = document(capsys, series, "--anova", "e_f")
+    assert found["by"] == ["cube"]
+    assert len(found["recordings"]) == 8
+    assert [group["levels"] for group in found["groups"]] == [["medium"], ["soft"]]
+    for group in found["groups"]:
+        levels = group["levels"][0]
+        k = [
+            one["estimates"]["rls"]["k"]
+            for one in found["recordings"]
+            if one["factors"]["cube"] == levels
+        ]
+        mean, half, count = group["means"]["rls"]["k"]
+        assert (mean, count) == (pytest.approx(np.mean(k)), 4)
+        assert half == pytest.approx(3.1824 * np.std(k, ddof=1) / 2.0, rel=1e-3)
+    assert {effect["source"] for effect in found["anova"]} >= {"cube", "estimator"}
+    assert {effect["error_degrees"] for effect in found["anova"]} == {1}, "subjects are random"
+
+
+def test_recordings_are_grouped_by_their_settings_and_other_files_have_no_level(
+    series, tmp_path, capsys
+):
+    shutil.copy("examples/data/mach1/sinusoid_1Hz.csv", tmp_path / "foreign.csv")
+    for path in (series / "recordings").glob("00[1-4]*.mcap"):
+        shutil.copy(path, tmp_path)
+    found = document(capsys, *sorted(tmp_path.iterdir()), "--by", "cube,condition")
+    levels = [group["levels"] for group in found["groups"]]
+    assert levels == [["-", "-"], ["medium", "autonomous"], ["soft", "autonomous"]]
+    alone = found["groups"][0]["means"]["batch"]["k"]
+    result = next(one["result"] for one in found["recordings"] if "foreign" in one["file"])
+    assert alone == [result["k"], pytest.approx(0.5 * (result["k_high"] - result["k_low"])), 1]
+
+
+def test_a_bad_file_is_reported_and_left_out(series, tmp_path, capsys):
+    bad = tmp_path / "bad.csv"
+    bad.write_text("no data")
+    good = next((series / "recordings").glob("*.mcap"))
+    assert main(["compare", str(bad), str(good)]) == 0
+    captured = capsys.readouterr()
+    assert f"{bad}: left out: " in captured.err
+    assert good.name in captured.out
+    assert main(["compare", str(bad)]) == 2
+    assert "no file can be evaluated" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "problem"),
+    [
+        (["--by", "colour"], "factor 'colour': expected one of file, folder, condition"),
+        (["--out", "table.pdf"], "table.pdf: expected a file ending in .csv, .tex, .md"),
+        (["--plot", "figure.doc"], "figure.doc: expected a file ending in .png"),
+    ],
+)
+def test_bad_options_are_refused(series, arguments, problem, capsys):
+    assert main(["compare", str(next((series / "recordings").iterdir())), *arguments]) == 2
+    assert problem in capsys.readouterr().err
+
+
+def test_a_folder_without_recordings_and_a_file_named_twice_are_refused(series, tmp_path, capsys):
+    assert main(["compare", str(tmp_path)]) == 2
+    assert "has neither trials.csv nor recordings" in capsys.readouterr().err
+    assert main(["compare", str(series), str(next((series / "recordings").iterdir()))]) == 2
+    assert "is named twice" in capsys.readouterr().err
+
+
+def test_a_table_is_written_as_csv_latex_and_markdown(series, tmp_path, capsys):
+    two = sorted((series / "recordings").iterdir())[:2]
+    for name in ("table.csv", "table.tex", "table.md"):
+        assert main(["compare", *map(str, two), "--by", "cube", "--out", str(tmp_path / name)]) == 0
+    with (tmp_path / "table.csv").open(newline="") as file:
+        rows = [*csv.DictReader(file)]
+    assert [row["method"] for row in rows] == 2 * ["batch", "rls", "me"]
+    batch = rows[0]
+    assert float(batch["k low [N/m]"]) < float(batch["k [N/m]"]) < float(batch["k high [N/m]"])
+    assert rows[1]["k low [N/m]"] == ""
+    latex = (tmp_path / "table.tex").read_text()
+    assert latex.count("\\midrule") == 2
+    assert "e\\_f [N]" in latex
+    assert "$\\pm$" in latex
+    assert latex.splitlines()[1:3] == ["\\begin{tabular}{llrrrr}", "\\toprule"]
+    lines = (tmp_path / "table.md").read_text().splitlines()
+    assert len({line.count("|") for line in lines}) == 1
+    assert len(lines) == 2 + 2 * 3
+
+
+def test_a_series_names_the_command_for_its_table_and_figure(series, capsys):
+    assert main(["series", str(series.parent / "plan.toml"), "--out", str(series)]) == 0
+    line = capsys.readouterr().out.splitlines()[-1]
+    assert line.startswith(f"table and figure: teleop compare {series} --out")
+    assert main(line.split()[4:]) == 0
+    assert (series / "table.tex").exists()
+    assert (series / "figure.pdf").stat().st_size > 5000
+    for name in ("table.tex", "figure.pdf"):
+        (Path(series) / name).unlink()

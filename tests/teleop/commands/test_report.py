@@ -1,0 +1,64 @@
+"""`teleop report`."""
+
+from __future__ import annotations
+
+import json
+import re
+
+import pytest
+
+from teleop.cli import main
+from teleop.recording.recording import load
+
+
+@pytest.fixture(scope="module")
+def trial(tmp_path_factory):
+    path = tmp_path_factory.mktemp("report") / "a trial.mcap"
+    arguments = ["--condition", "autonomous", "--cube", "medium", "--duration", "1.5"]
+    assert main(["run", "--clock", "virtual", *arguments, "--record", str(path)]) == 0
+    return path
+
+
+def page_of(trial, *options):
+    page = trial.with_suffix(".html")
+    assert main(["report", str(trial), *options, "--overwrite"]) == 0
+    return page.read_text()
+
+
+def test_the_page_has_what_was_run_the_result_the_figures_events_and_all_settings(trial):
+    page = page_of(trial)
+    recording = load(trial)
+    for text in (
+        recording.session["created"],
+        recording.session["software"],
+        "autonomous",
+        "medium",
+        "force lag",
+        "bandwidth 20 Hz",
+        "Safety events",
+        "palpating" if any("palpating" in e["text"] for e in recording.events) else "ready",
+        "limits.channels.contact_force.max_rate",
+        "setup.cube.k1",
+        'href="a%20trial.mcap"',
+    ):
+        assert text in page
+    assert page.index("stiffness k =") < page.index("Online estimators")
+    assert page.count("<svg") == 4
+    assert "measured</text>" in page
+
+
+def test_estimators_and_model_are_chosen_and_json_has_the_results(trial, capsys):
+    page = page_of(trial, "--estimators", "kalman", "--model", "stiffening", "--json")
+    document = json.loads(capsys.readouterr().out)
+    assert [*document["estimates"]] == ["kalman"]
+    assert document["estimates"]["kalman"]["further"].keys() == {"k3"}
+    assert document["software"].startswith("teleop ")
+    assert re.search(r"kalman at the end: k3 \S+ ± \S+ N/m\^3", page)
+    assert "<td>rls</td>" not in page
+
+
+def test_a_page_in_another_folder_links_to_the_recording(trial, tmp_path):
+    page = tmp_path / "page.html"
+    assert main(["report", str(trial), "--out", str(page)]) == 0
+    (link,) = re.findall(r'<a href="([^"]+)"', page.read_text())
+    assert (tmp_path / link.replace("%20", " ")).resolve() == trial.resolve()

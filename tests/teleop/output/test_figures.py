@@ -1,0 +1,181 @@
+"""Figures: lines that differ, axes, thinning, fonts."""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from matplotlib.colors import to_rgb
+
+from estimation import Estimates, Regression, least_squares
+from teleop.evaluation.evaluation import EstimateSettings, evaluate
+from teleop.evaluation.signals import Signals
+from teleop.output.figure_style import (
+    BINS,
+    WIDTHS,
+    extremes,
+    figure_style,
+    line,
+    save,
+)
+from teleop.output.figures import TOGETHER, Truth, estimates_figure, stiffness_figure
+from teleop.output.fit_figures import fit_figure
+from teleop.output.force_figure import force_figure
+from teleop.output.web_page import svg
+
+T = np.linspace(0.0, 10.0, 5000)
+X, V = 4e-3 - 3e-3 * np.cos(6.0 * T), 18e-3 * np.sin(6.0 * T)
+
+
+def series(k=2000.0, b=5.0, held=0):
+    full = np.full(T.size, 1.0)
+    return Estimates(b * full, k * full, 0.1 * b * full, 0.01 * k * full, np.arange(T.size) < held)
+
+
+def figure(names, **options):
+    return estimates_figure("title", T, X, V, {name: series() for name in names}, **options)
+
+
+def lines(axes):
+    return {one.get_label(): one for one in axes.get_lines()}
+
+
+def test_the_lines_of_one_panel_differ_in_print_and_for_the_colour_blind():
+    for one, other in combinations([line(i) for i in range(TOGETHER)], 2):
+        grey = [np.dot(to_rgb(style["color"]), (0.299, 0.587, 0.114)) for style in (one, other)]
+        dashes = [style.get("linestyle") for style in (one, other)]
+        widths = [style["linewidth"] for style in (one, other)]
+        assert dashes[0] != dashes[1] or (abs(grey[0] - grey[1]) > 0.1 and max(widths) > 1.5)
+
+
+def test_more_estimators_have_panels_of_their_own_with_common_axes():
+    together = figure([f"e{i}" for i in range(TOGETHER)])
+    assert len(together.axes) == 4
+    apart = figure([f"e{i}" for i in range(21)])
+    drawn = [axes for axes in apart.axes if axes.has_data()]
+    assert len(drawn) == 42
+    assert len({axes.get_ylim() for axes in drawn}) == 2
+    assert {text.get_text() for axes in drawn for text in axes.texts} == {
+        f"e{i}" for i in range(21)
+    }
+
+
+def test_names_are_those_that_users_write():
+    (legend,) = figure(["rls_conditional", "me"]).legends
+    texts = [text.get_text() for text in legend.get_texts()]
+    assert texts[:3] == ["rls_conditional", "me", "95 % interval of rls_conditional"]
+
+
+def test_the_start_does_not_set_the_axes_and_samples_before_the_first_estimate_are_not_drawn():
+    start = series()
+    start.k[:400], start.b[:400] = 1e6, -1e6
+    shown = estimates_figure("title", T, X, V, {"rls": start, "segments": series(held=1000)})
+    k_axes, b_axes = shown.axes[:2]
+    assert k_axes.get_ylim()[1] < 3.0  # kN/m
+    assert b_axes.get_ylim()[0] > -20.0
+    drawn = lines(k_axes)["segments"]
+    assert drawn.get_xdata()[np.isfinite(drawn.get_ydata())].min() == pytest.approx(2.0, abs=0.02)
+
+
+def test_the_truth_is_drawn_and_within_the_axes():
+    k_axes, b_axes = figure(["rls"], truth=Truth(90.0, 1500.0, 4000.0)).axes[:2]
+    levels = {float(np.ravel(one.get_ydata())[0]) for one in k_axes.get_lines()}
+    assert {1.5, 4.0} <= levels
+    assert k_axes.get_ylim()[1] > 4.0
+    assert b_axes.get_ylim()[1] > 90.0
+
+
+def test_trials_of_one_cube_have_a_common_axis():
+    panels = {"free": (T, {"rls": series(2000.0)}), "mimic": (T, {"rls": series(5000.0)})}
+    paper = {"free": 2100.0, "mimic": 2200.0}
+    same = stiffness_figure(panels, paper, same_scale=True).axes
+    assert same[0].get_ylim() == same[1].get_ylim()
+    assert same[0].get_ylim()[1] > 5.0
+    apart = stiffness_figure(panels, paper).axes
+    assert apart[0].get_ylim() != apart[1].get_ylim()
+
+
+@given(st.integers(0, 30_000), st.integers(0, 2**32 - 1))
+def test_thinning_keeps_the_extremes_of_each_bin(n, seed):
+    values = np.random.default_rng(seed).normal(size=n)
+    kept = extremes(values)
+    assert len(kept) <= 3 * BINS + 1
+    assert (np.diff(kept) > 0).all()
+    if n > 3 * BINS:
+        edges = np.linspace(0, n, BINS + 1).astype(int)
+        for reduce in (np.minimum, np.maximum):
+            starts = np.searchsorted(kept, edges[:-1])
+            thinned = reduce.reduceat(values[kept], starts)
+            assert np.array_equal(thinned, reduce.reduceat(values, edges[:-1]))
+    else:
+        assert np.array_equal(kept, np.arange(n))
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+def test_a_pdf_has_no_type_3_fonts_and_the_width_of_its_column(width, tmp_path):
+    with figure_style(width):
+        drawn = figure(["rls", "me"])
+        save(drawn, tmp_path / "figure.pdf")
+    assert drawn.get_figwidth() == WIDTHS[width]
+    content = (tmp_path / "figure.pdf").read_bytes()
+    assert b"/Type3" not in content
+    assert b"/CIDFontType2" in content
+
+
+def test_the_size_of_a_drawing_does_not_grow_with_the_duration():
+    sizes = []
+    for n in (20_000, 200_000):
+        t, noise = np.arange(n) * 1e-3, np.random.default_rng(0).normal(size=n)
+        e = Estimates(noise, noise, abs(noise), abs(noise), np.zeros(n, dtype=bool))
+        x = np.cumsum(noise)
+        regression = Regression(x, noise, noise, np.full(n, 1e-3), np.empty((n, 0)))
+        fit = least_squares(x, noise, noise)
+        figures = (
+            estimates_figure("", t, x, noise, {"rls": e}),
+            force_figure("", t, regression, "rls", e, fit),
+        )
+        sizes.append(sum(len(svg(drawn)) for drawn in figures))
+    assert sizes[1] < 1.2 * sizes[0] < 1_000_000
+
+
+def test_an_svg_has_text_as_text(tmp_path):
+    save(figure(["rls"]), tmp_path / "figure.svg")
+    assert "95 % interval of rls</text>" in (tmp_path / "figure.svg").read_text()
+
+
+def test_the_figure_of_the_force_has_measurement_prediction_and_model():
+    f = 2000.0 * X + 5.0 * V
+    regression = Regression(X, V, f, np.full(T.size, 2e-3), np.empty((T.size, 0)))
+    fit = least_squares(X, V, f)
+    drawn = force_figure("title", T, regression, "rls", series(), fit)
+    over_t, error, over_x = drawn.axes
+    assert {"measured", "predicted by rls"} <= lines(over_t).keys()
+    assert np.abs(error.get_lines()[0].get_ydata()[1:]).max() == pytest.approx(0.0, abs=1e-9)
+    model = lines(over_x)["batch least squares of the model"]
+    assert np.allclose(model.get_ydata(), lines(over_x)["measured"].get_ydata())
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+def test_a_legend_with_long_names_is_within_the_figure(width):
+    with figure_style(width):
+        drawn = figure(["rls_conditional", "rls_directional"], truth=Truth(1.0, 2.0, 3.0))
+    drawn.draw_without_rendering()
+    (legend,) = drawn.legends
+    box = legend.get_window_extent()
+    assert box.x0 >= 0.0
+    assert box.x1 <= drawn.bbox.x1
+
+
+def test_the_residual_of_a_fit_is_that_of_the_data_without_baseline():
+    rng = np.random.default_rng(1)
+    t = np.arange(0.0, 20.0, 2e-3)
+    x = 4e-3 - 3e-3 * np.cos(6.0 * t)
+    f = 2000.0 * x + 90e-3 * np.sin(6.0 * t) + 0.5 * t + rng.normal(0.0, 0.02, t.size)
+    signals = Signals(t, x, f, np.full(t.size, 2e-3), "Position", ())
+    evaluation = evaluate(signals, EstimateSettings())
+    residual = fit_figure("title", evaluation).axes[2].get_lines()[0].get_ydata()
+    drift = 0.5 * 20.0 / np.sqrt(12.0)
+    assert np.nanstd(residual) < 0.2 * drift
