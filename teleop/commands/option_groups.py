@@ -10,7 +10,21 @@ from cyclopts import Group, Parameter
 from teleop.names import ESTIMATOR_NAMES
 
 GROUPS = {
-    "Trial": ("config", "condition", "rig", "cube", "duration", "clock", "depth", "seed", "tare"),
+    "Trial": (
+        "config",
+        "condition",
+        "rig",
+        "cube",
+        "duration",
+        "clock",
+        "depth",
+        "seed",
+        "tare",
+        "specimen",
+        "operator",
+        "notes",
+        "yes",
+    ),
     "Control": ("rate", "signal", "frequency", "coupling", "realtime"),
     "Columns of a file": ("columns",),
     "Estimation": (
