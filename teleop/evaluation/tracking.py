@@ -6,7 +6,6 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
 from estimation.compiled import Floats
 
@@ -114,6 +113,8 @@ def achieved_frequency(t: Floats, position: Floats, frequency: float) -> float:
     frequency
         Frequency about which the search is made [Hz].
     """
+    from scipy.optimize import minimize_scalar
+
     duration = float(t[-1] - t[0])
     count = max(round(SAMPLES * duration * frequency), SAMPLES)
     even = np.linspace(t[0], t[-1], count)
