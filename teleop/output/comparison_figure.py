@@ -71,6 +71,16 @@ def comparison_figure(
 def draw_results(axes: Axes, place: int, results: Sequence[Result], symbol: str) -> None:
     """Draw the results of a group's recordings beside one another."""
     if not results:
+        axes.text(
+            place,
+            0.03,
+            "no result",
+            transform=axes.get_xaxis_transform(),
+            color="#595959",
+            ha="center",
+            va="bottom",
+            rotation=90,
+        )
         return
     value, low, high = (
         np.array([getattr(one, f"{symbol}{end}") for one in results])
