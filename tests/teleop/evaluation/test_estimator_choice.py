@@ -172,7 +172,7 @@ def test_files_for_one_recording_are_refused_for_several(capsys, tmp_path):
     files = [str(write_table(tmp_path / f"{i}.csv", 1.0, 20.0, 2100.0)) for i in range(2)]
     for option in ("--out", "--plot"):
         assert main(["estimate", *files, option, str(tmp_path / "x.png")]) == 2
-        assert "--out and --plot need exactly one file" in capsys.readouterr().err
+        assert "--out, --plot and --plot-force need exactly one file" in capsys.readouterr().err
 
 
 def test_on_measured_tissue_the_best_beats_batch_and_the_set_is_distinguished(capsys):

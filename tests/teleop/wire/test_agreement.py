@@ -61,5 +61,5 @@ def test_a_recording_names_the_channels_that_an_observer_estimated(stepped, name
     metadata = session_metadata(TrialSettings(rig=stepped(name).file))
     recording = from_messages(Layout({}).definition, b"", [], metadata)
     assert recording.estimated_channels == channels
-    page = report_page("run.mcap", None, recording)
+    page = report_page("run.mcap", None, None, recording)
     assert page.count("not measured") == len(channels)
