@@ -24,6 +24,11 @@ class Target:
     count_in: float = 0.0
     """Time during which the target stays at the light touch [s], >= 0."""
 
+    @property
+    def shortest(self) -> float:
+        """Duration of the count-in and two periods [s], from which tracking can be computed."""
+        return self.count_in + 2.0 / self.frequency
+
     def position(self, t: float) -> float:
         """Return the target [m] at time t [s] since the drives were armed."""
         angle = 2.0 * math.pi * self.frequency * max(t - self.count_in, 0.0)

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 from sim_backend import Cube, Setup, paper_setup
 from teleop.control.excitation_signals import Chirp
+from teleop.names import CubeName
 from teleop.rig.force_lag import ForceLag, measure_lag
 from teleop.trial.run import run_trial
 from teleop.trial.settings import TrialSettings
@@ -16,7 +17,7 @@ SPRING_DEPTH = 5e-3
 """How far it is compressed [m]."""
 
 
-def measure_simulated_lag(cube: str, seed: int = 0) -> tuple[ForceLag, Setup]:
+def measure_simulated_lag(cube: CubeName, seed: int = 0) -> tuple[ForceLag, Setup]:
     """Return lag and lost motion of the simulated rig, from a spring, and its true set-up.
 
     Parameters

@@ -17,6 +17,7 @@ from sim_backend import CUBES, Sensors, SimulatedRig
 from teleop.control.conditions import Condition
 from teleop.control.tare import Tare
 from teleop.errors import InputError, SafetyStop
+from teleop.names import CubeName
 from teleop.recording.recording import Recording
 from teleop.rig.zeroing import ForceZero
 from teleop.safety import Limits
@@ -69,7 +70,7 @@ class Touch(Condition):
 def touch(
     zero: ForceZero,
     rig: RigFile | None,
-    cube: str,
+    cube: CubeName,
     sensors: Sensors,
     seed: int,
     record: Path | None = None,
@@ -139,7 +140,7 @@ def touch_limits(limits: Limits) -> Limits:
 
 
 def rig_away_from_cube(
-    cube: str, now: Callable[[], float], sensors: Sensors, seed: int
+    cube: CubeName, now: Callable[[], float], sensors: Sensors, seed: int
 ) -> SimulatedRig:
     """Return the simulated rig with a free handle and the slave away from the cube."""
     body = replace(CUBES[cube], glued=False)

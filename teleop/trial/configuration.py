@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import textwrap
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,7 @@ from drivers.input_file import read_input
 from estimation import MODELS
 from estimation.model import model_named
 from teleop.control.tare import read_tare
-from teleop.errors import InputError, as_input_error
+from teleop.errors import InputError
 from teleop.files import RECORDING, unreadable
 from teleop.recording.recording import load
 from teleop.trial.rig_loading import load_rig_file
@@ -89,17 +89,28 @@ def settings_from(document: Mapping[str, Any], folder: Path) -> TrialSettings:
     problems = [f"{key}: unknown setting{hint}" for key, hint in DERIVED.items() if key in document]
     if "rig" in document and "cube" in document:
         problems.append("cube: belongs to the simulated rig: expected no cube beside a rig")
+    named = dict(document)
+    readers: dict[str, Callable[[str], object]] = {
+        "rig": lambda name: load_rig_file(folder / name),
+        "tare": lambda name: read_tare(folder / name),
+        "model": model_named,
+    }
+    for key, read in readers.items():
+        if isinstance(named.get(key), str):
+            try:
+                named[key] = read(named[key])
+            except (InputError, ValueError) as error:
+                problems += str(error).splitlines()
+                del named[key]
+    if "rig" in document and "rig" not in named:  # the limits of the other settings are unknown
+        raise InputError("\n".join(problems))
+    try:
+        settings = from_document(named)
+    except InputError as error:
+        raise InputError("\n".join([*problems, str(error)])) from error
     if problems:
         raise InputError("\n".join(problems))
-    named = dict(document)
-    if isinstance(named.get("rig"), str):
-        named["rig"] = load_rig_file(folder / named["rig"])
-    if isinstance(named.get("tare"), str):
-        named["tare"] = read_tare(folder / named["tare"])
-    if isinstance(named.get("model"), str):
-        with as_input_error():
-            named["model"] = model_named(named["model"])
-    return from_document(named)
+    return settings
 
 
 def write_configuration(settings: TrialSettings) -> str:

@@ -23,7 +23,7 @@ from teleop.control.excitation_signals import AnySignal, Sine
 from teleop.control.tare import NO_TARE, Tare
 from teleop.control.target import Target
 from teleop.errors import InputError
-from teleop.names import ClockName, ConditioningName
+from teleop.names import ClockName, ConditioningName, ConditionName, CubeName
 from teleop.safety import Limits
 from teleop.safety.palpation_limits import palpation_limits
 from teleop.safety.rig_limits import rig_limits
@@ -61,9 +61,9 @@ class TrialSettings:
         A setting is out of its range.
     """
 
-    condition: str = "free"
+    condition: ConditionName = "free"
     """Control condition: free, mimic or autonomous."""
-    cube: str = "soft"
+    cube: CubeName = "soft"
     """Cube of the simulated rig: soft, medium or hard. Not used on a rig of devices."""
     specimen: str = ""
     """Name of the specimen; empty for the cube of the simulated rig."""
@@ -142,10 +142,8 @@ class TrialSettings:
                 f"twentieth of the rate, {0.05 * self.rate:g} Hz"
             )
         if self.depth is not None and not 0.0 < self.depth <= DEEPEST:
-            yield (
-                f"depth {self.depth * 1e3:g} mm: expected more than 0 and at most "
-                f"{DEEPEST * 1e3:g} mm"
-            )
+            most = f"{DEEPEST * 1e3:g} mm"
+            yield f"depth {self.depth * 1e3:g} mm: expected more than 0 and at most {most}"
         for name, text in (("specimen", self.specimen), ("operator", self.operator)):
             if len(text) > LONGEST_NAME or not (text.isprintable() and text == text.strip()):
                 yield f"{name} {text!r}: expected one line of at most {LONGEST_NAME} characters"
@@ -153,12 +151,21 @@ class TrialSettings:
             yield f"notes: expected at most {LONGEST_NOTES} characters, got {len(self.notes)}"
         if self.count_in is not None and not 0.0 <= self.count_in <= 60.0:
             yield f"count_in {self.count_in:g} s: expected 0 to 60 s"
+        try:
+            self.make_conditioner()
+        except ValueError as error:
+            yield str(error)
         if not 0.0 < self.duration <= LONGEST:
             yield f"duration {self.duration:g} s: expected more than 0 and at most {LONGEST:g} s"
 
     def _inconsistent_values(self) -> Iterator[str]:
         if self.condition == "mimic" and not isinstance(self.excitation, Sine):
             yield f"signal {self.excitation.kind}: expected a sine, which the operator follows"
+        elif self.condition == "mimic" and self.rig and self.duration < self.target.shortest:
+            yield (
+                f"duration {self.duration:g} s: expected count-in and two periods of the target, "
+                f"{self.target.shortest:g} s or more"
+            )
         if self.rig and self.clock != "real":
             yield "clock virtual: a rig of devices runs in real time: expected real"
         try:

@@ -103,7 +103,14 @@ def from_document(document: Mapping[str, Any]) -> TrialSettings:
     try:
         return adapter().validate_python(given)
     except ValidationError as error:
-        raise InputError("\n".join(problems(error))) from error
+        lines = problems(error)
+        bad = {part["loc"][0] for part in error.errors() if part["loc"]}
+        if bad and "rig" not in bad:  # without the rig, the limits of other settings are not known
+            try:
+                from_document({key: value for key, value in given.items() if key not in bad})
+            except InputError as others:
+                lines += str(others).splitlines()
+        raise InputError("\n".join(lines)) from error
 
 
 def problems(error: ValidationError) -> list[str]:

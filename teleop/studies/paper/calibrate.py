@@ -32,6 +32,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from sim_backend import CUBES, DEPTH, FORCE_LAG, LOSS_TIME, TRANSMISSION, Cube, Setup
+from teleop.names import ConditionName, CubeName
 from teleop.studies.paper.table1 import CALIBRATED, table1
 from teleop.studies.paper.trials import paper_trial
 from teleop.studies.workers import workers
@@ -50,7 +51,7 @@ Vector = NDArray[np.float64]
 TRIALS = [(condition, cube) for cube in CUBES for condition in CALIBRATED]
 
 
-def rls_averages(condition: str, cube: str, setup: Setup) -> tuple[float, float]:
+def rls_averages(condition: ConditionName, cube: CubeName, setup: Setup) -> tuple[float, float]:
     """Return the averages of RLS's b [N s/m] and k [N/m] over a trial of the paper.
 
     Parameters

@@ -12,6 +12,7 @@ from estimation import Estimates
 from estimation.compiled import Floats
 from estimation.stiffening import Interval, MatchedSignals
 from teleop.control.excitation_signals import Sine
+from teleop.names import ConditionName, CubeName
 from teleop.studies.paper.methods import MethodResult, Methods, compare_methods
 from teleop.studies.paper.table1 import is_calibrated, table1
 from teleop.trial.result import Trial
@@ -85,7 +86,7 @@ class SlowTrial(NamedTuple):
     """True damping [N s/m]."""
 
 
-def paper_trial(condition: str, cube: str, seed: int = 0) -> TrialSettings:
+def paper_trial(condition: ConditionName, cube: CubeName, seed: int = 0) -> TrialSettings:
     """Return the settings of one of the nine trials.
 
     As in the paper, the force is not filtered, velocity is a filtered difference of the encoder
@@ -119,7 +120,7 @@ def damping_steps(trial: Trial) -> Damping:
     )
 
 
-def palpate(trial: tuple[str, str, int], methods: Methods = NO_METHODS) -> Outcome:
+def palpate(trial: tuple[ConditionName, CubeName, int], methods: Methods = NO_METHODS) -> Outcome:
     """Run one trial, and further estimators on its data.
 
     Parameters

@@ -12,6 +12,7 @@ import pytest
 
 from drivers.rig_file import read_rig_file
 from teleop.cli import main
+from teleop.control.excitation_signals import Sine
 from teleop.errors import InputError
 from teleop.trial.arming import arming_text, ask_to_arm
 from teleop.trial.configuration import read_configuration
@@ -175,3 +176,10 @@ def test_the_answer_in_a_terminal_decides_whether_the_rig_is_opened(keys, code, 
     assert shown in text
     assert (b"cannot be opened" in text) == (code == 2)
     assert not [*tmp_path.rglob("*.mcap")]
+
+
+def test_a_mimic_trial_on_a_rig_is_longer_than_its_count_in():
+    stated = {"specimen": "liver", "depth": 3e-3, "signal": Sine(1.0)}
+    with pytest.raises(InputError, match="duration 4 s: expected count-in and two periods .* 5 s"):
+        wired(condition="mimic", duration=4.0, **stated)
+    wired(condition="mimic", duration=5.0, **stated)

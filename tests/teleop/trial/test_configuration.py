@@ -97,11 +97,8 @@ def test_a_key_without_its_unit_and_a_value_that_follows_from_others_are_refused
 def test_values_out_of_range_are_reported_at_once(written):
     with pytest.raises(InputError) as refused:
         read_configuration(written('rate_hz = 1\nduration_s = -1\ncondition = "odd"'))
-    assert [
-        word
-        for word in ("rate 1 Hz", "duration -1 s", "condition 'odd'")
-        if word in str(refused.value)
-    ]
+    for word in ("rate 1 Hz", "duration -1 s", "condition: input should be"):
+        assert word in str(refused.value)
     assert len(str(refused.value).splitlines()) == 3
 
 
