@@ -38,12 +38,18 @@ class EstimatorSummary(NamedTuple):
     """Share of the samples at which the estimate was held."""
     further: dict[str, float]
     """Values of the model's further parameters at the end, by name."""
+    misfit: float
+    """Misfit at the end (`estimation.misfit`); NaN if it is not known."""
     note: str | None
     """Remark that the estimator makes on its estimates; None for none."""
 
 
 def summarise(
-    t: Floats, regression: Regression, estimates: Estimates, estimator: Estimator
+    t: Floats,
+    regression: Regression,
+    estimates: Estimates,
+    estimator: Estimator,
+    misfit: Floats,
 ) -> EstimatorSummary:
     """Return the summary of one estimator.
 
@@ -57,6 +63,8 @@ def summarise(
         The estimates after each sample.
     estimator
         The estimator in its final state.
+    misfit
+        Its misfit after each sample, shape (n,).
     """
     f = regression.f
     one_step = f - predicted_force(regression, estimates)
@@ -72,6 +80,7 @@ def summarise(
         k_interval=interval_at_end(estimates, estimates.k_std),
         held=float(np.mean(estimates.held)),
         further={name: float(series.value[-1]) for name, series in estimates.further.items()},
+        misfit=float(misfit[-1]),
         note=estimator.note(estimates),
     )
 

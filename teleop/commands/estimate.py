@@ -15,7 +15,7 @@ from teleop.commands.recording import BY_NAME, ColumnOptions
 from teleop.names import ConditioningName, CubeName, ModelName, PresetName
 
 if TYPE_CHECKING:
-    from teleop.evaluation.evaluation import EstimateSettings
+    from teleop.evaluation.estimate_settings import EstimateSettings
     from teleop.recording.recording import Recording
 
 
@@ -221,7 +221,7 @@ def chosen(
     given
         Values of further options by the name of the setting; None for an option that was not given.
     """
-    from teleop.evaluation.evaluation import EstimateSettings
+    from teleop.evaluation.estimate_settings import EstimateSettings
     from teleop.evaluation.replay import recorded_settings
 
     settings = recorded_settings(recording) if recording else EstimateSettings()

@@ -13,7 +13,7 @@ from estimation import (
     Estimates,
     Excitation,
     Fit,
-    Model,
+    Misfit,
     Preset,
     Regression,
     force_error,
@@ -25,7 +25,7 @@ from estimation.batch_models import BatchFit
 from estimation.compiled import Floats
 from estimation.conditioner_choice import make_conditioner
 from estimation.conditioning import BANDWIDTH
-from estimation.estimate_columns import estimate_arrays, estimate_columns
+from estimation.estimate_columns import estimate_arrays, estimate_columns, misfit_columns
 from estimation.excitation import dominant_frequency
 from estimation.model import KELVIN_VOIGT
 from estimation.registry import PAPER
@@ -34,41 +34,16 @@ from teleop.errors import InputError, as_input_error
 from teleop.evaluation.analysis import Analysis, analyse
 from teleop.evaluation.contact_bank import ContactBank, contact_at
 from teleop.evaluation.datum import Datum, find_datum, moving_part, smallest_step
+from teleop.evaluation.estimate_settings import EstimateSettings
 from teleop.evaluation.model_comparison import compare
 from teleop.evaluation.model_comparison import cost as sample_cost
 from teleop.evaluation.sampling_gaps import closed_up, condition
 from teleop.evaluation.signals import Signals
-from teleop.names import ConditioningName, PresetName
 
 FEWEST_KEPT = 0.9
 """Share of the force variance below which conditioning is reported to remove the signal."""
 FEWEST = 10
 """Fewest moving samples that are evaluated."""
-
-
-@dataclass(frozen=True)
-class EstimateSettings:
-    """Settings of an evaluation."""
-
-    datum: str = "auto"
-    """`auto`, `contact`, `file`, `start`, `mean`, or a position and a force such as `1.5mm,20N`."""
-    preset: PresetName | Preset = "scaled"
-    """Parameters of the estimators: `scaled` from the data, those of the `paper`, or a preset."""
-    estimators: tuple[str, ...] | None = None
-    """Names of the estimators; None for those of the preset."""
-    model: Model | None = None
-    """Model of the estimators that support several models; None for that of the preset."""
-    cube: str = "soft"
-    """Cube that selects the adaptation gain of the paper's preset."""
-    conditioning: ConditioningName = "matched"
-    bandwidth: float | None = None
-    """Bandwidth of the conditioning [Hz]; None for ten times the upper end of the coherent band."""
-    force_lag: float = 0.0
-    """Lag of the force channel [s]; matched conditioning compensates for it."""
-    whole: bool = False
-    """Whether to include rest before and after the motion."""
-    resolution: float | None = None
-    """Position of one encoder count [m]; None for the smallest step in the data."""
 
 
 @dataclass(frozen=True)
@@ -92,6 +67,8 @@ class Evaluation:
     """Number of samples in the recording, including those at rest."""
     excitation: Floats
     """Excitation measure at the motion's dominant frequency."""
+    misfit: dict[str, Floats]
+    """Misfit of each estimator (`estimation.misfit`)."""
     analysis: Analysis
     """The batch evaluation."""
     kept_force_variance: float
@@ -109,7 +86,9 @@ class Evaluation:
             time differs from call to call.
         """
         estimates = {
-            name: summarise(self.t, self.regression, series, self.bank[name])._asdict()
+            name: summarise(
+                self.t, self.regression, series, self.bank[name], self.misfit[name]
+            )._asdict()
             for name, series in self.estimates.items()
         }
         if not set(estimates) <= set(PAPER):
@@ -195,6 +174,8 @@ class Evaluation:
         ):
             columns[column.name] = np.asarray(values, dtype=np.float64)
             units[column.name] = column.unit
+        for column, values in zip(misfit_columns(self.bank), self.misfit.values(), strict=True):
+            columns[column.name], units[column.name] = values, column.unit
         return columns, units
 
 
@@ -273,6 +254,7 @@ def evaluate(signals: Signals, settings: EstimateSettings) -> Evaluation:
     if given is None:
         bank = ContactBank(bank, contact_at(analysis, t))
     estimates = bank.run(*regression)
+    misfit = Misfit(bank) if given else Misfit(bank, 1.0 / frequency)
     measure = Excitation(frequency, resolution=10.0 * count)
     excitation = [measure.update(*sample) for sample in zip(x, v, dt, strict=True)]
     period = float(np.median(dt))
@@ -290,6 +272,7 @@ def evaluate(signals: Signals, settings: EstimateSettings) -> Evaluation:
         jitter=float(np.max(np.abs(np.delete(dt, apart) - period))) / period,
         samples=len(signals.t),
         excitation=np.array(excitation),
+        misfit=misfit.run(regression, estimates, bank.opened),
         analysis=analysis,
         kept_force_variance=float(np.var(f) / max(float(np.var(signals.f[used])), 1e-300)),
         gaps=tuple((float(signals.t[i - 1]), float(signals.t[i])) for i in gaps),

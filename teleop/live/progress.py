@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Sequence
 
 from teleop.live.terminal import Terminal
 
@@ -15,8 +15,8 @@ SHOWN = 4
 STDERR = 2
 """File descriptor of standard error."""
 
-Estimates = Iterable[tuple[str, float, float]]
-"""Name, b [N s/m] and k [N/m] of each estimator."""
+Estimates = Sequence[tuple[str, float, float, float]] | None
+"""Name, b [N s/m], k [N/m] and misfit of each estimator; None if there is no contact."""
 
 
 class Progress:
@@ -32,12 +32,17 @@ class Progress:
         Keys that stop the run, shown in the line.
     instructions
         How to stop the run, for a line at the start.
+    largest_misfit
+        Misfit above which an estimator is marked.
     """
 
-    def __init__(self, shown: bool, duration: float, hint: str, instructions: str) -> None:
+    def __init__(
+        self, shown: bool, duration: float, hint: str, instructions: str, largest_misfit: float
+    ) -> None:
         self._shown = shown
         self._duration = duration
         self._hint = f"[{hint}]  " if hint else ""
+        self._largest_misfit = largest_misfit
         self._due = 0.0
         self._terminal = Terminal(STDERR)
         if shown and instructions:
@@ -57,9 +62,16 @@ class Progress:
         if not self._shown or now < self._due or t < 0.0:
             return
         self._due = now + REDRAW
-        texts = [f"  {name} {k:6.0f} {b:+5.0f}" for name, b, k in estimates()]
         progress = f"{self._hint}{t:4.1f} of {self._duration:g} s"
-        self._draw(f"{progress}  k [N/m], b [N s/m]:{''.join(texts[:SHOWN])}")
+        present = estimates()
+        if present is None:
+            self._draw(f"{progress}  no contact")
+            return
+        texts = [
+            f"  {name} {k:6.0f} {b:+5.0f}{' (misfit)' if misfit > self._largest_misfit else ''}"
+            for name, b, k, misfit in present[:SHOWN]
+        ]
+        self._draw(f"{progress}  k [N/m], b [N s/m]:{''.join(texts)}")
 
     def report(self, text: str) -> None:
         """Write a message that stays on the terminal."""

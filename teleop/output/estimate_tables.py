@@ -8,6 +8,7 @@ from typing import Any
 
 from rich.console import Console
 
+from estimation.misfit import LARGEST_MISFIT
 from teleop.output.console import number, plain_console, print_table, small
 from teleop.output.result_tables import print_models, print_result
 from teleop.recording.gaps import Gap, missing_text
@@ -67,6 +68,12 @@ def print_intervals(rows: Mapping[str, Mapping[str, Any]]) -> None:
             console.print(f"  {name}: {', '.join(further)} at the end")
         if row["held"] == 1.0:
             console.print(f"  {name}: held throughout, for want of contact or motion", style="red")
+        if row["misfit"] > LARGEST_MISFIT:
+            console.print(
+                f"  {name}: a systematic force error of {row['misfit']:.0%} at the end: this "
+                "model, or this estimate, does not describe the body",
+                style="yellow",
+            )
         if row["note"]:
             console.print(f"  {name}: {row['note']}", style="yellow")
 
@@ -77,7 +84,7 @@ def interval_table(rows: Mapping[str, Mapping[str, Any]]) -> tuple[list[str], li
     With a comparison, see `teleop.evaluation.model_comparison.Comparison`, and a cost, these too.
     """
     compared = any("one_step_ratio" in row for row in rows.values())
-    headings = ["at the end", "k [N/m]", "b [N s/m]", "held"]
+    headings = ["at the end", "k [N/m]", "b [N s/m]", "held", "misfit"]
     if compared:
         headings += ["rms/batch", "k within", "b within"]
     timed = any("cost_us" in row for row in rows.values())
@@ -91,6 +98,7 @@ def interval_table(rows: Mapping[str, Mapping[str, Any]]) -> tuple[list[str], li
                 with_interval(row["k_end"], row["k_interval"], 0),
                 with_interval(row["b_end"], row["b_interval"], digits(row["b_end"])),
                 percent(row["held"]),
+                percent(row["misfit"]),
             ]
         )
         if compared:

@@ -37,6 +37,8 @@ BULK = 1 << 16
 """Largest number of bytes that are read from the pipe at a time."""
 PAIR = struct.Struct("<2d")
 """Struct with b and k of an estimator in the message of a tick."""
+VALUE = struct.Struct("<d")
+"""Struct with one column of the message of a tick."""
 
 
 def send(**status: Any) -> None:
@@ -89,8 +91,10 @@ class FrameReader:
         self._progress = progress
         columns = [name for name, _, _ in session["columns"]]
         self._places = [
-            (name, len(CDR) + 8 * columns.index(f"{name}_b")) for name in session["estimators"]
+            (name, *(len(CDR) + 8 * columns.index(column) for column in (b, misfit)))
+            for name, b, misfit in session["estimators"]
         ]
+        self._contact = len(CDR) + 8 * columns.index("contact")
         self._last = b""
         self._rest = b""
 
@@ -121,9 +125,12 @@ class FrameReader:
         self._rest = data[place:]
 
     def _estimates(self) -> Estimates:
-        for name, place in self._places:
-            b, k = PAIR.unpack_from(self._last, place)
-            yield name, b, k
+        if VALUE.unpack_from(self._last, self._contact)[0] == 0.0:
+            return None
+        return [
+            (name, *PAIR.unpack_from(self._last, place), *VALUE.unpack_from(self._last, misfit))
+            for name, place, misfit in self._places
+        ]
 
 
 def main() -> None:
@@ -147,7 +154,11 @@ def main() -> None:
             return
     send(problem="")
     progress = Progress(
-        session["show"], session["duration"], session["hint"], session["instructions"]
+        session["show"],
+        session["duration"],
+        session["hint"],
+        session["instructions"],
+        session["largest_misfit"],
     )
     frames = FrameReader(session, file, progress)
     monitor = FileMonitor(session["path"], file, progress) if file else None

@@ -80,7 +80,7 @@ class Trial:
             excitation = float(np.mean(active["excitation"])), float(active["excitation"][-1])
         else:
             depth, excitation = 0.0, (math.nan, math.nan)
-        whole = self.recording
+        whole, contact = self.recording, active.columns.get("contact", np.array([]))
         return {
             "condition": settings.condition,
             "cube": settings.cube,
@@ -94,12 +94,15 @@ class Trial:
             "rejected": self.rejected,
             "interrupted": self.interrupted,
             "estimates": {
-                name: summarise(t, regression, estimates, self.bank[name])._asdict()
+                name: summarise(
+                    t, regression, estimates, self.bank[name], active.misfit(name)
+                )._asdict()
                 for name, estimates in active.estimates().items()
                 if len(t)
             },
             "truth": None if settings.rig else truth(settings, depth),
             "excitation": {"mean": excitation[0], "last": excitation[1]},
+            "contact": float(np.mean(contact)) if len(contact) else math.nan,
             "loop": loop_timing(settings.rate, whole["dt"], whole["lateness"], whole["overrun"])
             | tick_times(whole),
             "safety": safety_summary(active, self.fault),
