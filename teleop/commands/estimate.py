@@ -85,6 +85,8 @@ def estimate(
         at which force follows displacement, and 20 Hz with the paper's settings.
     force_lag
         Lag of the force channel [s], from `teleop lag`; matched conditioning compensates for it.
+        The default is that of the run, and for other files the delay of the force filter that the
+        file states.
     whole
         Include the rest before and after the motion.
     cost

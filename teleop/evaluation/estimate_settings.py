@@ -25,8 +25,9 @@ class EstimateSettings:
     conditioning: ConditioningName = "matched"
     bandwidth: float | None = None
     """Bandwidth of the conditioning [Hz]; None for ten times the upper end of the coherent band."""
-    force_lag: float = 0.0
-    """Lag of the force channel [s]; matched conditioning compensates for it."""
+    force_lag: float | None = None
+    """Lag of the force channel [s]; matched conditioning compensates for it. None for the delay
+    of the force filter that the file states, and no lag if it states none."""
     whole: bool = False
     """Whether to include rest before and after the motion."""
     resolution: float | None = None

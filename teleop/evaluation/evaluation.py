@@ -35,6 +35,7 @@ from teleop.evaluation.analysis import Analysis, analyse
 from teleop.evaluation.contact_bank import ContactBank, contact_at
 from teleop.evaluation.datum import Datum, find_datum, moving_part, smallest_step
 from teleop.evaluation.estimate_settings import EstimateSettings
+from teleop.evaluation.force_filter import without_filter_delay
 from teleop.evaluation.model_comparison import compare
 from teleop.evaluation.model_comparison import cost as sample_cost
 from teleop.evaluation.sampling_gaps import closed_up, condition
@@ -73,6 +74,8 @@ class Evaluation:
     """The batch evaluation."""
     kept_force_variance: float
     """Share of the variance of the force that the conditioning keeps."""
+    filter_note: str
+    """How the delay of a stated force filter was compensated, or why not; empty for none."""
     gaps: tuple[tuple[float, float], ...] = ()
     """Times of the last sample before each gap and of the first after it [s]."""
 
@@ -148,6 +151,8 @@ class Evaluation:
         """Return result, models and phases as a dictionary for JSON."""
         result = self.analysis.result
         reasons = list(result.reasons)
+        if self.filter_note:
+            reasons.append(self.filter_note)
         if self.kept_force_variance < FEWEST_KEPT:
             reasons.append(
                 f"conditioning at {self.bandwidth:.3g} Hz keeps {self.kept_force_variance:.0%} of "
@@ -191,6 +196,9 @@ def evaluate(signals: Signals, settings: EstimateSettings) -> Evaluation:
     InputError
         A setting is out of its range, nothing moves, or gaps leave too few samples.
     """
+    lag, note = settings.force_lag, ""
+    if lag is None:
+        lag, (signals, note) = 0.0, without_filter_delay(signals)
     if len(signals.t) < FEWEST:
         raise InputError(
             f"the estimators received only {len(signals.t)} samples: expected at least {FEWEST}"
@@ -201,7 +209,7 @@ def evaluate(signals: Signals, settings: EstimateSettings) -> Evaluation:
     if len(signals.dt[motion]) < FEWEST:
         raise InputError(f"only {len(signals.dt[motion])} samples move: expected at least {FEWEST}")
     with as_input_error():
-        analysis = analyse(signals, settings.force_lag)
+        analysis = analyse(signals, lag)
     datum = find_datum(signals, settings.datum, analysis.phases)
     band = analysis.record.band
     frequency = band.centre
@@ -217,9 +225,7 @@ def evaluate(signals: Signals, settings: EstimateSettings) -> Evaluation:
     given = settings.preset if isinstance(settings.preset, Preset) else None
     model = settings.model or (given.model if given else KELVIN_VOIGT)
     with as_input_error():
-        conditioner = make_conditioner(
-            settings.conditioning, bandwidth, count, settings.force_lag, model
-        )
+        conditioner = make_conditioner(settings.conditioning, bandwidth, count, lag, model)
     whole, settled = condition(
         conditioner,
         signals.t,
@@ -274,6 +280,7 @@ def evaluate(signals: Signals, settings: EstimateSettings) -> Evaluation:
         excitation=np.array(excitation),
         misfit=misfit.run(regression, estimates, bank.opened),
         analysis=analysis,
+        filter_note=note,
         kept_force_variance=float(np.var(f) / max(float(np.var(signals.f[used])), 1e-300)),
         gaps=tuple((float(signals.t[i - 1]), float(signals.t[i])) for i in gaps),
     )

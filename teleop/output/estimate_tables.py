@@ -124,13 +124,7 @@ def print_estimated(console: Console, summary: Mapping[str, Any]) -> None:
 
 
 def print_reading(console: Console, summary: Mapping[str, Any]) -> None:
-    """What the file states of a force filter, and what was done to its samples."""
-    if summary["force_filter"]:
-        console.print(
-            f"  the file states a filter of the force: {summary['force_filter']!r}; "
-            "its delay biases b unless --force-lag compensates for it",
-            style="yellow",
-        )
+    """Print what was done to the samples on reading."""
     for note in summary["reading"]:
         console.print(f"  {note}", style="yellow")
 
