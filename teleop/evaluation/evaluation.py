@@ -33,13 +33,14 @@ from estimation.summary import summarise
 from teleop.errors import InputError, as_input_error
 from teleop.evaluation.analysis import Analysis, analyse
 from teleop.evaluation.contact_bank import ContactBank, contact_at
-from teleop.evaluation.datum import Datum, find_datum, moving_part, smallest_step
+from teleop.evaluation.datum import Datum, find_datum, moving_part
 from teleop.evaluation.estimate_settings import EstimateSettings
 from teleop.evaluation.force_filter import without_filter_delay
 from teleop.evaluation.model_comparison import compare
 from teleop.evaluation.model_comparison import cost as sample_cost
 from teleop.evaluation.sampling_gaps import closed_up, condition
 from teleop.evaluation.signals import Signals
+from teleop.evaluation.smallest_step import smallest_step
 
 FEWEST_KEPT = 0.9
 """Share of the force variance below which conditioning is reported to remove the signal."""

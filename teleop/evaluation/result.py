@@ -243,4 +243,9 @@ def remarks(record: Prepared, phases: Phases, local: LocalStiffness, half_b: flo
         )
     if half_b > abs(local.b):
         found.append("damping is not different from zero")
+    elif local.b < 0.0:
+        found.append(
+            "damping is negative: the force lags behind the position (see --force-lag and teleop "
+            "lag), or motion is lost between the position sensor and the tip, which biases k too"
+        )
     return found
