@@ -44,6 +44,12 @@ from teleop.evaluation.smallest_step import smallest_step
 
 FEWEST_KEPT = 0.9
 """Share of the force variance below which conditioning is reported to remove the signal."""
+LEAST_EXCITATION = 0.01
+"""Excitation below which b is not reported by the online estimators without a remark.
+
+The standard deviation of b omega is then more than ten times that of k, so that a loss b omega / k
+of less than one is not resolved where k is known to 10 %.
+"""
 FEWEST = 10
 """Fewest moving samples that are evaluated."""
 
@@ -152,6 +158,12 @@ class Evaluation:
         """Return result, models and phases as a dictionary for JSON."""
         result = self.analysis.result
         reasons = list(result.reasons)
+        excitation = float(np.percentile(self.excitation, 95))
+        if excitation < LEAST_EXCITATION:
+            reasons.append(
+                f"the excitation of the online estimators is {excitation:.1g} at most: below "
+                f"{LEAST_EXCITATION:g} they cannot separate b from k"
+            )
         if self.filter_note:
             reasons.append(self.filter_note)
         if self.kept_force_variance < FEWEST_KEPT:

@@ -53,7 +53,9 @@ HOLD = 0.33
 """Shortest hold, relative to the median duration of the monotone parts."""
 APPROACHES, MOST_POINTS = 10, 300
 """Approximate number of approaches in the fit of the contact point, and samples of each."""
-GUARD = 2.5
+SHORT = 4
+"""A record of fewer guards than this for each of its ends is used up to its ends."""
+GUARD = 3.5
 """Samples less than this many kernel widths from the begin or end of a contact are not fitted."""
 
 
@@ -105,8 +107,9 @@ def find_phases(record: Prepared) -> Phases:
         contact = without_short(contact, 2 * guard)
         point = contact_point(record, contact, free_force, width)
     usable = eroded(contact, guard) if free is not None else contact.copy()
-    for start in record.starts[1:]:
-        usable[max(0, start - guard) : start + guard] = False
+    ends = [*record.starts, len(usable)]
+    for end in ends if usable.sum() > SHORT * guard * len(ends) else ends[1:-1]:
+        usable[max(0, end - guard) : end + guard] = False
     return Phases(contact, usable, free_force, spread, point, saturated, split(record, contact))
 
 

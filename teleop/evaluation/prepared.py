@@ -61,6 +61,8 @@ class Prepared:
     """Standard deviation of the noise of the measured position [m], quantisation included."""
     f_noise: float
     """Standard deviation of the noise of the measured force [N]."""
+    count: float
+    """Resolution of the position: its smallest step [m]; 0 if it never changes."""
 
     @cached_property
     def clock(self) -> Floats:
@@ -187,6 +189,7 @@ def prepare(signals: Signals, bandwidth: float | None = None, force_lag: float =
         tuple(starts[:-1]),
         x_noise=max(x_noise, step),
         f_noise=f_noise,
+        count=smallest_step(signals.x),
     )
 
 

@@ -62,7 +62,7 @@ def test_a_clipped_sensor_is_found_with_noise_before_or_after_the_clipping(
     seed, share, play, after
 ):
     f = 10.0 + K * lost(X, play)
-    level = 10.0 + K * AMPLITUDE * share
+    level = 10.0 + K * AMPLITUDE * (0.9 * share if after else share)
     noise = np.random.default_rng(seed).normal(0.0, 0.01, len(f))
     clipped = np.minimum(f, level) + noise if after else np.minimum(f + noise, level)
     found = result(X, clipped, seed, 0.0)
