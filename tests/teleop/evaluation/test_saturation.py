@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from teleop.cli import main
 from teleop.errors import InputError
 from teleop.evaluation.analysis import analyse
 from teleop.evaluation.estimate_settings import EstimateSettings
@@ -49,6 +52,17 @@ def test_lost_motion_is_not_taken_for_saturation(seed, play, preload, noise):
     found = result(X, preload + K * lost(X, play), seed, noise)
     assert found.identifiable
     assert not saturated(found)
+
+
+def test_the_lost_motion_of_the_simulated_rig_is_not_taken_for_saturation(tmp_path, capsys):
+    path = str(tmp_path / "trial.mcap")
+    run = ["run", "--condition", "autonomous", "--cube", "medium", "--clock", "virtual"]
+    assert main([*run, "--record", path, "--json"]) == 0
+    capsys.readouterr()
+    assert main(["estimate", path, "--force-lag", "0.00266", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)["result"]
+    assert found["identifiable"]
+    assert not any("saturated" in reason for reason in found["reasons"])
 
 
 @settings(max_examples=10, deadline=None)
