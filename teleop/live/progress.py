@@ -67,11 +67,14 @@ class Progress:
         if present is None:
             self._draw(f"{progress}  no contact")
             return
+        shown = present[:SHOWN]
+        marked = [misfit > self._largest_misfit for *_, misfit in shown]
         texts = [
-            f"  {name} {k:6.0f} {b:+5.0f}{' (misfit)' if misfit > self._largest_misfit else ''}"
-            for name, b, k, misfit in present[:SHOWN]
+            f"  {name} {k:6.0f} {b:+5.0f}{'*' if mark else ''}"
+            for (name, b, k, _), mark in zip(shown, marked, strict=True)
         ]
-        self._draw(f"{progress}  k [N/m], b [N s/m]:{''.join(texts)}")
+        note = ", * misfit" if any(marked) else ""
+        self._draw(f"{progress}  k [N/m], b [N s/m]{note}:{''.join(texts)}")
 
     def report(self, text: str) -> None:
         """Write a message that stays on the terminal."""

@@ -33,7 +33,7 @@ def test_without_contact_no_number_is_shown(drawn):
 
 def test_an_estimate_that_does_not_fit_is_marked(drawn):
     line = drawn([("rls", 5.0, 2000.0, 0.01), ("me", 5.0, 1000.0, 0.2)])
-    assert "rls   2000    +5  me   1000    +5 (misfit)" in line
+    assert "[N s/m], * misfit:  rls   2000    +5  me   1000    +5*" in line
 
 
 def test_a_misfit_that_is_not_known_yet_is_not_marked(drawn):
