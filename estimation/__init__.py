@@ -21,6 +21,7 @@ from estimation.methods.multi_estimator import MultiEstimator
 from estimation.methods.pooled_segments import PooledSegments
 from estimation.methods.recursive_least_squares import RecursiveLeastSquares
 from estimation.metrics import coverage, estimated_force, force_error, predicted_force, rise_time
+from estimation.misfit import Misfit
 from estimation.model import MODELS, Model
 from estimation.presets import Preset, paper_preset, scaled_preset
 from estimation.registry import METHODS
@@ -45,6 +46,7 @@ __all__ = [
     "Grid",
     "Identification",
     "MatchedFilter",
+    "Misfit",
     "Model",
     "MultiEstimator",
     "PooledSegments",

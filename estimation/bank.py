@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from estimation.checks import check_sample, checked_samples
 from estimation.compiled import Samples
@@ -55,6 +55,8 @@ class Bank(Mapping[str, Estimator]):
             for name, e in self._estimators.items()
         ]
         self.gate = gate
+        self.opened = np.zeros(0, dtype=np.bool_)
+        """Whether the gate was open at each sample of the last `run`, shape (n,)."""
 
     def __getitem__(self, name: str) -> Estimator:
         return self._estimators[name]
@@ -99,11 +101,14 @@ class Bank(Mapping[str, Estimator]):
         samples = checked_samples(x, v, f, dt, further)
         self._check_further(samples.phi.shape[1] - 2)
         plain = samples._replace(phi=np.ascontiguousarray(samples.phi[:, :2]))
-        is_open = self.gate.run(plain) if self.gate else samples.open
+        self.opened = is_open = self._open_samples(plain)
         return {
             name: e.advance_all(self._samples_of(e, samples, plain, is_open))
             for name, e in self._estimators.items()
         }
+
+    def _open_samples(self, samples: Samples) -> NDArray[np.bool_]:
+        return self.gate.run(samples) if self.gate else samples.open
 
     def _samples_of(
         self, e: Estimator, samples: Samples, plain: Samples, is_open: np.ndarray

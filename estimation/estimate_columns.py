@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
 
 from estimation.compiled import Floats
 from estimation.estimator import Estimate, Estimates, Estimator, Series
+
+MISFIT = "_misfit"
+"""End of the name of the column with the misfit of an estimator."""
 
 
 class Column(NamedTuple):
@@ -38,6 +41,18 @@ def estimate_columns(bank: Mapping[str, Estimator]) -> list[Column]:
         held = Column(f"{name}_held", "-", "1 while the estimate is held")
         columns += [*values[:2], *deviations[:2], held, *values[2:], *deviations[2:]]
     return columns
+
+
+def misfit_columns(names: Iterable[str]) -> list[Column]:
+    """Return the columns of the misfit of each estimator (`estimation.misfit`)."""
+    meaning = "systematic force error relative to the force, 0 for none, by"
+    return [Column(f"{name}{MISFIT}", "-", f"{meaning} {name}") for name in names]
+
+
+def misfit_in(columns: Mapping[str, Floats], estimator: str) -> Floats:
+    """Return the misfit of an estimator from a table; NaN if it is missing, shape (n,)."""
+    missing = np.full(len(columns[f"{estimator}_b"]), np.nan)
+    return columns.get(f"{estimator}{MISFIT}", missing)
 
 
 def estimate_row(estimates: Mapping[str, Estimate]) -> list[float]:

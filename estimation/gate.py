@@ -99,6 +99,16 @@ class Gate:
         step(self._law.parameters, self._state, phi, f, dt)
         return not self._state.held
 
+    @property
+    def is_open(self) -> bool:
+        """Whether the gate is open: there are contact and motion."""
+        return not self._state.held
+
+    @property
+    def contact(self) -> bool:
+        """Whether the root mean square of the force is above the threshold."""
+        return bool(self._state.f_square > self._law.parameters.f_square)
+
     def run(self, samples: Samples) -> NDArray[np.bool_]:
         """Return whether the gate is open for each of n samples, shape (n,)."""
         table = sweep(self._law, self._state, samples)

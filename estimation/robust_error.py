@@ -7,10 +7,16 @@ degrees of freedom. The interval therefore uses Student's t distribution with B 
 Its coverage is close to 95 %, which that of a Newey-West interval with normal quantiles often is
 not.
 
+A fit follows samples of high leverage h, for example the few samples at the begin of a ramp that
+determine the damping, so that their residuals are too small. As in the HC2 estimator the residual e
+is replaced by e / sqrt(1 - h), whose variance is that of the noise if the noise is white.
+
 References
 ----------
 E. Lazarus, D. J. Lewis, J. H. Stock, M. W. Watson, "HAR inference: recommendations for practice",
-J. Business & Economic Statistics 36(4), 2018.
+J. Business & Economic Statistics 36(4), 2018; J. G. MacKinnon, H. White, "Some
+heteroskedasticity-consistent covariance matrix estimators with improved finite sample properties",
+J. Econometrics 29(3), 1985.
 """
 
 from __future__ import annotations
@@ -26,6 +32,8 @@ from estimation.compiled import Floats
 from estimation.estimator import LEVEL_95
 
 FEWEST_COSINES = 4
+SMALLEST = 0.05
+"""Least value of 1 - leverage; a sample with a larger leverage determines a parameter alone."""
 
 
 class RobustFit(NamedTuple):
@@ -37,6 +45,13 @@ class RobustFit(NamedTuple):
     """Residuals, shape (n,)."""
     inverse: Floats
     """(X' X)^-1 X', shape (m, n)."""
+    regressors: Floats
+    """X, shape (n, m)."""
+
+    @property
+    def leverage(self) -> Floats:
+        """Diagonal of X (X' X)^-1 X', shape (n,)."""
+        return np.asarray(np.einsum("ij,ji->i", self.regressors, self.inverse))
 
     def deviation(self, gradient: Floats) -> float:
         """Return the standard deviation of gradient' theta.
@@ -49,15 +64,15 @@ class RobustFit(NamedTuple):
             Coefficients of the linear combination, shape (m,).
         """
         n, m = len(self.residual), len(self.theta)
-        terms = (gradient @ self.inverse) * self.residual
+        left_out = self.residual / np.sqrt(np.maximum(1.0 - self.leverage, SMALLEST))
+        terms = (gradient @ self.inverse) * left_out
         terms = terms - terms.mean()
         count = cosine_count(n - m)
         sums = dct(terms)[1 : count + 1] / math.sqrt(2.0)
-        freedom = n / max(n - m, 1)
         quantile = float(stdtrit(count, 0.975)) / LEVEL_95
         ewc = float(np.mean(sums**2))
         white = float(np.sum(terms**2))
-        return quantile * math.sqrt(freedom * max(ewc, 0.25 * white))
+        return quantile * math.sqrt(max(ewc, 0.25 * white))
 
 
 def cosine_count(freedom: int) -> int:
@@ -80,4 +95,4 @@ def robust_fit(regressors: Floats, f: Floats) -> RobustFit:
     Q, R = np.linalg.qr(regressors / scale)
     inverse = np.linalg.pinv(R, rcond=1e-10) @ Q.T / scale[:, None]
     theta = inverse @ f
-    return RobustFit(theta, f - regressors @ theta, inverse)
+    return RobustFit(theta, f - regressors @ theta, inverse, regressors)

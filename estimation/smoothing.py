@@ -11,7 +11,7 @@ import numpy as np
 
 from estimation.compiled import Floats
 
-REACH = 4.0
+REACH = 5.0
 """Half length of the kernel, in standard deviations."""
 CORNER = 0.13252
 """Half-power frequency of a kernel with a standard deviation of 1 s [Hz]."""

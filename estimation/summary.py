@@ -42,12 +42,18 @@ class EstimatorSummary(NamedTuple):
     """Half widths of their 95 % intervals; NaN for none."""
     further_unit: dict[str, str]
     """Units of the further parameters, by name."""
+    misfit: float
+    """Misfit at the end (`estimation.misfit`); NaN if it is not known."""
     note: str | None
     """Remark that the estimator makes on its estimates; None for none."""
 
 
 def summarise(
-    t: Floats, regression: Regression, estimates: Estimates, estimator: Estimator
+    t: Floats,
+    regression: Regression,
+    estimates: Estimates,
+    estimator: Estimator,
+    misfit: Floats,
 ) -> EstimatorSummary:
     """Return the summary of one estimator.
 
@@ -64,6 +70,8 @@ def summarise(
         The estimates after each sample.
     estimator
         The estimator in its final state.
+    misfit
+        Its misfit after each sample, shape (n,).
     """
     f = regression.f
     one_step = f - predicted_force(regression, estimates)
@@ -88,6 +96,7 @@ def summarise(
             for name, series in estimates.further.items()
         },
         further_unit={name: units[name] for name in estimates.further},
+        misfit=float(misfit[-1]),
         note=estimator.note(estimates),
     )
 

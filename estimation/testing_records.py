@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.random import Generator
+from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
 from estimation.compiled import Floats
@@ -52,8 +53,13 @@ def one_over_f(rng: Generator, n: int, rate: float, size: float, lowest: float =
 
 
 def derivative(x: Floats, rate: float) -> Floats:
-    """Return the time derivative of a motion without noise."""
-    return np.gradient(x) * rate
+    """Return the time derivative of a motion without noise.
+
+    A central difference of a sine of 3 Hz at 100 Hz is 0.6 % too small, which is more than the
+    half width of the interval of b.
+    """
+    t = steps_of_time(rate, len(x) / rate)
+    return np.asarray(CubicSpline(t, x)(t, 1))
 
 
 def measured(rng: Generator, x: Floats, f: Floats, resolution: float) -> tuple[Floats, Floats]:
@@ -208,13 +214,11 @@ def relaxing_body(rng: Generator) -> TrueRecord:
         t = steps_of_time(rate, times[-1])
         x = smooth_ramps(t, np.array(times), np.array(levels), 0.1 * ramp)
         f = k * x + k1 * relaxed(x, rate, tau)
-        first = t < 0.5 + ramp
-        middle = np.flatnonzero(first & (f >= 0.5 * f.max()))
-        if kind == "ramp":
-            i = int(middle[0])
-        else:
-            i = int(np.flatnonzero((f >= 0.5 * f.max()) & (derivative(x, rate) > 0.0))[0])
-        truth = float((f[i + 1] - f[i - 1]) / (x[i + 1] - x[i - 1]))
+        crossed = (f >= 0.5 * f.max()) & (derivative(x, rate) > 0.0)
+        i = int(np.flatnonzero(crossed)[0])
+        f_of, x_of = CubicSpline(t, f), CubicSpline(t, x)
+        middle = t[i - 1] + (0.5 * f.max() - f[i - 1]) / (f[i] - f[i - 1]) / rate
+        truth = float(f_of(middle, 1) / x_of(middle, 1))
     measured_x, f = measured(rng, x, f, depth * 5e-4)
     return TrueRecord(t, measured_x, f, truth, math.nan)
 

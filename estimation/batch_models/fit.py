@@ -139,7 +139,7 @@ def with_intervals(
     scale = np.sqrt(np.mean(jacobian**2, axis=0))
     scale[scale == 0.0] = 1.0
     inverse = np.linalg.pinv(jacobian / scale, rcond=1e-9) / scale[:, None]
-    fit = RobustFit(np.array([one.value for one in fitted]), residual, inverse)
+    fit = RobustFit(np.array([one.value for one in fitted]), residual, inverse, jacobian)
     parameters = {}
     for i, one in enumerate(fitted):
         half = LEVEL_95 * fit.deviation(np.eye(len(fitted))[i])

@@ -79,7 +79,7 @@ def fit_terms(t: Floats, f: Floats, terms: int) -> tuple[Relaxation, Floats]:
     slopes = [c * t / tau**2 * np.exp(-t / tau) for c, tau in zip(theta[1:], times, strict=True)]
     jacobian = np.column_stack([regressors, *slopes])
     left = f - regressors @ theta
-    fit = RobustFit(theta, left, np.linalg.pinv(jacobian, rcond=1e-10))
+    fit = RobustFit(theta, left, np.linalg.pinv(jacobian, rcond=1e-10), jacobian)
     values = [*theta.tolist(), *times.tolist()]
     names = ["f_inf", *(f"f{j + 1}" for j in range(terms)), *(f"tau{j + 1}" for j in range(terms))]
     parameters = {}

@@ -16,7 +16,7 @@ from teleop.commands.recording import BY_NAME, ColumnOptions
 from teleop.names import ConditioningName, CubeName, ModelName, PresetName, WidthName
 
 if TYPE_CHECKING:
-    from teleop.evaluation.evaluation import EstimateSettings
+    from teleop.evaluation.estimate_settings import EstimateSettings
     from teleop.recording.recording import Recording
 
 
@@ -88,6 +88,8 @@ def estimate(
         at which force follows displacement, and 20 Hz with the paper's settings.
     force_lag
         Lag of the force channel [s], from `teleop lag`; matched conditioning compensates for it.
+        The default is that of the run, and for other files the delay of the force filter that the
+        file states.
     whole
         Include the rest before and after the motion.
     cost
@@ -235,7 +237,7 @@ def chosen(
     given
         Values of further options by the name of the setting; None for an option that was not given.
     """
-    from teleop.evaluation.evaluation import EstimateSettings
+    from teleop.evaluation.estimate_settings import EstimateSettings
     from teleop.evaluation.replay import recorded_settings
 
     settings = recorded_settings(recording) if recording else EstimateSettings()

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 
 from drivers import STANDSTILL, Command, Measurement, Rig
-from estimation import Bank, Conditioner, Estimate, Excitation
+from estimation import Bank, Conditioner, Estimate, Excitation, Misfit
 from teleop.control.admittance import Admittance
 from teleop.control.alignment import Alignment, Pair
 from teleop.control.clock import Tick
@@ -88,6 +88,7 @@ class Controller:
         self._conditioner = conditioner
         self._bank = bank
         self._excitation = excitation
+        self._misfit = Misfit(bank)
         self._period = period
         self._limits = limits
         self._tare = tare
@@ -106,6 +107,7 @@ class Controller:
         }
         further = max(len(e.model.further) for e in bank.values())
         self._no_regressors = (math.nan,) * further
+        self._no_misfit = (math.nan,) * len(bank)
         self.finished = False
         """Whether the condition has finished."""
         self.error: Exception | None = None
@@ -177,6 +179,7 @@ class Controller:
 
         pair, x, v, f, excitation = NO_PAIR, math.nan, math.nan, math.nan, math.nan
         estimates, further = self._no_estimates, self._no_regressors
+        contact, misfit = math.nan, self._no_misfit
         if mode is ACTIVE or mode is STOPPING:
             try:
                 if found := self._alignment.update(measurement, dt):
@@ -184,6 +187,10 @@ class Controller:
                     x, v, f, further = self._conditioner.update(*pair)
                     estimates = self._bank.update(x, v, f, pair.dt, further)
                     excitation = self._excitation.update(x, v, pair.dt)
+                    is_open, gate = True, self._bank.gate
+                    if gate:
+                        contact, is_open = float(gate.contact), gate.is_open
+                    misfit = self._misfit.update(x, v, f, pair.dt, further, estimates, is_open)
             except BaseException as error:
                 self._fail(Fault.ESTIMATION_FAILURE, error, measurement.time)
         events = verdict.events
@@ -207,6 +214,8 @@ class Controller:
             further,
             estimates,
             excitation,
+            contact,
+            misfit,
             mode,
             verdict.limited,
             tick,

@@ -55,6 +55,10 @@ class Record(NamedTuple):
     """Estimates by the name of the estimator; NaN if the estimators were not updated."""
     excitation: float
     """Excitation measure; 0 for no excitation, 1 for a sine of 1 Hz about zero."""
+    contact: float
+    """1 while the gate of the bank detects contact, else 0; NaN without a gate or estimates."""
+    misfit: tuple[float, ...]
+    """Misfit of each estimator (`estimation.misfit`); NaN if it is not known yet."""
     mode: Mode
     """Mode of the supervisor."""
     limited: int

@@ -14,10 +14,16 @@ from teleop.evaluation.contact_rows import Rows
 
 BAND = 0.08
 """Distance from half of the force range within which samples are used, relative to the range."""
+SLOPE_SAMPLES = 3
+"""Least mean number of samples in a pass through half of the force range."""
 HALF_FORCE = 0.002
 """Standard deviation of half of the force range, relative to the range."""
-FINEST = 0.001
-"""Standard deviation of k due to the smoothing and the grid, relative to k."""
+
+FINEST = 0.0005
+"""Standard deviation of k due to the smoothing and the grid, relative to k.
+
+It is the median error of k on synthetic records without noise (`estimation.testing_records`).
+"""
 
 
 class Candidate(NamedTuple):
@@ -78,7 +84,7 @@ def evaluate(
         low = min(rows.phases.free_force - constant, high)
     force = 0.5 * (low + high)
     distance = np.abs(without - force)
-    near = np.flatnonzero(rows.loading & (distance < BAND * (high - low)))
+    near = with_neighbours(rows.loading & (distance < BAND * (high - low)), index)
     if len(near) < 6:
         order = np.argsort(np.where(rows.loading, distance, np.inf))
         near = np.sort(order[: min(6, int(rows.loading.sum()))])
@@ -103,6 +109,8 @@ def evaluate(
     bic = n * math.log(max(squares, 1e-300)) + (m + len(times)) * math.log(n)
     curvature = float(coefficients[1:] @ (powers[1:] * (powers[1:] - 1) * s ** (powers[1:] - 2)))
     k = float(gradient @ theta)
+    slopes = rows.scaled_powers[:, :degree] * powers @ coefficients / rows.scale
+    rounding = rows.rounding_error(np.vstack([gradient, damping]) @ fit.inverse * slopes)
     range_doubt = (
         math.hypot(HALF_FORCE * (high - low), 0.3 * rows.peak_spread(without))
         * curvature
@@ -114,14 +122,37 @@ def evaluate(
         times,
         bic,
         k,
-        math.hypot(fit.deviation(gradient), range_doubt, path_doubt, FINEST * k),
+        math.hypot(fit.deviation(gradient), range_doubt, path_doubt, rounding[0], FINEST * k),
         float(theta[rows.v_column]),
-        fit.deviation(damping),
+        math.hypot(fit.deviation(damping), rounding[1]),
         math.sqrt(squares),
         position,
         force + constant,
         theta,
     )
+
+
+def with_neighbours(mask: NDArray[np.bool_], index: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Return the indices of the true values, and of their neighbours if the runs are short.
+
+    A slope within a run needs three samples. A fast motion has fewer at half of the force range.
+
+    Parameters
+    ----------
+    mask
+        Samples to use, shape (n,).
+    index
+        Their indices on the grid, shape (n,); a step of more than 1 ends a run.
+    """
+    chosen = np.flatnonzero(mask)
+    passes = np.count_nonzero(np.diff(index[chosen]) > 1) + 1
+    if len(chosen) >= SLOPE_SAMPLES * passes:
+        return chosen
+    joined = np.diff(index) == 1
+    wider = mask.copy()
+    wider[1:] |= mask[:-1] & joined
+    wider[:-1] |= mask[1:] & joined
+    return np.flatnonzero(wider)
 
 
 def middle_position(x: Floats, f: Floats, force: float) -> float:

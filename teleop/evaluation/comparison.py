@@ -64,7 +64,7 @@ def compared(file: str, factors: Mapping[str, str], evaluation: Evaluation) -> C
     """Return the results of one evaluated recording."""
     e = evaluation
     estimates = {
-        name: summarise(e.t, e.regression, series, e.bank[name])
+        name: summarise(e.t, e.regression, series, e.bank[name], e.misfit[name])
         for name, series in e.estimates.items()
     }
     return Compared(file, dict(factors), e.analysis.result, estimates)

@@ -26,6 +26,9 @@ class ContactBank(Bank):
         super().__init__(bank, bank.gate)
         self.contact = contact
 
+    def _open_samples(self, samples: Samples) -> NDArray[np.bool_]:
+        return super()._open_samples(samples) & self.contact
+
     def _samples_of(
         self, e: Estimator, samples: Samples, plain: Samples, is_open: NDArray[np.bool_]
     ) -> Samples:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import cached_property
 
 import numpy as np
@@ -97,6 +98,36 @@ class Rows:
         if len(self.contacts) < 3:
             return 0.0
         return float(np.std(np.maximum.reduceat(force, self.contacts)))
+
+    @cached_property
+    def scaled_powers(self) -> Floats:
+        """Powers 0 to 4 of the normalised position at the rows, shape (n, 5)."""
+        depth = np.clip(self.normalised(self.record.x[self.rows]), -1.5, 1.5)
+        return np.asarray(depth[:, None] ** np.arange(DEGREES[-1]))
+
+    def rounding_error(self, sensitivity: Floats) -> Floats:
+        """Return standard deviations of parameters due to the resolution of the position.
+
+        The rounding error of the position, of the size count / sqrt(12), is the same whenever the
+        position has the same count: throughout a hold, and in every cycle. No average over these
+        samples makes it smaller.
+
+        Parameters
+        ----------
+        sensitivity
+            Change of m parameters with the position of each of the n rows, shape (m, n).
+
+        Returns
+        -------
+        Array of shape (m,).
+        """
+        count = self.record.count
+        if count == 0.0:
+            return np.zeros(len(sensitivity))
+        counts = np.round(self.record.raw_x[self.rows] / count)
+        _, level = np.unique(counts, return_inverse=True)
+        sums = np.array([np.bincount(level, row) for row in sensitivity])
+        return np.asarray(count / math.sqrt(12.0) * np.sqrt(np.sum(sums**2, axis=1)))
 
     def regressors(self, degree: int, relaxing: list[Floats]) -> Floats:
         """Return baseline, velocity, powers of the position and relaxing parts, shape (n, m)."""

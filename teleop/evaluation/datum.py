@@ -97,12 +97,3 @@ def moving_part(x: Floats) -> slice:
     first = int(np.argmax(np.abs(x - x[0]) > band))
     last = len(x) - int(np.argmax(np.abs(x[::-1] - x[-1]) > band))
     return slice(max(first - 1, 0), min(last + 1, len(x))) if first < last else slice(None)
-
-
-def smallest_step(x: Floats) -> float:
-    """Return the smallest change between successive positions [m]; infinity if there is none.
-
-    For a position from an encoder this is one count.
-    """
-    steps = np.abs(np.diff(x))
-    return float(steps[steps > 0.0].min(initial=np.inf))

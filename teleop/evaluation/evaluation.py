@@ -13,7 +13,7 @@ from estimation import (
     Estimates,
     Excitation,
     Fit,
-    Model,
+    Misfit,
     Preset,
     Regression,
     force_error,
@@ -25,7 +25,7 @@ from estimation.batch_models import BatchFit
 from estimation.compiled import Floats
 from estimation.conditioner_choice import make_conditioner
 from estimation.conditioning import BANDWIDTH
-from estimation.estimate_columns import estimate_arrays, estimate_columns
+from estimation.estimate_columns import estimate_arrays, estimate_columns, misfit_columns
 from estimation.excitation import dominant_frequency
 from estimation.model import KELVIN_VOIGT
 from estimation.registry import PAPER
@@ -33,42 +33,25 @@ from estimation.summary import summarise
 from teleop.errors import InputError, as_input_error
 from teleop.evaluation.analysis import Analysis, analyse
 from teleop.evaluation.contact_bank import ContactBank, contact_at
-from teleop.evaluation.datum import Datum, find_datum, moving_part, smallest_step
+from teleop.evaluation.datum import Datum, find_datum, moving_part
+from teleop.evaluation.estimate_settings import EstimateSettings
+from teleop.evaluation.force_filter import without_filter_delay
 from teleop.evaluation.model_comparison import compare
 from teleop.evaluation.model_comparison import cost as sample_cost
 from teleop.evaluation.sampling_gaps import closed_up, condition
 from teleop.evaluation.signals import Signals
-from teleop.names import ConditioningName, PresetName
+from teleop.evaluation.smallest_step import smallest_step
 
 FEWEST_KEPT = 0.9
 """Share of the force variance below which conditioning is reported to remove the signal."""
+LEAST_EXCITATION = 0.01
+"""Excitation below which b is not reported by the online estimators without a remark.
+
+The standard deviation of b omega is then more than ten times that of k, so that a loss b omega / k
+of less than one is not resolved where k is known to 10 %.
+"""
 FEWEST = 10
 """Fewest moving samples that are evaluated."""
-
-
-@dataclass(frozen=True)
-class EstimateSettings:
-    """Settings of an evaluation."""
-
-    datum: str = "auto"
-    """`auto`, `contact`, `file`, `start`, `mean`, or a position and a force such as `1.5mm,20N`."""
-    preset: PresetName | Preset = "scaled"
-    """Parameters of the estimators: `scaled` from the data, those of the `paper`, or a preset."""
-    estimators: tuple[str, ...] | None = None
-    """Names of the estimators; None for those of the preset."""
-    model: Model | None = None
-    """Model of the estimators that support several models; None for that of the preset."""
-    cube: str = "soft"
-    """Cube that selects the adaptation gain of the paper's preset."""
-    conditioning: ConditioningName = "matched"
-    bandwidth: float | None = None
-    """Bandwidth of the conditioning [Hz]; None for ten times the upper end of the coherent band."""
-    force_lag: float = 0.0
-    """Lag of the force channel [s]; matched conditioning compensates for it."""
-    whole: bool = False
-    """Whether to include rest before and after the motion."""
-    resolution: float | None = None
-    """Position of one encoder count [m]; None for the smallest step in the data."""
 
 
 @dataclass(frozen=True)
@@ -92,10 +75,14 @@ class Evaluation:
     """Number of samples in the recording, including those at rest."""
     excitation: Floats
     """Excitation measure at the motion's dominant frequency."""
+    misfit: dict[str, Floats]
+    """Misfit of each estimator (`estimation.misfit`)."""
     analysis: Analysis
     """The batch evaluation."""
     kept_force_variance: float
     """Share of the variance of the force that the conditioning keeps."""
+    filter_note: str
+    """How the delay of a stated force filter was compensated, or why not; empty for none."""
     gaps: tuple[tuple[float, float], ...] = ()
     """Times of the last sample before each gap and of the first after it [s]."""
 
@@ -109,7 +96,9 @@ class Evaluation:
             time differs from call to call.
         """
         estimates = {
-            name: summarise(self.t, self.regression, series, self.bank[name])._asdict()
+            name: summarise(
+                self.t, self.regression, series, self.bank[name], self.misfit[name]
+            )._asdict()
             for name, series in self.estimates.items()
         }
         if not set(estimates) <= set(PAPER):
@@ -169,6 +158,14 @@ class Evaluation:
         """Return result, models and phases as a dictionary for JSON."""
         result = self.analysis.result
         reasons = list(result.reasons)
+        excitation = float(np.percentile(self.excitation, 95))
+        if excitation < LEAST_EXCITATION:
+            reasons.append(
+                f"the excitation of the online estimators is {excitation:.1g} at most: below "
+                f"{LEAST_EXCITATION:g} they cannot separate b from k"
+            )
+        if self.filter_note:
+            reasons.append(self.filter_note)
         if self.kept_force_variance < FEWEST_KEPT:
             reasons.append(
                 f"conditioning at {self.bandwidth:.3g} Hz keeps {self.kept_force_variance:.0%} of "
@@ -195,6 +192,8 @@ class Evaluation:
         ):
             columns[column.name] = np.asarray(values, dtype=np.float64)
             units[column.name] = column.unit
+        for column, values in zip(misfit_columns(self.bank), self.misfit.values(), strict=True):
+            columns[column.name], units[column.name] = values, column.unit
         return columns, units
 
 
@@ -210,6 +209,9 @@ def evaluate(signals: Signals, settings: EstimateSettings) -> Evaluation:
     InputError
         A setting is out of its range, nothing moves, or gaps leave too few samples.
     """
+    lag, note = settings.force_lag, ""
+    if lag is None:
+        lag, (signals, note) = 0.0, without_filter_delay(signals)
     if len(signals.t) < FEWEST:
         raise InputError(
             f"the estimators received only {len(signals.t)} samples: expected at least {FEWEST}"
@@ -220,7 +222,7 @@ def evaluate(signals: Signals, settings: EstimateSettings) -> Evaluation:
     if len(signals.dt[motion]) < FEWEST:
         raise InputError(f"only {len(signals.dt[motion])} samples move: expected at least {FEWEST}")
     with as_input_error():
-        analysis = analyse(signals, settings.force_lag)
+        analysis = analyse(signals, lag)
     datum = find_datum(signals, settings.datum, analysis.phases)
     band = analysis.record.band
     frequency = band.centre
@@ -236,9 +238,7 @@ def evaluate(signals: Signals, settings: EstimateSettings) -> Evaluation:
     given = settings.preset if isinstance(settings.preset, Preset) else None
     model = settings.model or (given.model if given else KELVIN_VOIGT)
     with as_input_error():
-        conditioner = make_conditioner(
-            settings.conditioning, bandwidth, count, settings.force_lag, model
-        )
+        conditioner = make_conditioner(settings.conditioning, bandwidth, count, lag, model)
     whole, settled = condition(
         conditioner,
         signals.t,
@@ -273,6 +273,7 @@ def evaluate(signals: Signals, settings: EstimateSettings) -> Evaluation:
     if given is None:
         bank = ContactBank(bank, contact_at(analysis, t))
     estimates = bank.run(*regression)
+    misfit = Misfit(bank) if given else Misfit(bank, 1.0 / frequency)
     measure = Excitation(frequency, resolution=10.0 * count)
     excitation = [measure.update(*sample) for sample in zip(x, v, dt, strict=True)]
     period = float(np.median(dt))
@@ -290,7 +291,9 @@ def evaluate(signals: Signals, settings: EstimateSettings) -> Evaluation:
         jitter=float(np.max(np.abs(np.delete(dt, apart) - period))) / period,
         samples=len(signals.t),
         excitation=np.array(excitation),
+        misfit=misfit.run(regression, estimates, bank.opened),
         analysis=analysis,
+        filter_note=note,
         kept_force_variance=float(np.var(f) / max(float(np.var(signals.f[used])), 1e-300)),
         gaps=tuple((float(signals.t[i - 1]), float(signals.t[i])) for i in gaps),
     )

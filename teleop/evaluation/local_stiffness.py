@@ -14,7 +14,8 @@ The candidate models are
 - b is the coefficient of the velocity.
 
 Each candidate is fitted to the smoothed samples by linear least squares. The candidates are
-weighted by the Bayesian information criterion. The variance of the weighted mean is the variance of
+weighted by the Bayesian information criterion; one that does not determine k is left out. The
+variance of the weighted mean is the variance of
 each candidate (`estimation.robust_error`) plus the spread between candidates, so that uncertainty
 about the model widens the interval.
 
@@ -64,6 +65,8 @@ class LocalStiffness:
     """Candidate of degree 1 without relaxation."""
     baseline_size: float
     """Peak-to-peak size of the baseline [N]."""
+    samples: int
+    """Number of nearly independent samples that were fitted."""
     r2: float
     """R^2 of the best candidate, for the force minus its baseline."""
 
@@ -84,6 +87,7 @@ def local_stiffness(
     found = [evaluate(rows, degree, (), []) for degree in DEGREES if rows.allow(degree)]
     if not found:
         return None
+    plain = found[0]
     if rows.order == 0:
         found += with_relaxation(rows, rows.normalised(record.raw_x), DEGREES[:3])
         best = min(found, key=lambda one: one.bic)
@@ -91,13 +95,11 @@ def local_stiffness(
             found += with_relaxation(
                 rows, rows.polynomial(best.theta[: rows.v_column + 1 + best.degree]), DEGREES[1:4]
             )
-    bics = np.array([one.bic for one in found])
-    weights = np.exp(-0.5 * (bics - bics.min()))
-    weights /= weights.sum()
+    found = [one for one in found if one.k_std < abs(one.k)] or found
+    weights = model_weights(found)
     k, k_std = averaged(weights, [(one.k, one.k_std) for one in found])
     b, b_std = averaged(weights, [(one.b, one.b_std) for one in found])
-    best = found[int(np.argmin(bics))]
-    plain = [one for one in found if one.degree == 1 and not one.times]
+    best = min(found, key=lambda one: one.bic)
     rest = robust_fit(rows.basis, rows.f).residual
     slow = rows.basis[:, 1:] @ best.theta[1 : rows.order + 1]
     return LocalStiffness(
@@ -106,8 +108,9 @@ def local_stiffness(
         b,
         b_std,
         best,
-        plain[0],
+        plain,
         float(np.ptp(slow)) if rows.order else 0.0,
+        len(rows.f),
         1.0 - best.rms**2 / max(float(np.mean(rest**2)), 1e-300),
     )
 
@@ -156,6 +159,22 @@ def with_relaxation(rows: Rows, y: Floats, degrees: tuple[int, ...]) -> list[Can
             found += trials
             chosen = best.times
     return found
+
+
+def model_weights(found: list[Candidate]) -> Floats:
+    """Return the weights of the candidates, shape (m,).
+
+    The candidates of one degree and one number of time constants are one model, whose time
+    constants are parameters. The weight of a model is that of its best candidate, so that it does
+    not depend on how many time constants are tried.
+    """
+    bics = np.array([one.bic for one in found])
+    weights = np.exp(-0.5 * (bics - bics.min()))
+    models = [(one.degree, len(one.times)) for one in found]
+    for model in set(models):
+        member = np.array([one == model for one in models])
+        weights[member] *= weights[member].max() / max(float(weights[member].sum()), 1e-300)
+    return np.asarray(weights / weights.sum())
 
 
 def averaged(weights: Floats, values: list[tuple[float, float]]) -> tuple[float, float]:

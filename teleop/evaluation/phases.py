@@ -7,7 +7,9 @@ travels several times farther than that, this part of the record is free motion.
 neither a zero of position or force nor the names of the columns, and it works when the surface
 drifts. If there is no free motion, the record is in contact throughout, or never.
 It is never in contact if the force does not follow the displacement (`teleop.evaluation.result`).
-A force that stays at its highest level while the position moves indicates a saturated sensor.
+A force that stays at its highest level while the position moves on indicates a saturated sensor.
+Only travel in the direction of the motion counts: lost motion (backlash) lets the force rest after
+a reversal.
 
 **Contact point.** The force of each approach is constant before the contact, and quadratic in the
 depth with damping after it: f = f0 + a d + q d^2 + b v [d > 0], d = (x - xc)+. This model is fitted
@@ -32,9 +34,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtri, stdtrit
 
-from estimation.baseline import without_baseline
 from estimation.compiled import Floats
 from estimation.stiffening import Interval
+from teleop.evaluation.force_levels import clipped, levels
 from teleop.evaluation.masks import eroded, hysteresis, runs, without_short
 from teleop.evaluation.prepared import Prepared
 from teleop.evaluation.turning_points import turning_points
@@ -43,10 +45,6 @@ LEVEL = 0.015
 """Least width of a force level, relative to the force range."""
 NOISE = 6.0
 """Least width of a force level, in standard deviations of the noise of the smoothed force."""
-TRAVEL = 4.0
-"""Travel at one force level that counts as free motion, relative to what the stiffness allows."""
-LAG = 1.5
-"""Safety factor on the travel at a peak of the force, which precedes the peak of the position."""
 TURN = 0.05
 """Least reversal of the motion that separates loading from unloading, relative to the travel."""
 STILL = 0.02
@@ -55,7 +53,9 @@ HOLD = 0.33
 """Shortest hold, relative to the median duration of the monotone parts."""
 APPROACHES, MOST_POINTS = 10, 300
 """Approximate number of approaches in the fit of the contact point, and samples of each."""
-GUARD = 2.5
+SHORT = 4
+"""A record of fewer guards than this for each of its ends is used up to its ends."""
+GUARD = 3.5
 """Samples less than this many kernel widths from the begin or end of a contact are not fitted."""
 
 
@@ -107,78 +107,10 @@ def find_phases(record: Prepared) -> Phases:
         contact = without_short(contact, 2 * guard)
         point = contact_point(record, contact, free_force, width)
     usable = eroded(contact, guard) if free is not None else contact.copy()
-    for start in record.starts[1:]:
-        usable[max(0, start - guard) : start + guard] = False
+    ends = [*record.starts, len(usable)]
+    for end in ends if usable.sum() > SHORT * guard * len(ends) else ends[1:-1]:
+        usable[max(0, end - guard) : end + guard] = False
     return Phases(contact, usable, free_force, spread, point, saturated, split(record, contact))
-
-
-def levels(
-    record: Prepared, low: float, high: float, width: float
-) -> tuple[NDArray[np.bool_] | None, bool]:
-    """Return the samples in free motion, and whether the sensor is saturated.
-
-    Parameters
-    ----------
-    record
-        The prepared record.
-    low, high
-        Lowest and highest force [N], outliers excluded.
-    width
-        Width of a force level [N].
-
-    Returns
-    -------
-    Mask of free motion, shape (n,), or None if there is none; and whether the force stays at its
-    highest level while the position moves.
-    """
-    x, f = record.palpation, record.f
-    if width > 0.2 * (high - low):
-        return None, False
-    v = np.gradient(x, record.period)
-    elastic = without_baseline(f, record.clock, record.order)
-    b, k, _ = np.linalg.lstsq(np.column_stack([v, x, np.ones(len(x))]), elastic, rcond=None)[0]
-    loss = min(1.0, abs(b) * float(np.std(v)) / max(abs(k) * float(np.std(x)), 1e-300))
-    turn = float(np.arccos(1.0 - min(1.0, 2.0 * width / (high - low))))
-    lag = float(np.ptp(x)) * np.sin(np.arctan(loss)) * turn
-    fast = np.abs(v) > 0.1 * np.percentile(np.abs(v), 95)
-    rate = np.gradient(elastic, record.period)
-    free = None
-    saturated = False
-    for bottom in (True, False):
-        level = f < low + width if bottom else f > high - width
-        middle = 0.5 * (low + high)
-        beside = fast & ~level & ((f < middle) if bottom else (f > middle))
-        if beside.sum() < 3:
-            beside = fast & ~level
-        if beside.sum() < 3:
-            continue
-        stiffness = float(np.median(rate[beside] / v[beside]))
-        allowed = TRAVEL * width / max(stiffness, 1e-300) + LAG * lag
-        resting = np.zeros(len(f), dtype=np.bool_)
-        for start, end in runs(level):
-            if np.ptp(x[start:end]) > allowed:
-                resting[start:end] = True
-        if resting.any():
-            if bottom:
-                free = resting
-            else:
-                saturated = True
-    return free, saturated
-
-
-def clipped(record: Prepared) -> bool:
-    """Return whether many samples have exactly the same extreme force while the position moves."""
-    f = record.raw_f
-    for extreme in (f.max(), f.min()):
-        equal = f == extreme
-        for start, end in runs(equal):
-            if end - start >= 8 and np.ptp(record.raw_x[start:end]) > 20.0 * record.x_noise:
-                before = slice(max(0, start - (end - start)), start)
-                after = slice(end, end + (end - start))
-                around = np.concatenate([f[before], f[after]])
-                if extreme == f.max() and len(around) and extreme - around.min() > 0.02 * np.ptp(f):
-                    return True
-    return False
 
 
 def contact_point(

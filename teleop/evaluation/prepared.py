@@ -23,6 +23,7 @@ from estimation.coherent_band import CoherentBand, block_means, coherent_band
 from estimation.compiled import Floats
 from estimation.smoothing import kernel_width, slope, smooth
 from teleop.evaluation.signals import Signals
+from teleop.evaluation.smallest_step import smallest_step
 from teleop.evaluation.turning_points import turning_points
 
 CORNER = 5.0
@@ -60,6 +61,8 @@ class Prepared:
     """Standard deviation of the noise of the measured position [m], quantisation included."""
     f_noise: float
     """Standard deviation of the noise of the measured force [N]."""
+    count: float
+    """Resolution of the position: its smallest step [m]; 0 if it never changes."""
 
     @cached_property
     def clock(self) -> Floats:
@@ -186,6 +189,7 @@ def prepare(signals: Signals, bandwidth: float | None = None, force_lag: float =
         tuple(starts[:-1]),
         x_noise=max(x_noise, step),
         f_noise=f_noise,
+        count=smallest_step(signals.x),
     )
 
 
@@ -198,14 +202,3 @@ def measurement_noise(values: Floats) -> float:
         Evenly sampled, shape (n,).
     """
     return float(1.4826 * np.median(np.abs(np.diff(values, 3))) / np.sqrt(20.0))
-
-
-def smallest_step(x: Floats) -> float:
-    """Return the smallest change between successive positions [m]; 0 if there is none.
-
-    For a position from an encoder this is one count.
-    """
-    steps = np.abs(np.diff(x))
-    size = float(np.max(np.abs(x))) or 1.0
-    steps = steps[steps > 1e-12 * size]
-    return float(steps.min()) if len(steps) else 0.0

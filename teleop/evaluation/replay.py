@@ -6,7 +6,8 @@ import numpy as np
 
 from estimation import Preset
 from teleop.errors import InputError, invalid_parts
-from teleop.evaluation.evaluation import EstimateSettings, Evaluation
+from teleop.evaluation.estimate_settings import EstimateSettings
+from teleop.evaluation.evaluation import Evaluation
 from teleop.evaluation.signals import Signals
 from teleop.evaluation.units import LARGEST
 from teleop.recording.recording import Recording

@@ -39,6 +39,11 @@ SLIGHT = 0.02
 """Residual of Kelvin-Voigt, relative to the force, below which that model is sufficient."""
 SMALL_BASELINE = 0.05
 """Size of a baseline, relative to the force range, below which it is not reported."""
+FEWEST_INDEPENDENT = 35
+"""Least number of independent samples for the intervals.
+
+With fewer, the error model of four parameters has less than four cosines (`robust_error`).
+"""
 DATUM_ERROR = 1e-4
 """Datum error for which the change of the secant stiffness is reported [m]."""
 
@@ -158,7 +163,7 @@ def reasons_before_fit(record: Prepared, phases: Phases) -> list[str]:
         found.append("contact is too short for the smoothing: expected longer contact")
     else:
         inside = record.x[phases.usable]
-        travel = float(np.percentile(inside, 90) - np.percentile(inside, 10))
+        travel = float(np.ptp(inside))
         if travel < 2.5 * MOTION * record.x_noise:
             found.append(
                 f"in contact the position moves by {travel * 1e6:.3g} um, too little for its noise "
@@ -241,6 +246,16 @@ def remarks(record: Prepared, phases: Phases, local: LocalStiffness, half_b: flo
             f"drift removed: a baseline of {local.baseline_size:.3g} N peak to peak below "
             f"{0.6 * record.band.low:.2g} Hz"
         )
+    if local.samples < FEWEST_INDEPENDENT:
+        found.append(
+            f"few samples: {local.samples} independent samples in contact, and the intervals need "
+            f"{FEWEST_INDEPENDENT}: expected a longer record or a faster rate"
+        )
     if half_b > abs(local.b):
         found.append("damping is not different from zero")
+    elif local.b < 0.0:
+        found.append(
+            "damping is negative: the force lags behind the position (see --force-lag and teleop "
+            "lag), or motion is lost between the position sensor and the tip, which biases k too"
+        )
     return found

@@ -5,7 +5,7 @@ from __future__ import annotations
 from importlib.metadata import version
 from typing import Any
 
-from teleop.evaluation.evaluation import EstimateSettings
+from teleop.evaluation.estimate_settings import EstimateSettings
 
 
 def settings_summary(settings: EstimateSettings) -> dict[str, Any]:
@@ -13,5 +13,5 @@ def settings_summary(settings: EstimateSettings) -> dict[str, Any]:
     return {
         "software": f"teleop {version('teleop')}",
         "conditioning": settings.conditioning,
-        "force_lag_s": settings.force_lag,
+        "force_lag_s": settings.force_lag or 0.0,
     }

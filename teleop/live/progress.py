@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 from teleop.live.cue import LEGEND, Cue
@@ -28,8 +28,8 @@ class Status(NamedTuple):
     """Position that the operator follows [m]; NaN for none."""
     position: float
     """Position of the slave [m]."""
-    estimates: Iterable[tuple[str, float, float]]
-    """Name, b [N s/m] and k [N/m] of each estimator."""
+    estimates: Sequence[tuple[str, float, float, float]] | None
+    """Name, b [N s/m], k [N/m] and misfit of each estimator; None if there is no contact."""
 
 
 class Progress:
@@ -45,6 +45,8 @@ class Progress:
         Keys that stop the run, shown in the line.
     instructions
         How to stop the run, for a line at the start.
+    largest_misfit
+        Misfit above which an estimator is marked.
     cue
         Shows the target of mimic; None for another condition.
     """
@@ -55,12 +57,14 @@ class Progress:
         duration: float,
         hint: str,
         instructions: str,
+        largest_misfit: float,
         cue: Cue | None = None,
     ) -> None:
         self._shown = shown
         self._duration = duration
         self._hint = f"[{hint}]  " if hint else ""
         self._cue = cue
+        self._largest_misfit = largest_misfit
         self._due = 0.0
         self._terminal = Terminal(STDERR)
         if shown and instructions:
@@ -81,11 +85,21 @@ class Progress:
             return
         self._due = now + (REDRAW_CUE if self._cue else REDRAW)
         mode, target, position, estimates = status()
-        texts = [f"  {name} {k:6.0f} {b:+5.0f}" for name, b, k in estimates if not math.isnan(k)]
-        shown = f"  k [N/m], b [N s/m]:{''.join(texts[:SHOWN])}" if texts else ""
-        progress = f"{self._hint}{mode}  {max(t, 0.0):4.1f} of {self._duration:g} s"
-        cue = f"  {self._cue.text(t, target, position)}" if self._cue else ""
-        self._draw(f"{progress}{cue}{shown}")
+        line = f"{self._hint}{mode}  {max(t, 0.0):4.1f} of {self._duration:g} s"
+        if self._cue:
+            line += f"  {self._cue.text(t, target, position)}"
+        self._draw(line, ["  no contact"] if estimates is None else self._texts(estimates))
+
+    def _texts(self, estimates: Sequence[tuple[str, float, float, float]]) -> list[str]:
+        """Return the texts of the estimators, after a heading if there are any."""
+        shown = [one for one in estimates if not math.isnan(one[2])][:SHOWN]
+        marked = [misfit > self._largest_misfit for *_, misfit in shown]
+        texts = [
+            f"  {name} {k:.0f} {b:+.0f}{'*' if mark else ''}"
+            for (name, b, k, _), mark in zip(shown, marked, strict=True)
+        ]
+        note = ", * misfit" if any(marked) else ""
+        return [f"  k [N/m], b [N s/m]{note}:", *texts] if texts else []
 
     def report(self, text: str) -> None:
         """Write a message that stays on the terminal."""
@@ -97,10 +111,15 @@ class Progress:
             self._terminal.draw("\r\x1b[K")
         self._terminal.close()
 
-    def _draw(self, text: str) -> None:
+    def _draw(self, line: str, texts: list[str]) -> None:
+        """Draw the line with the texts; those that do not fit are omitted, the heading first."""
         try:
             width = os.get_terminal_size(STDERR).columns or 80
         except OSError:
             self._shown = False
             return
-        self._terminal.draw("\r" + text[: width - 1] + "\x1b[K")
+        if len(line + "".join(texts)) >= width:
+            texts = texts[1:]
+        while texts and len(line + "".join(texts)) >= width:
+            texts.pop()
+        self._terminal.draw("\r" + (line + "".join(texts))[: width - 1] + "\x1b[K")

@@ -8,6 +8,7 @@ from typing import Any
 
 from rich.console import Console
 
+from estimation.misfit import LARGEST_MISFIT
 from teleop.output.console import number, plain_console, print_table, small
 from teleop.output.result_tables import print_models, print_result
 from teleop.recording.gaps import Gap, missing_text
@@ -80,6 +81,12 @@ def print_estimates(
     for name, row in rows.items():
         if row["held"] == 1.0:
             console.print(f"  {name}: no estimate: no contact or no motion", style="red")
+        if row["misfit"] > LARGEST_MISFIT:
+            console.print(
+                f"  {name}: a systematic force error of {row['misfit']:.0%} at the end: the model "
+                "or the estimate does not describe the body",
+                style="yellow",
+            )
         if row["note"]:
             console.print(f"  {name}: {row['note']}", style="yellow")
 
@@ -99,15 +106,16 @@ def further_lines(rows: Mapping[str, Mapping[str, Any]]) -> list[str]:
 
 
 def interval_table(rows: Mapping[str, Mapping[str, Any]]) -> tuple[list[str], list[list[str]]]:
-    """Return headings and cells: estimates at the end with intervals, and share of held samples."""
+    """Return headings and cells: estimates at the end with intervals, held samples and misfit."""
     timed = any("cost_us" in row for row in rows.values())
-    headings = ["", "k [N/m]", "b [N s/m]", "held", *(["cost [us]"] if timed else [])]
+    headings = ["", "k [N/m]", "b [N s/m]", "held", "misfit", *(["cost [us]"] if timed else [])]
     cells = [
         [
             name,
             with_interval(row["k_end"], row["k_interval"], 0),
             with_interval(row["b_end"], row["b_interval"], digits(row["b_end"])),
             percent(row["held"]),
+            percent(row["misfit"]),
             *([number(row["cost_us"], 1)] if timed else []),
         ]
         for name, row in rows.items()
@@ -147,13 +155,7 @@ def print_estimated(console: Console, summary: Mapping[str, Any]) -> None:
 
 
 def print_reading(console: Console, summary: Mapping[str, Any]) -> None:
-    """Print what the file states about a force filter, and what was done to its samples."""
-    if summary["force_filter"]:
-        console.print(
-            f"  the file states a filter of the force: {summary['force_filter']!r}; "
-            "its delay biases b unless --force-lag compensates for it",
-            style="yellow",
-        )
+    """Print what was done to the samples on reading."""
     for note in summary["reading"]:
         console.print(f"  {note}", style="yellow")
 

@@ -37,6 +37,8 @@ def print_trial(summary: Mapping[str, Any]) -> None:
     console.print(
         f"  excitation: {summary['excitation']['mean']:.2f} (0 none, 1 a sine of 1 Hz about zero)"
     )
+    if summary["contact"] < 1.0:
+        console.print(f"  no contact in {1.0 - summary['contact']:.0%} of the samples")
     loop = summary["loop"]
     if summary["clock"] == "virtual":
         console.print(f"  loop: {summary['ticks']} ticks at {loop['rate_hz']:g} Hz, virtual time")

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from operator import attrgetter
 from typing import TYPE_CHECKING
 
-from estimation.estimate_columns import Column, estimate_columns, estimate_row
+from estimation.estimate_columns import Column, estimate_columns, estimate_row, misfit_columns
 from teleop.recording.cdr import CDR
 from teleop.recording.tick_columns import COLUMNS
 
@@ -53,7 +53,13 @@ class Layout:
             for name, unit in model
         )
         of_tick = (Column(name, unit, meaning) for name, unit, _, meaning in COLUMNS)
-        self.columns = (*of_tick, DROPPED, *regressors, *estimate_columns(bank))
+        self.columns = (
+            *of_tick,
+            DROPPED,
+            *regressors,
+            *estimate_columns(bank),
+            *misfit_columns(bank),
+        )
         self._struct = struct.Struct(f"<4s{len(self.columns)}d")
         self.size = self._struct.size
 
@@ -74,4 +80,6 @@ class Layout:
             Number of ticks that the recorder has dropped so far.
         """
         estimates = estimate_row(record.estimates)
-        return self._struct.pack(CDR, *VALUES(record), dropped, *record.further, *estimates)
+        return self._struct.pack(
+            CDR, *VALUES(record), dropped, *record.further, *estimates, *record.misfit
+        )

@@ -15,7 +15,6 @@ import os
 import struct
 import sys
 import time
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -39,6 +38,7 @@ FLUSH = 0.05
 BULK = 1 << 16
 """Largest number of bytes that are read from the pipe at a time."""
 DOUBLE = struct.Struct("<d")
+"""Struct with one column of the message of a tick."""
 PAIR = struct.Struct("<2d")
 """Struct with b and k of an estimator in the message of a tick."""
 
@@ -123,15 +123,20 @@ class FrameReader:
                 self._file.end(*NUMBER.unpack(frame))
         self._rest = data[place:]
 
-    def _status(self) -> Status:
-        shown = (self._places[name] for name in ("mode", "target", "slave_position"))
-        mode, target, position = (DOUBLE.unpack_from(self._last, place)[0] for place in shown)
-        return Status(Mode(int(mode)).name.lower(), target, position, self._estimates())
+    def _value(self, column: str) -> float:
+        return float(DOUBLE.unpack_from(self._last, self._places[column])[0])
 
-    def _estimates(self) -> Iterator[tuple[str, float, float]]:
-        for name in self._estimators:
-            b, k = PAIR.unpack_from(self._last, self._places[f"{name}_b"])
-            yield name, b, k
+    def _status(self) -> Status:
+        estimates = [
+            (name, *PAIR.unpack_from(self._last, self._places[b]), self._value(misfit))
+            for name, b, misfit in self._estimators
+        ]
+        return Status(
+            Mode(int(self._value("mode"))).name.lower(),
+            self._value("target"),
+            self._value("slave_position"),
+            None if self._value("contact") == 0.0 else estimates,
+        )
 
 
 def main() -> None:
@@ -159,6 +164,7 @@ def main() -> None:
         session["duration"],
         session["hint"],
         session["instructions"],
+        session["largest_misfit"],
         Cue(*session["cue"]) if session["cue"] else None,
     )
     frames = FrameReader(session, file, progress)

@@ -12,6 +12,8 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from estimation.estimate_columns import MISFIT
+from estimation.misfit import LARGEST_MISFIT
 from teleop.errors import InputError, reason
 from teleop.recording.frames import BEGIN, END, EVENT, FRAME, HEAD, TICK, number_frame
 from teleop.recording.message import Layout
@@ -92,7 +94,8 @@ class RecorderProcess(Sink):
         session = {
             "path": str(path) if path else None,
             "columns": layout.columns,
-            "estimators": layout.estimators,
+            "estimators": [(name, f"{name}_b", name + MISFIT) for name in layout.estimators],
+            "largest_misfit": LARGEST_MISFIT,
             "definition": layout.definition,
             "metadata": metadata,
             "duration": duration,

@@ -12,7 +12,7 @@ import numpy as np
 
 from estimation import Estimates, Regression
 from estimation.compiled import Floats
-from estimation.estimate_columns import estimates_in, estimators_in
+from estimation.estimate_columns import estimates_in, estimators_in, misfit_in
 from teleop.errors import InputError, MissingColumn
 from teleop.recording.cdr import CDR
 from teleop.recording.gaps import Gap, missing_ticks
@@ -91,6 +91,10 @@ class Recording:
     def estimates(self) -> dict[str, Estimates]:
         """Return the estimates by the name of the estimator."""
         return {name: estimates_in(self.columns, name) for name in self.estimators}
+
+    def misfit(self, estimator: str) -> Floats:
+        """Return the misfit of an estimator, shape (ticks,); NaN if it was not recorded."""
+        return misfit_in(self.columns, estimator)
 
     def regression(self) -> Regression:
         """Return the samples that were passed to the estimators."""

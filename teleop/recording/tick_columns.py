@@ -69,6 +69,7 @@ ESTIMATED_FROM = (
     ("v", "m/s", "v", "velocity given to the estimators"),
     ("f", "N", "f", "force given to the estimators"),
     ("excitation", "-", "excitation", "0 for no excitation, 1 for a sine about zero"),
+    ("contact", "-", "contact", "1 while the gate detects contact, 0 if not; NaN for no gate"),
 )
 STATE_OF_LOOP = (
     ("mode", "-", "mode", MODES),

@@ -95,7 +95,7 @@ class Trial:
             excitation = float(np.mean(active["excitation"])), float(active["excitation"][-1])
         else:
             depth, excitation = 0.0, (math.nan, math.nan)
-        whole = self.recording
+        whole, in_contact = self.recording, active.columns.get("contact", np.array([]))
         threshold = (settings.estimation_preset.gate or GATE).force
         contact = float(np.sum(regression.dt[np.abs(regression.f) > threshold]))
         return {
@@ -118,12 +118,15 @@ class Trial:
             "interrupted": self.interrupted,
             "tracking": self.tracking(),
             "estimates": {
-                name: summarise(t, regression, estimates, self.bank[name])._asdict()
+                name: summarise(
+                    t, regression, estimates, self.bank[name], active.misfit(name)
+                )._asdict()
                 for name, estimates in active.estimates().items()
                 if len(t) and (contact >= LEAST_CONTACT or not self.interrupted)
             },
             "truth": None if settings.rig else truth(settings, depth),
             "excitation": {"mean": excitation[0], "last": excitation[1]},
+            "contact": float(np.mean(in_contact)) if len(in_contact) else math.nan,
             "loop": loop_timing(settings.rate, whole["dt"], whole["lateness"], whole["overrun"])
             | tick_times(whole),
             "safety": safety_summary(active, self.fault),

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from drivers import Ages, Command, Measurement, Rig, RigError
-from estimation import Excitation, MatchedFilter, paper_preset
+from estimation import Excitation, Gate, MatchedFilter, Misfit, paper_preset
 from sim_backend import CUBES, SimulatedRig
 from teleop.control.admittance import Admittance, AdmittanceParameters
 from teleop.control.clock import Tick, VirtualClock
@@ -148,7 +148,14 @@ def test_every_stage_gets_its_channel_and_the_measured_dt():
     x, v, f = (np.full(len(TIMES), math.nan) for _ in range(3))
     regression = MatchedFilter(20.0).run(position[armed:], force[armed:], dt[armed:])
     x[armed:], v[armed:], f[armed:] = regression[:3]
-    estimates = paper_preset().bank().run(*regression)
+    bank = paper_preset().bank()
+    estimates = bank.run(*regression)
+    misfit = Misfit(bank).run(regression, estimates, bank.opened)
+    gate = Gate(paper_preset().gate)
+    contact = []
+    for sample in zip(v[armed:], x[armed:], f[armed:], dt[armed:], strict=True):
+        gate.update(sample[:2], *sample[2:])
+        contact.append(float(gate.contact))
     measure = Excitation()
     excitation = [
         measure.update(*sample) for sample in zip(x[armed:], v[armed:], dt[armed:], strict=True)
@@ -200,11 +207,13 @@ def test_every_stage_gets_its_channel_and_the_measured_dt():
         "limited": np.zeros(len(TIMES)),
         "target": np.full(len(TIMES), np.nan),
         "excitation": idle + excitation,
+        "contact": idle + contact,
     }
     for name, e in estimates.items():
         expected |= {f"{name}_b": idle + list(e.b), f"{name}_k": idle + list(e.k)}
         expected |= {f"{name}_b_std": idle + list(e.b_std), f"{name}_k_std": idle + list(e.k_std)}
         expected[f"{name}_held"] = np.zeros(len(TIMES))
+        expected[f"{name}_misfit"] = idle + list(misfit[name])
     assert set(recording.columns) == {*expected, "mode"}
     for name, column in expected.items():
         np.testing.assert_allclose(recording[name], column, rtol=1e-9, atol=1e-12, err_msg=name)

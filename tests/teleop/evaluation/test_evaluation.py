@@ -8,7 +8,8 @@ import pytest
 from estimation.excitation import dominant_frequency
 from teleop.errors import InputError
 from teleop.evaluation.datum import moving_part
-from teleop.evaluation.evaluation import EstimateSettings, evaluate
+from teleop.evaluation.estimate_settings import EstimateSettings
+from teleop.evaluation.evaluation import evaluate
 from teleop.evaluation.signals import Signals, periods, read_signals
 
 MACH1 = Path(__file__).parents[3] / "examples" / "data" / "mach1"

@@ -11,7 +11,8 @@ from estimation.coherent_band import coherent_band
 from estimation.testing_records import COVERAGE_KINDS, WITHOUT_STIFFNESS, intermittent_contact
 from teleop.cli import main
 from teleop.evaluation.analysis import analyse
-from teleop.evaluation.evaluation import EstimateSettings, evaluate
+from teleop.evaluation.estimate_settings import EstimateSettings
+from teleop.evaluation.evaluation import evaluate
 from teleop.evaluation.material import hayes_factor
 from teleop.evaluation.signals import Signals, periods
 

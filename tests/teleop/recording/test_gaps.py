@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from estimation import MatchedFilter
 from teleop.cli import main
 from teleop.errors import InputError
-from teleop.evaluation.evaluation import EstimateSettings, evaluate
+from teleop.evaluation.estimate_settings import EstimateSettings
+from teleop.evaluation.evaluation import evaluate
 from teleop.evaluation.replay import agrees, recorded_settings, recorded_signals
 from teleop.evaluation.sampling_gaps import condition
 from teleop.evaluation.signals import Signals, periods, read_signals

@@ -136,7 +136,9 @@ def test_a_suspended_recorder_loses_ticks_but_does_not_delay_the_loop(tmp_path):
 class Wide:
     """A layout with messages larger than PIPE_BUF, which the system may split."""
 
-    columns = tuple((f"column_{i}" if i else "time", "-", "a test") for i in range(1500))
+    columns = tuple(
+        ({0: "time", 1: "contact"}.get(i, f"column_{i}"), "-", "a test") for i in range(1500)
+    )
     estimators = ()
     size = 4 + 8 * len(columns)
     definition = "".join(f"float64 {name}  # [-] a test\n" for name, *_ in columns)

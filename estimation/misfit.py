@@ -1,0 +1,200 @@
+"""Misfit of the present estimates: the systematic part of their force error.
+
+The force errors e = f - phi' theta of a right model are noise, whose successive values are
+uncorrelated. Those of a wrong model, or of a wrong estimate, follow the motion, so that successive
+errors are alike. Residual analysis therefore tests the autocovariance of e at lags other than zero.
+Here it is computed at one lag, for the estimate as it is now and the samples of the recent past:
+
+    misfit = sqrt(max(0, <e_i e_(i-1)>) / <f_i^2>)
+
+e_i and f_i are means over blocks, which are longer than the correlation time of the conditioned
+noise, and <> is a mean with exponentially decaying weights. The misfit is near 0 if the body has
+the present b and k, even with much noise, and 1 if the estimate does not explain the force at all.
+
+The error is linear in theta, so the mean needs only the products of successive block means. They
+are stored once for all estimators.
+
+References
+----------
+R. K. Mehra, "On the identification of variances and adaptive Kalman filtering", IEEE Transactions
+on Automatic Control 15(2), 1970; L. Ljung, "System Identification: Theory for the User", 2nd ed.,
+Prentice Hall, 1999, section 16.6 (residual analysis).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimation.compiled import Floats
+from estimation.conditioning import Regression
+from estimation.estimator import Estimate, Estimates, Estimator
+
+BLOCKS = 50
+"""Number of blocks in the window. A block of 20 ms is longer than the correlation of the noise."""
+LARGEST_MISFIT = 0.05
+"""Misfit from which the model is reported not to explain the force.
+
+A cubic body whose stiffness doubles over the indentation has a misfit of 0.07 or more. A linear
+body with noise of a tenth of the force has less than 0.03.
+"""
+
+
+class Misfit:
+    """Misfit of each estimator of a bank over a sliding window.
+
+    Parameters
+    ----------
+    bank
+        The estimators by name. The misfit of an estimator whose force is not linear in its
+        parameters (Hunt-Crossley) is NaN.
+    window
+        Time constant of the weights [s]; one period of the palpation is a good choice.
+
+    Raises
+    ------
+    ValueError
+        The window is not positive.
+    """
+
+    def __init__(self, bank: Mapping[str, Estimator], window: float = 1.0) -> None:
+        if not 0.0 < window < math.inf:
+            raise ValueError(f"window must be positive, got {window}")
+        self.window = window
+        self._block = window / BLOCKS
+        self._further = [-1 if "n" in e.names else len(e.model.further) for e in bank.values()]
+        self._size = 3 + max(0, *self._further)
+        self.reset()
+
+    def reset(self) -> None:
+        """Discard all samples."""
+        size = self._size
+        self._begin_block()
+        self._before: list[float] | None = None
+        self._products = [[0.0] * size for _ in range(size)]
+        self._square = 0.0
+        self.values = (math.nan,) * len(self._further)
+        """Misfit of each estimator at the end of the last block; NaN if it is not known yet."""
+
+    def update(
+        self,
+        x: float,
+        v: float,
+        f: float,
+        dt: float,
+        further: Sequence[float],
+        estimates: Mapping[str, Estimate],
+        is_open: bool = True,
+    ) -> tuple[float, ...]:
+        """Process one sample of floats, which the estimators have accepted.
+
+        Parameters
+        ----------
+        x, v, f, dt, further
+            Displacement [m], velocity [m/s], force [N], time since the previous sample [s], and
+            the regressors besides v and x.
+        estimates
+            The estimates after this sample, in the order of the bank.
+        is_open
+            Whether there is contact and motion; other samples are left out.
+
+        Returns
+        -------
+        The misfit of each estimator. It changes at the end of a block.
+        """
+        if self._add(x, v, f, dt, further, is_open):
+            self.values = tuple(
+                self._misfit(e.b, e.k, e.further, count)
+                for e, count in zip(estimates.values(), self._further, strict=True)
+            )
+        return self.values
+
+    def run(
+        self,
+        regression: Regression,
+        estimates: Mapping[str, Estimates],
+        is_open: NDArray[np.bool_],
+    ) -> dict[str, Floats]:
+        """Process n samples, with the same results as n calls of `update`.
+
+        Parameters
+        ----------
+        regression
+            The samples.
+        estimates
+            The estimates after each sample, in the order of the bank.
+        is_open
+            Whether there is contact and motion, shape (n,).
+
+        Returns
+        -------
+        The misfit of each estimator, arrays of shape (n,).
+        """
+        series = [(e.b, e.k, [s.value for s in e.further.values()]) for e in estimates.values()]
+        x, v, f, dt, further = (column.tolist() for column in regression)
+        samples = zip(x, v, f, dt, further, is_open.tolist(), strict=True)
+        changes, values = [0], [self.values]
+        for i, sample in enumerate(samples):
+            if self._add(*sample):
+                self.values = tuple(
+                    self._misfit(float(b[i]), float(k[i]), [float(s[i]) for s in more], count)
+                    for (b, k, more), count in zip(series, self._further, strict=True)
+                )
+                changes.append(i)
+                values.append(self.values)
+        table = np.repeat(np.array(values), np.diff([*changes, len(regression.f)]), axis=0)
+        return dict(zip(estimates, table.T.copy(), strict=True))
+
+    def _add(
+        self, x: float, v: float, f: float, dt: float, further: Sequence[float], is_open: bool
+    ) -> bool:
+        """Add a sample; return whether it ended a block whose predecessor is known."""
+        if not is_open:
+            self._begin_block()
+            self._before = None
+            return False
+        sums = self._sums
+        sums[0] += f * dt
+        sums[1] += v * dt
+        sums[2] += x * dt
+        if further:
+            for i, value in enumerate(further, 3):
+                sums[i] += value * dt
+        self._span += dt
+        if self._span < self._block:
+            return False
+        return self._end_block()
+
+    def _begin_block(self) -> None:
+        self._sums = [0.0] * self._size
+        self._span = 0.0
+
+    def _end_block(self) -> bool:
+        """Update the products with the means of the block; return whether it has a predecessor."""
+        span, before = self._span, self._before
+        present = self._before = [total / span for total in self._sums]
+        self._begin_block()
+        if before is None:
+            return False
+        share = span / (self.window + span)
+        self._square += share * (present[0] * present[0] - self._square)
+        for row, now in zip(self._products, present, strict=True):
+            for j, last in enumerate(before):
+                row[j] += share * (now * last - row[j])
+        return True
+
+    def _misfit(self, b: float, k: float, further: Sequence[float], count: int) -> float:
+        """Return the misfit of an estimate whose model has `count` further parameters."""
+        if count < 0 or self._square <= 0.0:
+            return math.nan
+        weights = (1.0, -b, -k, *[-value for value in further[:count]])
+        covariance = 0.0
+        for row, weight in zip(self._products, weights, strict=False):
+            part = 0.0
+            for product, other in zip(row, weights, strict=False):
+                part += product * other
+            covariance += weight * part
+        return math.sqrt(max(covariance, 0.0) / self._square)

@@ -1,0 +1,114 @@
+"""Parts of a record in which the force rests at its lowest or highest level.
+
+At the lowest level they are free motion; at the highest level the sensor is saturated, or the
+specimen slips or yields (`teleop.evaluation.phases`).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimation.baseline import without_baseline
+from estimation.compiled import Floats
+from teleop.evaluation.masks import runs
+from teleop.evaluation.prepared import Prepared
+from teleop.evaluation.smallest_step import smallest_step
+
+TRAVEL = 4.0
+"""Travel at one force level that counts as free motion, relative to what the stiffness allows."""
+LAG = 1.5
+"""Safety factor on the travel at a peak of the force, which precedes the peak of the position."""
+
+
+def levels(
+    record: Prepared, low: float, high: float, width: float
+) -> tuple[NDArray[np.bool_] | None, bool]:
+    """Return the samples in free motion, and whether the sensor is saturated.
+
+    Parameters
+    ----------
+    record
+        The prepared record.
+    low, high
+        Lowest and highest force [N], outliers excluded.
+    width
+        Width of a force level [N].
+
+    Returns
+    -------
+    Mask of free motion, shape (n,), or None if there is none; and whether the force stays at its
+    highest level while the position moves.
+    """
+    x, f = record.palpation, record.f
+    if width > 0.2 * (high - low):
+        return None, False
+    v = np.gradient(x, record.period)
+    elastic = without_baseline(f, record.clock, record.order)
+    b, k, _ = np.linalg.lstsq(np.column_stack([v, x, np.ones(len(x))]), elastic, rcond=None)[0]
+    loss = min(1.0, abs(b) * float(np.std(v)) / max(abs(k) * float(np.std(x)), 1e-300))
+    turn = float(np.arccos(1.0 - min(1.0, 2.0 * width / (high - low))))
+    lag = float(np.ptp(x)) * np.sin(np.arctan(loss)) * turn
+    fast = np.abs(v) > 0.1 * np.percentile(np.abs(v), 95)
+    rate = np.gradient(elastic, record.period)
+    free = None
+    saturated = False
+    for bottom in (True, False):
+        level = f < low + width if bottom else f > high - width
+        middle = 0.5 * (low + high)
+        beside = fast & ~level & ((f < middle) if bottom else (f > middle))
+        if beside.sum() < 3:
+            beside = fast & ~level
+        if beside.sum() < 3:
+            continue
+        stiffness = float(np.median(rate[beside] / v[beside]))
+        allowed = TRAVEL * width / max(stiffness, 1e-300) + LAG * lag
+        resting = np.zeros(len(f), dtype=np.bool_)
+        for start, end in runs(level):
+            if continued(x, start, end, not bottom) > allowed:
+                resting[start:end] = True
+        if resting.any():
+            if bottom:
+                free = resting
+            else:
+                saturated = True
+    return free, saturated
+
+
+def continued(x: Floats, start: int, end: int, inwards: bool) -> float:
+    """Return how far the motion continues in its direction after the force came to rest [m].
+
+    After a reversal, lost motion between the position sensor and the tip lets the force rest too.
+    That travel is not counted, except at the ends of the record, where the motion before or after
+    is not known.
+
+    Parameters
+    ----------
+    x
+        Position [m], shape (n,).
+    start, end
+        Index of the first sample at that force, and index after the last.
+    inwards
+        Whether the force came to rest in loading; otherwise in unloading.
+    """
+    part = x[start:end] if inwards else -x[start:end]
+    if start == 0 or end == len(x):
+        return float(np.ptp(part))
+    return float(part.max() - part[0])
+
+
+def clipped(record: Prepared) -> bool:
+    """Return whether many samples have exactly the highest force while the position goes on.
+
+    Within one count of the force, the position can travel by a count divided by the stiffness.
+    """
+    f, x = record.raw_f, record.raw_x
+    count = smallest_step(f)
+    least = TRAVEL * count * float(np.std(record.palpation)) / max(float(np.std(f)), 1e-300)
+    least = max(least, 20.0 * record.x_noise)
+    for start, end in runs(f == f.max()):
+        if end - start >= 8 and continued(x, start, end, True) > least:
+            around = np.concatenate([f[max(0, 2 * start - end) : start], f[end : 2 * end - start]])
+            if len(around) and f.max() - around.min() > 0.02 * np.ptp(f):
+                return True
+    return False

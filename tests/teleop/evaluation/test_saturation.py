@@ -1,0 +1,109 @@
+"""A saturated force sensor gives no stiffness; lost motion and a coarse sensor are none."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from teleop.cli import main
+from teleop.errors import InputError
+from teleop.evaluation.analysis import analyse
+from teleop.evaluation.estimate_settings import EstimateSettings
+from teleop.evaluation.evaluation import evaluate
+from teleop.evaluation.result import Result
+from teleop.evaluation.signals import Signals, periods
+from teleop.evaluation.smallest_step import smallest_step
+
+RATE, K, AMPLITUDE = 500.0, 3000.0, 2e-3
+T = np.arange(round(10.0 * RATE)) / RATE
+X = AMPLITUDE * np.sin(2.0 * np.pi * T)
+
+
+def lost(x: np.ndarray, play: float) -> np.ndarray:
+    """Return the position of a tip that follows with lost motion."""
+    tip, found = x[0], []
+    for value in x:
+        tip = min(max(tip, value - 0.5 * play), value + 0.5 * play)
+        found.append(tip)
+    return np.array(found)
+
+
+def result(x: np.ndarray, f: np.ndarray, seed: int, noise: float = 0.01) -> Result:
+    f = f + np.random.default_rng(seed).normal(0.0, noise, len(f))
+    return analyse(Signals(T, x, f, periods(T), "position")).result
+
+
+def saturated(found: Result) -> bool:
+    return any("saturated" in reason for reason in found.reasons)
+
+
+@settings(max_examples=10, deadline=None)
+@given(
+    seed=st.integers(0, 100),
+    play=st.floats(0.0, 0.2 * AMPLITUDE),
+    preload=st.floats(8.0, 20.0),
+    noise=st.floats(1e-3, 0.05),
+)
+def test_lost_motion_is_not_taken_for_saturation(seed, play, preload, noise):
+    found = result(X, preload + K * lost(X, play), seed, noise)
+    assert found.identifiable
+    assert not saturated(found)
+
+
+def test_the_lost_motion_of_the_simulated_rig_is_not_taken_for_saturation(tmp_path, capsys):
+    path = str(tmp_path / "trial.mcap")
+    run = ["run", "--condition", "autonomous", "--cube", "medium", "--clock", "virtual"]
+    assert main([*run, "--record", path, "--json"]) == 0
+    capsys.readouterr()
+    assert main(["estimate", path, "--force-lag", "0.00266", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)["result"]
+    assert found["identifiable"]
+    assert not any("saturated" in reason for reason in found["reasons"])
+
+
+@settings(max_examples=10, deadline=None)
+@given(
+    seed=st.integers(0, 100),
+    share=st.floats(0.5, 0.9),
+    play=st.floats(0.0, 0.1 * AMPLITUDE),
+    after=st.booleans(),
+)
+def test_a_clipped_sensor_is_found_with_noise_before_or_after_the_clipping(
+    seed, share, play, after
+):
+    f = 10.0 + K * lost(X, play)
+    level = 10.0 + K * AMPLITUDE * (0.9 * share if after else share)
+    noise = np.random.default_rng(seed).normal(0.0, 0.01, len(f))
+    clipped = np.minimum(f, level) + noise if after else np.minimum(f + noise, level)
+    found = result(X, clipped, seed, 0.0)
+    assert saturated(found)
+    assert found.k is None
+
+
+@pytest.mark.parametrize("count", [0.01, 0.05, 0.2])
+def test_a_coarse_force_sensor_is_not_taken_for_saturation(count):
+    found = result(X, np.round((10.0 + K * X) / count) * count, 0, 0.0)
+    assert not saturated(found)
+    assert found.k_low <= K <= found.k_high
+
+
+def test_negative_damping_is_a_remark():
+    found = result(X, 10.0 + K * lost(X, 0.1 * AMPLITUDE), 0)
+    assert any("damping is negative" in reason for reason in found.reasons)
+
+
+def test_the_smallest_step_is_one_count_and_no_rounding_error():
+    counts = np.cumsum(np.random.default_rng(0).integers(-3, 4, 100)) * 1e-5
+    assert smallest_step(counts) == pytest.approx(1e-5)
+    assert smallest_step(np.full(10, 0.3)) == 0.0
+    assert smallest_step(np.zeros(1)) == 0.0
+
+
+def test_a_position_that_never_changes_is_refused_even_with_the_rest():
+    signals = Signals(T, np.full(len(T), 1e-3), X, periods(T), "position")
+    with pytest.raises(InputError, match="nothing moves"):
+        evaluate(signals, EstimateSettings(whole=True))
