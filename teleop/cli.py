@@ -80,7 +80,7 @@ def prepare_streams() -> None:
     """
     columns = os.environ.get("COLUMNS", "")
     if columns.isdecimal() and int(columns[:9]) < NARROWEST:
-        del os.environ["COLUMNS"]  # 0 is what a terminal of unknown size may set
+        del os.environ["COLUMNS"]  # it may be 0 on a terminal of unknown size
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:
             setattr(sys, name, Path(os.devnull).open("w"))  # noqa: SIM115

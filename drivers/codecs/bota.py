@@ -18,7 +18,7 @@ CHECKED = FRAME.size - 2
 """Length of a frame without the checksum [bytes]."""
 
 THROTTLED = 1 << 0
-"""Status bit: a measurement was skipped because the line rate is too low for the sample rate."""
+"""Status bit: the sensor skipped a measurement, because its line rate is too low."""
 FAULTS = {
     1 << 1: "overrange",
     1 << 2: "invalid measurements: saturation, or a short or open circuit",

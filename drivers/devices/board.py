@@ -272,7 +272,7 @@ class Board(SerialDevice):
             self._send(codec.COMMAND, codec.command(*(axis.velocity for axis in self.axes), *rest))
 
     def stop(self) -> None:
-        """Stop the samples of the board."""
+        """Send HELLO, after which the board sends no more samples."""
         if self._started:
             with contextlib.suppress(RigError):
                 self._send(codec.HELLO)
@@ -285,6 +285,6 @@ class Board(SerialDevice):
 
 
 def signed(difference: int, bits: int) -> int:
-    """Return the signed difference of two counters that wrap after this number of bits."""
+    """Return the difference of two counters that have this number of bits, as a signed number."""
     half = 1 << bits - 1
     return (difference + half) % (2 * half) - half

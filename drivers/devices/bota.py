@@ -14,11 +14,11 @@ from drivers.transports.serial_port import SerialPort
 BAUD = 460800
 """Factory setting of the sensor's line rate [bit/s]."""
 STREAMING = 0.25
-"""Longest wait for a frame; without a frame, the sensor is assumed in configuration mode [s]."""
+"""Wait for a frame, after which the sensor is assumed to be in the configuration mode [s]."""
 FIRST_FRAME = 1.0
 """Longest wait for the first frame [s]."""
 CLOCK_JUMP = 1.0
-"""Smallest advance of the sensor's clock relative to the controller's that shows a restart [s]."""
+"""Jump of the sensor's clock, relative to the controller's clock, that shows a restart [s]."""
 
 
 class BotaSettings(DeviceSettings):

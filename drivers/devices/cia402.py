@@ -212,7 +212,7 @@ class Cia402(CanDevice, VelocityDrive):
             return
         self._master.keep_sampling(self._bus, now)
         if now - self._updated > 0.5 * self._watchdog:
-            self._heard = now  # the bus was not read in the meantime
+            self._heard = now  # no heartbeat could be received: the bus was not read
         self._updated = now
         if now - self._heard > self._watchdog:
             self._fail(f"no heartbeat for {self.settings.watchdog_ms} ms")

@@ -128,7 +128,7 @@ class Setup:
         self._network[settings.node_id] = self._node
 
     def receive(self, frame: can.Message, time: float) -> None:
-        """Process the CAN frame of an SDO answer, and its time of arrival [s]."""
+        """Process the CAN frame of an SDO answer; `time` is its time of arrival [s]."""
         self._network.notify(frame.arbitration_id, frame.data, time)
 
     def run(self) -> float:

@@ -113,7 +113,10 @@ class DbcDevice(CanDevice):
         }
 
     def identifiers(self) -> list[int]:
-        """Return the identifiers of the device's messages; bit 31 is set in one of 29 bits."""
+        """Return the identifiers of the device's messages.
+
+        Bit 31 is set in an identifier of 29 bits.
+        """
         return list(self._messages)
 
     def start(self, bus: CanBus) -> None:

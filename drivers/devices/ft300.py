@@ -13,7 +13,7 @@ from drivers.transports.serial_port import SerialPort
 BAUD = 19200
 """Line rate of the sensor [bit/s]."""
 STREAMING = 0.1
-"""Longest wait for a frame; without a frame, the stream is started [s]."""
+"""Wait for a frame, after which the stream is assumed not to run and is started [s]."""
 FIRST_FRAME = 1.0
 """Longest wait for the first frame [s]."""
 

@@ -21,7 +21,7 @@ from teleop.safety import Event
 PIPE_SIZE = 1 << 20
 """Requested size of the buffer of the pipe [bytes], for about two seconds of ticks.
 
-It is the largest size that Linux allows to every user.
+It is the largest size that Linux allows to every user by default.
 """
 TIMEOUT = 20.0
 """Longest wait for the start, and for the end, of the recorder [s]."""

@@ -23,7 +23,7 @@ class Outcome(NamedTuple):
     dropped: int
     """Number of ticks that were dropped because the pipe was full."""
     problem: str
-    """Reason why the file does not contain all received ticks; empty if it does."""
+    """Reason why the file does not contain all received ticks; empty if it contains them."""
     at_path: bool = True
     """Whether the file is still at its path."""
 

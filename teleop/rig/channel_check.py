@@ -151,7 +151,7 @@ def channel_problem(
     saturated: float,
     limits: ChannelLimits,
 ) -> str:
-    """Return the problem of a channel at rest; empty if there is none.
+    """Return the problem of a channel, measured on a rig at rest; empty if there is none.
 
     Parameters
     ----------

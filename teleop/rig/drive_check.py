@@ -59,7 +59,10 @@ class DriveReport(NamedTuple):
     name: str
     """Name of the drive, `master` or `slave`."""
     watchdog_s: float
-    """Time from the last command until the watchdog stopped the drive [s]; NaN if it did not."""
+    """Time from the last command until the watchdog stopped the drive [s].
+
+    NaN if the watchdog did not stop the drive.
+    """
     commanded_m: float
     """Commanded travel of the longest stroke [m]; NaN if the drive was not moved."""
     moved_m: float

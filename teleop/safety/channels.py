@@ -14,7 +14,7 @@ MIN_INTERVAL = 1e-3
 With a shorter time, measurement noise alone could exceed `max_rate`.
 """
 SAME_SAMPLE = 1e-6
-"""Two sampling times that differ by less than this are of one sample that was read twice [s].
+"""Largest difference of two sampling times of one sample that was read twice [s].
 
 A value that does not change because its sample was read twice does not count as frozen.
 """

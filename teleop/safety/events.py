@@ -75,7 +75,7 @@ class Event(NamedTuple):
     """A change of the supervisor's mode, or a fault, at one tick."""
 
     time: float
-    """Time of the trial [s]."""
+    """Time of the event in the trial [s]."""
     mode: Mode
     """Mode after the event."""
     text: str
@@ -93,7 +93,10 @@ class Event(NamedTuple):
 
 
 def time_text(time: float) -> str:
-    """Return the time of a fault [s] as text, for use within a sentence."""
+    """Return the time of a fault in the trial [s] as text, for use within a sentence.
+
+    A negative time is before the drives were armed.
+    """
     return f"at {time:.3f} s" if time >= 0.0 else "before the drives were armed"
 
 

@@ -42,7 +42,7 @@ class TightenedLimits:
         return {name: value for name, value in values.items() if value is not None}
 
     def applied(self, limits: Limits) -> Limits:
-        """Return the limits of the rig, with the limits of this object instead of their own values.
+        """Return the limits of the rig, in which the limits here replace those of the rig.
 
         Raises
         ------
