@@ -18,17 +18,21 @@ if TYPE_CHECKING:
 
 
 class Sample(NamedTuple):
-    """A value, in the unit of its signal, and its sampling time [s] on the controller's clock."""
+    """Value of a signal, in its unit, and its sampling time on the controller's clock [s]."""
 
     value: float
     time: float
 
 
 NO_SAMPLE = Sample(math.nan, -math.inf)
+"""Sample of a signal that has not been received yet."""
 
 
 class DeviceSettings(BaseModel):
-    """Base class of the `[devices.NAME]` sections of a rig file. Names of settings have units."""
+    """Base class of the `[devices.NAME]` sections of a rig file.
+
+    The name of a setting ends with its unit.
+    """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -36,58 +40,74 @@ class DeviceSettings(BaseModel):
 
 
 class VelocityDrive(ABC):
-    """A drive with velocity control. No method waits.
+    """A drive with velocity control. No method waits for the device.
 
-    Velocities are in m/s, in the positive direction of the drive.
+    Velocities are in m/s, positive in the positive direction of the drive.
     """
 
     @abstractmethod
     def enable(self) -> bool:
-        """Request operation at standstill; return whether the drive is in operation.
+        """Request that the drive goes into operation at standstill, and arm its watchdog.
 
-        It is called once per tick until it returns True. It also arms the drive's watchdog.
+        This method is called once per tick until it returns True.
+
+        Returns
+        -------
+        bool
+            Whether the drive is in operation.
         """
 
     @abstractmethod
     def command(self, velocity: float) -> float:
-        """Set the velocity that the next `transmit` sends; return it as rounded or limited."""
+        """Set the velocity that the next `transmit` of the device sends.
+
+        Parameters
+        ----------
+        velocity
+            Wanted velocity [m/s].
+
+        Returns
+        -------
+        float
+            Velocity that will be sent [m/s], after rounding and limits of the device.
+        """
 
     @abstractmethod
     def idle(self) -> None:
         """Take the drive out of operation immediately; may be called repeatedly.
 
-        Unlike `command`, it sends its messages itself.
+        Unlike `command`, this method sends its messages to the device without `transmit`.
         """
 
 
 class Device(ABC):
-    """A device of a rig, with the signals that it measures and the drives that it controls.
+    """Base class of the devices of a rig. A device measures signals and controls drives.
 
     Parameters
     ----------
     name
         Name of the device in the rig file.
     settings
-        Section of the device in the rig file, an instance of `Settings`.
+        Section of the device in the rig file, an instance of the class `Settings` of the device.
 
     Attributes
     ----------
     samples
-        Latest sample of each signal; `NO_SAMPLE` before the first.
+        Latest sample of each signal, by the name of the signal; `NO_SAMPLE` before the first.
     error
-        Error that the device reports; empty for none.
+        Error that the device reports, as text; empty for none.
     emergency_stop
         Whether an emergency-stop input of the device is open.
     rejected
-        Number of rejected frames, by reason, for example `checksum` or `length`.
+        Number of rejected messages of the device, by reason, for example `checksum` or `length`.
     drives
-        Drives of the device, by name.
+        Drives that the device controls, by name.
     """
 
     Settings: ClassVar[type[DeviceSettings]]
-    """Class of the device's section in a rig file."""
+    """Class of the settings in the device's section of a rig file."""
     estimated: ClassVar[bool] = False
-    """Whether the signals are estimated from other signals instead of measured."""
+    """Whether the signals are not measured, but estimated from signals of other devices."""
 
     def __init__(self, name: str, settings: Any) -> None:
         self.name = name
@@ -100,32 +120,47 @@ class Device(ABC):
 
     @abstractmethod
     def signals(self) -> Mapping[str, str]:
-        """Return the SI unit of each signal, by name of the signal.
+        """Return the SI unit of each signal, by the name of the signal.
 
-        A sensor with an unknown scale gives the unit of its raw signal, for example `V`. The rig
-        file then has a scale for the channel.
+        For a sensor whose scale the device does not know, the unit is that of the raw signal, for
+        example `V`. The rig file then has to give the scale of the channel.
         """
 
     def update(self, now: float) -> None:  # noqa: B027
-        """Do the periodic work of a tick, after all buses were read. Default: nothing."""
+        """Do the work of the device at each tick, after all buses were read. Default: nothing.
+
+        Parameters
+        ----------
+        now
+            Time of the tick on the controller's clock [s].
+        """
 
     def rearm(self) -> None:
         """Clear a latched error. An error that is still present is reported again."""
         self.error = ""
 
     def transmit(self) -> None:  # noqa: B027
-        """Send the commands of the tick. Default: nothing."""
+        """Send the velocities that `command` has set for the drives. Default: nothing."""
 
     def ping(self) -> bool:
-        """Send a request for a measurement of the round-trip time; return False if unsupported."""
+        """Send a request, so that the round-trip time to the device can be measured.
+
+        Returns
+        -------
+        bool
+            Whether a request was sent. False if the device does not support this now.
+        """
         return False
 
     def answered(self) -> bool:
-        """Return whether the device has answered the last `ping`."""
+        """Return whether the answer to the last `ping` has been received."""
         return False
 
     def stop(self) -> None:  # noqa: B027
-        """End the session before the bus is closed, with all drives idle. Default: nothing."""
+        """End the communication with the device, before its bus is closed. Default: nothing.
+
+        The drives are already out of operation.
+        """
 
 
 class SerialDevice(Device):
@@ -138,28 +173,33 @@ class SerialDevice(Device):
         Raises
         ------
         RigError
-            The device does not answer, or differs from the rig file.
+            The device does not answer, or does not match its settings in the rig file.
         """
 
     @abstractmethod
     def receive(self, data: bytes, now: float) -> None:
-        """Process the bytes since the last call; malformed frames are counted in `rejected`.
+        """Process the bytes received since the last call.
+
+        Malformed messages are counted in `rejected`.
 
         Parameters
         ----------
         data
-            The bytes. They may start and end within a frame.
+            The bytes. They may start and end within a message.
         now
-            Time of arrival [s].
+            Time of arrival on the controller's clock [s].
         """
 
 
 class CanDevice(Device):
-    """A device on a CAN bus, with its own identifiers."""
+    """A device on a CAN bus. No other device on the bus uses the identifiers of its frames."""
 
     @abstractmethod
     def identifiers(self) -> Iterable[int]:
-        """Return the identifiers of the frames that it sends; bit 31 marks a 29-bit identifier."""
+        """Return the identifiers of the CAN frames that the device sends.
+
+        Bit 31 is set in an identifier of 29 bits.
+        """
 
     @abstractmethod
     def start(self, bus: CanBus) -> None:
@@ -168,38 +208,59 @@ class CanDevice(Device):
         Raises
         ------
         RigError
-            The device does not answer, or differs from the rig file.
+            The device does not answer, or does not match its settings in the rig file.
         """
 
     @abstractmethod
     def receive(self, frame: can.Message, time: float) -> None:
-        """Process a frame with one of the identifiers; malformed ones are counted in `rejected`.
+        """Process a CAN frame that has one of the `identifiers`.
+
+        Malformed frames are counted in `rejected`.
 
         Parameters
         ----------
         frame
             The frame.
         time
-            Time of arrival [s].
+            Time of arrival on the controller's clock [s].
         """
 
 
 class DerivedDevice(Device):
-    """A device in software, whose signals are computed from the signals of other devices."""
+    """A device without hardware. Its signals are computed from the signals of other devices."""
 
     @abstractmethod
     def start(self, devices: Mapping[str, Device]) -> None:
-        """Look up the devices that it needs.
+        """Find the devices whose signals are needed.
+
+        Parameters
+        ----------
+        devices
+            All devices of the rig, by name.
 
         Raises
         ------
         RigError
-            A device is missing.
+            A device with the needed signals is missing.
         """
 
 
 def sole_drive(device: Device, wanted: str) -> str:
-    """Return the name of the wanted drive, or of the only one if none is wanted; empty for none."""
+    """Return the name of a drive of a device.
+
+    Parameters
+    ----------
+    device
+        The device.
+    wanted
+        Name of the drive; empty for the only drive of the device.
+
+    Returns
+    -------
+    str
+        Name of the drive. Empty if the device has no such drive, or if `wanted` is empty and the
+        device does not have exactly one drive.
+    """
     names: Sequence[str] = list(device.drives)
     if wanted:
         return wanted if wanted in names else ""

@@ -5,29 +5,31 @@ from __future__ import annotations
 import math
 
 DRIFT = 100e-6
-"""Largest drift between two crystal clocks [s/s]."""
+"""Largest relative drift between the crystal clocks of the device and of this computer [s/s]."""
 WRAP = 1 << 32
+"""Number of values of a time stamp; a larger time stamp starts at zero again."""
 MICROSECOND = 1e-6
 
 
 class DeviceClock:
     """Conversion of a device's time stamps, 32-bit microseconds, to the controller's clock.
 
-    All samples that are found when a port is read were taken before. So the time of a reading
-    minus the newest time stamp in it is the offset between the clocks plus the age of the sample,
-    which is positive. The same is true for the mean of two reading times minus the mean of their
-    newest time stamps, also after a delay of the controller or of the device. The minimum of
-    these differences, allowed to increase by the drift of two crystals, is the offset plus the
-    smallest age (lower envelope).
+    A sample is always taken before the port is read. The time of the reading minus the newest
+    time stamp in the data is therefore the offset between the two clocks plus the age of the
+    newest sample, and this age is positive. The same is true for the mean of the times of two
+    successive readings minus the mean of their newest time stamps, also after a delay of the
+    controller or of the device. The minimum of these differences (lower envelope) is the offset
+    plus the smallest age. From one reading to the next, the minimum may increase by the largest
+    drift between two crystal clocks, `DRIFT`.
 
-    So a converted time is never too early. It is too late by the smallest age, which is the
-    smallest latency, well below 1 ms on USB, plus at most one sample period. (The age of a sample
-    that arrived just before the reading may therefore be negative, by up to half a period.)
-    Delayed samples, for example from a queue, do not change the envelope; the delay is part of
-    their age.
+    A converted time is therefore never too early. It is too late by the smallest age, which is
+    the smallest latency, well below 1 ms on USB, plus at most one sample period. The computed age
+    of a sample that arrived just before the reading can therefore be negative, by up to half a
+    sample period. A sample that was delayed, for example in a queue, does not change the minimum:
+    its age is larger by the delay.
 
-    If the clock of a device is slow by more than `DRIFT`, for example without a crystal, the
-    converted times become later and later.
+    If the clock of a device is slow by more than `DRIFT`, for example because the device has no
+    crystal, the error of the converted times increases steadily.
     """
 
     def __init__(self) -> None:
@@ -37,12 +39,12 @@ class DeviceClock:
         self._seen = math.nan
 
     def observe(self, newest: int, now: float) -> None:
-        """Update the offset after a reading of the port.
+        """Update the offset between the clocks after a reading of the port.
 
         Parameters
         ----------
         newest
-            Newest time stamp in the data [us].
+            Newest time stamp in the data of this reading [us].
         now
             Mean of the times of this reading and of the previous one [s].
         """
@@ -57,11 +59,17 @@ class DeviceClock:
         self._seen = now
 
     def time(self, stamp: int) -> float:
-        """Convert a time stamp [us] to the controller's clock [s]; NaN before `observe`."""
+        """Convert a time stamp of the device [us] to the controller's clock [s].
+
+        The result is NaN before the first call of `observe`.
+        """
         return self._continued(stamp) * MICROSECOND + self._offset
 
     def _continued(self, stamp: int) -> int:
-        """Return the time stamp without the wrap at 2^32, within 2^31 of the newest one."""
+        """Return a time stamp [us] that does not wrap at 2^32.
+
+        The result differs from the newest time stamp by at most 2^31 us.
+        """
         if self._newest is None:
             return stamp
         ahead = (stamp - self._newest) % WRAP

@@ -1,4 +1,4 @@
-"""Reading of regular files. FIFOs and devices are rejected, because reading may never end."""
+"""Reads regular files only. To read a FIFO or a device file may never end, so it is an error."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 LARGEST = 16 << 20
-"""Default limit of `read_input` [bytes]."""
+"""Largest file that `read_input` reads by default [bytes]."""
 KINDS = (
     (stat.S_ISDIR, "folder"),
     (stat.S_ISFIFO, "FIFO"),
@@ -17,6 +17,7 @@ KINDS = (
     (stat.S_ISCHR, "device"),
     (stat.S_ISBLK, "device"),
 )
+"""Test of a file mode, and name, for each kind of file that is rejected."""
 
 
 def open_input(path: Path) -> BinaryIO:
@@ -60,5 +61,8 @@ def check_regular(mode: int) -> None:
 
 
 def without_waiting(path: str, flags: int) -> int:
-    """Act as opener of `open` that does not wait for the writer of a FIFO."""
+    """Open a file without waiting for the writer of a FIFO; for the argument `opener` of `open`.
+
+    The result is a file descriptor.
+    """
     return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))

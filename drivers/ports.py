@@ -10,22 +10,25 @@ from serial.tools import list_ports
 
 
 class Port(NamedTuple):
-    """A serial port or CAN bus, with its names in a rig file."""
+    """A serial port or CAN bus, with the values that a rig file needs to select it."""
 
     kind: str
     """`serial` or `can`."""
     interface: str
     """Name of python-can's interface; empty for a serial port."""
     name: str
-    """Serial port, or channel of a CAN bus."""
+    """Device file or COM port of a serial port, or python-can's channel of a CAN bus."""
     description: str
-    """Description by the operating system; may be empty."""
+    """Description that the operating system or the CAN library gives; may be empty."""
     hardware: str
-    """USB vendor, product and serial number; may be empty."""
+    """Hardware identification of a serial port, for example USB ids; may be empty."""
 
 
 def available_ports() -> list[Port]:
-    """Return all serial ports, then all CAN buses. An slcan adapter is listed as serial port."""
+    """Return all serial ports, then all CAN buses.
+
+    An slcan adapter is listed as a serial port.
+    """
     ports = [
         Port("serial", "", p.device, known(p.description), known(p.hwid))
         for p in sorted(list_ports.comports())
@@ -38,15 +41,18 @@ def available_ports() -> list[Port]:
 
 
 INTERFACES = ("socketcan", "pcan", "kvaser", "ixxat", "vector", "gs_usb", "usb2can", "canalystii")
-"""Interfaces that python-can can search. Without its library, an interface finds no buses."""
+"""Interfaces of python-can that are searched for buses.
+
+An interface whose library is not installed finds no buses.
+"""
 
 
 def description(config: can.typechecking.AutoDetectedConfig) -> str:
-    """Return the other properties of a bus, as text."""
+    """Return the properties that python-can found of a bus, except interface and channel."""
     known = {k: v for k, v in config.items() if k not in ("interface", "channel")}
     return ", ".join(f"{name} {value}" for name, value in known.items())
 
 
 def known(text: str | None) -> str:
-    """Return a text of pyserial; empty for `n/a`."""
+    """Return a text that pyserial gives for a port; empty for None and `n/a` (not available)."""
     return "" if text in (None, "n/a") else str(text)

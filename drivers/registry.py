@@ -1,4 +1,7 @@
-"""Registry of device classes by kind: those of this package and of other installed packages."""
+"""Registry of device classes: it returns the class of a device for the kind in a rig file.
+
+Other installed packages can add kinds with entry points of the group `teleop.devices`.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,7 @@ from importlib.metadata import entry_points
 from drivers.device import Device
 
 GROUP = "teleop.devices"
-"""Group of the entry points with which other packages register devices."""
+"""Group of the entry points with which other packages register device classes."""
 BUILT_IN = {
     "board": "drivers.devices.board:Board",
     "bota": "drivers.devices.bota:Bota",
@@ -18,6 +21,7 @@ BUILT_IN = {
     "odrive": "drivers.devices.odrive:ODrive",
     "reaction_force": "drivers.devices.reaction_force:ReactionForceObserver",
 }
+"""Module and name of the class of each kind in this package."""
 
 
 def kinds() -> list[str]:

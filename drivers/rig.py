@@ -1,4 +1,4 @@
-"""Interface of a rig: channels to read, velocities to command, and a stop."""
+"""Interface between the controller and a rig: read the channels, command velocities, stop."""
 
 from __future__ import annotations
 
@@ -10,11 +10,17 @@ from typing import Annotated, NamedTuple, Self, get_origin, get_type_hints
 
 
 class RigError(Exception):
-    """A device failed or does not send. The message has the device and the expectation."""
+    """A device failed or does not send. The message names the device and what was expected."""
 
 
 def reason(error: Exception) -> str:
-    """Return the cause of an error of the system or of a library, as part of a line of text."""
+    """Return the cause of an error as text in one line, for use within a message.
+
+    Parameters
+    ----------
+    error
+        Error that the operating system or a library raised.
+    """
     number = getattr(error, "errno", None)
     text = os.strerror(number).lower() if number else str(error)
     return " ".join(text.split()).rstrip(".") or type(error).__name__
@@ -26,7 +32,10 @@ Velocity = Annotated[float, "m/s"]
 
 
 class Ages(NamedTuple):
-    """Time [s] since the sample of each channel was taken, in the order of `CHANNELS`."""
+    """Age of the sample of each channel: time since the sample was taken [s].
+
+    The fields have the order of `CHANNELS`.
+    """
 
     master_force: float
     master_position: float
@@ -36,12 +45,11 @@ class Ages(NamedTuple):
 
 
 class Measurement(NamedTuple):
-    """All channels at one tick, in SI units.
+    """Latest samples of all channels of a rig at one tick, in SI units.
 
-    `CHANNELS` and `UNITS` are derived from the fields.
-
-    Positions are displacements from the datum, positive into the environment; forces are
-    positive in compression. A channel that the rig does not have is NaN.
+    Positions are displacements from the contact datum, positive into the environment. Forces are
+    positive in compression. The value of a channel that the rig does not have is NaN. `CHANNELS`
+    and `UNITS` are derived from the fields with a unit.
     """
 
     time: float
@@ -55,11 +63,11 @@ class Measurement(NamedTuple):
     contact_force: Force
     """Force between slave and environment [N]."""
     slave_velocity: Velocity
-    """Velocity of the slave [m/s], if the drive reports it."""
+    """Velocity of the slave that its drive reports [m/s]; NaN if the drive does not report it."""
     age: Ages
     """Ages of the samples [s]."""
     drive_error: str = ""
-    """Error that a drive reports; empty for none."""
+    """Error that a device of the rig reports, as text; empty for none."""
     emergency_stop: bool = False
     """Whether the emergency-stop input of the rig is open."""
 
@@ -80,7 +88,10 @@ CHANNELS = tuple(UNITS)
 
 
 class Command(NamedTuple):
-    """Velocities [m/s] of the two drives. A rig with a passive handle ignores the first."""
+    """Velocities of the two drives [m/s], positive in the direction of positive positions.
+
+    A rig whose handle has no drive ignores the velocity of the master.
+    """
 
     master_velocity: float
     slave_velocity: float
@@ -94,19 +105,28 @@ STANDSTILL = Command(0.0, 0.0)
 class Rig(ABC):
     """A telemanipulator, real or simulated.
 
-    It is a context manager: on entry it is opened, and on every exit the drives are idled and it
-    is closed. If the process is killed, the watchdogs of the drives, armed by `enable`, stop
-    them.
+    A rig is a context manager. On entry the rig is opened. On every exit the drives are taken out
+    of operation, and then the rig is closed. `enable` arms the watchdogs of the drives. If the
+    process is killed, the watchdogs stop the drives.
     """
 
     @property
     def rejected(self) -> Mapping[str, Mapping[str, int]]:
-        """Number of rejected frames by device and reason; devices without any are omitted."""
+        """Number of rejected messages, by the name of the device and by the reason.
+
+        Devices without rejected messages are omitted.
+        """
         return {}
 
     @abstractmethod
     def open(self) -> None:
-        """Connect to the devices, without motion."""
+        """Connect to the devices. The drives do not move.
+
+        Raises
+        ------
+        RigError
+            A connection failed, or a device does not answer as expected.
+        """
 
     @abstractmethod
     def read(self) -> Measurement:
@@ -120,25 +140,40 @@ class Rig(ABC):
 
     @abstractmethod
     def enable(self) -> bool:
-        """Request operation of all drives at standstill, and arm their watchdogs.
+        """Request that all drives go into operation at standstill, and arm their watchdogs.
 
-        It is called once per tick until it returns True: all drives are in operation.
+        This method is called once per tick until it returns True.
+
+        Returns
+        -------
+        bool
+            Whether all drives are in operation.
 
         Raises
         ------
         RigError
-            A drive refuses.
+            A drive does not go into operation, or cannot be commanded.
         """
 
     def rearm(self) -> None:  # noqa: B027
-        """Clear the latched errors of the drives, on request of a person.
+        """Clear the latched errors of the drives, when a person requests it after a fault.
 
-        Errors that are still present are reported again.
+        An error that is still present is reported again.
         """
 
     @abstractmethod
     def write(self, command: Command) -> Command:
-        """Command the drives, and return the applied command, limited to their ranges.
+        """Command velocities to the drives.
+
+        Parameters
+        ----------
+        command
+            Velocities [m/s].
+
+        Returns
+        -------
+        Command
+            Velocities that the drives apply [m/s], limited to the range of each drive.
 
         Raises
         ------
@@ -150,7 +185,10 @@ class Rig(ABC):
 
     @abstractmethod
     def idle(self) -> None:
-        """Take the drives out of operation immediately, in any state; may be called repeatedly."""
+        """Take the drives out of operation immediately.
+
+        This method may be called in any state of the drives, and repeatedly.
+        """
 
     @abstractmethod
     def close(self) -> None:

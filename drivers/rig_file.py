@@ -1,6 +1,7 @@
-"""Rig files: assignment of channels and drives to devices, and of devices to buses.
+"""Reads and checks rig files.
 
-The format is TOML. All problems of a file are reported together.
+A rig file assigns the channels and drives of a rig to devices, and the devices to buses. The format
+is TOML. One error lists all problems of a file.
 """
 
 from __future__ import annotations
@@ -34,23 +35,27 @@ from drivers.rig_sections import (
 
 
 class RigFileError(ValueError):
-    """A rig file is invalid. The message has one line per problem, each with the file and key."""
+    """A rig file is invalid. Each line of the message names the file, the key and one problem."""
 
 
 @dataclass(frozen=True)
 class RigFile:
-    """A rig file that has been read and checked."""
+    """Content of a valid rig file."""
 
     path: Path
+    """Path of the file."""
     text: str
-    """Unchanged content of the file."""
+    """Text of the file, unchanged."""
     sections: RigSections
     """All sections except those of the devices."""
     devices: dict[str, DeviceSettings] = field(default_factory=dict)
     """Settings of the devices, by name."""
 
     def make_devices(self) -> dict[str, Device]:
-        """Return new devices by name, not started."""
+        """Return a new object for each device, by the device's name.
+
+        The devices are not yet connected to their buses.
+        """
         return {
             name: device_class(settings.kind)(name, settings)
             for name, settings in self.devices.items()
@@ -81,9 +86,9 @@ def parse_rig_file(path: Path, text: str) -> RigFile:
     Parameters
     ----------
     path
-        Path of the file. Files that it names are relative to its folder.
+        Path of the rig file. A relative path in the rig file starts at the folder of the rig file.
     text
-        Content of the file.
+        Text of the rig file.
 
     Raises
     ------
@@ -111,7 +116,10 @@ def parse_rig_file(path: Path, text: str) -> RigFile:
 
 
 def valid_sections(tree: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the valid sections, and None for the others, so that references can be checked."""
+    """Return the valid sections of a rig file, by name, and None for each invalid section.
+
+    References between the valid sections can then still be checked.
+    """
     sections = {}
     for name, part in RigSections.model_fields.items():
         try:
@@ -124,7 +132,17 @@ def valid_sections(tree: Mapping[str, Any]) -> dict[str, Any]:
 def checked_devices(
     tree: Any, folder: Path, problems: list[str]
 ) -> Iterator[tuple[str, DeviceSettings]]:
-    """Yield the valid sections of devices by name; append the problems of the others."""
+    """Yield name and settings of each device whose section is valid.
+
+    Parameters
+    ----------
+    tree
+        The section `[devices]` of the rig file.
+    folder
+        Folder of the rig file.
+    problems
+        List to which the problems of invalid sections are appended.
+    """
     if not isinstance(tree, Mapping) or not tree:
         problems.append("devices: expected a section [devices.NAME] for each device")
         return
@@ -143,7 +161,15 @@ def checked_devices(
 
 
 def validation_problems(error: ValidationError, where: tuple[str, ...]) -> list[str]:
-    """Return the problems that pydantic found, each with its key."""
+    """Return each problem that pydantic found, as a line with the key and the given value.
+
+    Parameters
+    ----------
+    error
+        Error of pydantic.
+    where
+        Names of the sections that contain the checked part of the rig file.
+    """
     return [
         f"{'.'.join(map(str, where + part['loc']))}: {as_phrase(part['msg'])}"
         + ("" if isinstance(part["input"], Mapping) else f", got {part['input']!r}")
@@ -152,15 +178,23 @@ def validation_problems(error: ValidationError, where: tuple[str, ...]) -> list[
 
 
 def as_phrase(message: str) -> str:
-    """Return a message of pydantic as part of a line."""
+    """Return a message of pydantic in a form that can follow a colon."""
     message = message.removeprefix("Value error, ")
     return message[:1].lower() + message[1:]
 
 
 def reference_problems(rig: RigFile, declared: frozenset[str]) -> Iterator[str]:
-    """Yield unknown references and signals with an unexpected unit.
+    """Yield the problems of the references between sections of a rig file.
 
-    References to devices that are `declared` but invalid are not reported.
+    A reference is the name of a bus, device, signal or drive. It is a problem if this part does not
+    exist or is used twice, or if a signal has an unexpected unit.
+
+    Parameters
+    ----------
+    rig
+        The rig file. Its invalid sections are None.
+    declared
+        Names of all devices in the file. References to an invalid device are not reported.
     """
     try:
         devices = rig.make_devices()
@@ -194,7 +228,7 @@ def reference_problems(rig: RigFile, declared: frozenset[str]) -> Iterator[str]:
 def bus_problems(
     devices: Mapping[str, Device], buses: Mapping[str, SerialSettings | CanSettings]
 ) -> Iterator[str]:
-    """Yield devices whose bus is unknown, and ports or identifiers that are used twice."""
+    """Yield the problems of buses: unknown buses, and ports or CAN identifiers used twice."""
     ports: dict[str, str] = {}
     for name, settings in buses.items():
         port = settings.port if isinstance(settings, SerialSettings) else settings.channel
@@ -229,7 +263,7 @@ def bus_problems(
 def channel_problem(
     name: str, channel: ChannelSettings, devices: Mapping[str, Device]
 ) -> str | None:
-    """Return the problem of the source of a channel; None for none."""
+    """Return the problem of the device, the signal or the scale of a channel; None for none."""
     if channel.device not in devices:
         return f"device: {channel.device!r}: expected one of {', '.join(devices)}"
     units = devices[channel.device].signals()
@@ -242,7 +276,7 @@ def channel_problem(
 
 
 def drive_problem(drive: DriveSettings, devices: Mapping[str, Device]) -> str | None:
-    """Return the problem of the reference of a drive; None for none."""
+    """Return the problem of the device and the drive in a section of a drive; None for none."""
     if drive.device not in devices:
         return f"device: {drive.device!r}: expected one of {', '.join(devices)}"
     if not sole_drive(devices[drive.device], drive.drive):

@@ -1,4 +1,4 @@
-"""Sections of a rig file. Names contain the unit; unknown keys are errors."""
+"""Sections of a rig file. The name of a key ends with its unit; an unknown key is an error."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Section(BaseModel):
 
 
 class SerialSettings(Section):
-    """Rig file section of a serial port."""
+    """Section of the rig file for a serial port."""
 
     kind: Literal["serial"]
     port: Annotated[str, Field(min_length=1)]
@@ -28,7 +28,7 @@ class SerialSettings(Section):
 
 
 class CanSettings(Section):
-    """Rig file section of a CAN bus with any adapter that python-can supports."""
+    """Section of the rig file for a CAN bus, with any adapter that python-can supports."""
 
     kind: Literal["can"]
     interface: str
@@ -41,73 +41,77 @@ BusSettings = Annotated[SerialSettings | CanSettings, Field(discriminator="kind"
 
 
 class ChannelSettings(Section):
-    """Source of a channel: value in SI units = sign * scale * signal + offset."""
+    """Describes the signal of a device from which the value of a channel is computed.
+
+    The value in SI units is sign * scale * signal + offset.
+    """
 
     device: str
     signal: str
     scale: Positive | None = None
-    """SI unit per unit of the signal, for example N/V; not needed for a signal in SI units."""
+    """Scale of the signal, for example in N/V; not needed for a signal in the channel's SI unit."""
     sign: Literal[1, -1] = 1
     lag_ms: NonNegative = 0.0
-    """Delay from the sampling of a value to its arrival."""
+    """Delay of the sensor, which is added to the age of each sample [ms]."""
     max_age_ms: Positive = 20.0
-    """Age of a sample above which the rig is stopped."""
+    """Largest age of a sample [ms]; the rig is stopped if a sample is older."""
 
     @property
     def gain(self) -> float:
-        """Signed scale: SI unit of the channel per unit of the signal."""
+        """Scale with its sign [SI unit of the channel per unit of the signal]."""
         return self.sign * (self.scale or 1.0)
 
 
 class ForceSettings(ChannelSettings):
-    """Rig file section of a force channel."""
+    """Section of the rig file for a channel that measures a force."""
 
     offset_n: FiniteFloat = 0.0
     range_n: tuple[FiniteFloat, FiniteFloat]
     max_rate_n_per_s: Positive | None = None
     frozen_ms: Positive | None = None
-    """Longest time in which a working sensor repeats exactly the same value."""
+    """Longest time for which a working sensor repeats exactly the same value [ms]."""
 
     @property
     def offset(self) -> float:
-        """Offset [N]."""
+        """Offset of the channel [N]."""
         return self.offset_n
 
 
 class PositionSettings(ChannelSettings):
-    """Rig file section of a position channel."""
+    """Section of the rig file for a channel that measures a position."""
 
     offset_mm: FiniteFloat = 0.0
     range_mm: tuple[FiniteFloat, FiniteFloat]
     max_rate_mm_per_s: Positive | None = None
     frozen_travel_mm: Positive | None = None
-    """Largest commanded displacement without a change of the measured position."""
+    """Largest commanded displacement during which a working encoder does not change [mm]."""
     resolution_um: Positive = 1.0
-    """Position of one encoder count."""
+    """Displacement per encoder count [um]."""
 
     @property
     def offset(self) -> float:
-        """Offset [m]."""
+        """Offset of the channel [m]."""
         return self.offset_mm * 1e-3
 
 
 class VelocitySettings(ChannelSettings):
-    """Rig file section of a velocity channel."""
+    """Section of the rig file for a channel that measures a velocity."""
 
     range_mm_per_s: tuple[FiniteFloat, FiniteFloat]
     max_rate_mm_per_s2: Positive | None = None
     frozen_travel_mm_per_s: Positive | None = None
+    """Largest commanded change of velocity for which a working sensor keeps its value [mm/s]."""
 
     @property
     def offset(self) -> float:
-        """Offset [m/s]."""
+        """Offset of the channel [m/s]; always zero."""
         return 0.0
 
 
 class ChannelsSettings(Section):
-    """Rig file section of the channels.
+    """Section of the rig file for all channels.
 
-    The encoder of the handle and the velocity of the slave are optional.
+    The position of the handle and the velocity of the slave are optional.
     """
 
     master_force: ForceSettings
@@ -117,37 +121,37 @@ class ChannelsSettings(Section):
     slave_velocity: VelocitySettings | None = None
 
     def items(self) -> Iterator[tuple[str, ForceSettings | PositionSettings | VelocitySettings]]:
-        """Yield the channels of the rig, by name, in the order of `drivers.CHANNELS`."""
+        """Yield name and settings of each channel of the rig, in the order of `CHANNELS`."""
         for name in CHANNELS:
             if channel := getattr(self, name):
                 yield name, channel
 
 
 class DriveSettings(Section):
-    """Rig file section of a drive."""
+    """Section of the rig file for the drive of the master or of the slave."""
 
     device: str
     drive: str = ""
-    """Name of the drive; needed only if the device has several."""
+    """Name of the drive in its device; needed only if the device has several drives."""
     sign: Literal[1, -1] = 1
     max_velocity_mm_per_s: Positive
 
 
 class DrivesSettings(Section):
-    """Rig file section of the drives. Without a drive for the master, the handle is passive."""
+    """Section of the rig file for the drives. If the master has no drive, the handle is passive."""
 
     slave: DriveSettings
     master: DriveSettings | None = None
 
     def items(self) -> Iterator[tuple[str, DriveSettings]]:
-        """Yield the drives of the rig, by name, in the order of `drivers.Command`."""
+        """Yield name and settings of each drive of the rig, in the order of `drivers.Command`."""
         for name in AXES:
             if drive := getattr(self, name):
                 yield name, drive
 
 
 class LimitsSettings(Section):
-    """Rig file section of the safety limits; see `teleop.safety.Limits` for each."""
+    """Section of the rig file for the safety limits; `teleop.safety.Limits` describes them."""
 
     max_velocity_mm_per_s: Positive
     max_acceleration_m_per_s2: Positive
@@ -164,7 +168,10 @@ class LimitsSettings(Section):
 
 
 class RigSections(Section):
-    """All sections of a rig file except those of the devices, which depend on their kinds."""
+    """All sections of a rig file except the sections of devices.
+
+    The keys in the section of a device depend on the kind of the device.
+    """
 
     name: Annotated[str, Field(min_length=1)]
     rate_hz: Annotated[FiniteFloat, Field(ge=50, le=100_000)] = 1000.0

@@ -1,4 +1,4 @@
-"""A rig of devices on serial ports and CAN buses, assembled from a rig file."""
+"""A rig whose devices are on serial ports and CAN buses, as described by a rig file."""
 
 from __future__ import annotations
 
@@ -16,30 +16,34 @@ from drivers.transports.can_bus import CanBus
 from drivers.transports.serial_port import SerialPort
 
 FIRST_SAMPLES = 2.0
-"""Longest wait for the first sample of every channel [s]."""
+"""Longest wait until every channel has a first sample [s]."""
 ENABLING = 2.0
-"""Longest time from the request until all drives are in operation [s]."""
+"""Longest time from the first call of `enable` until all drives are in operation [s]."""
 
 
 class Channel(NamedTuple):
-    """Source of a channel, whose value is gain * signal + offset."""
+    """Describes the signal of a device from which the value of a channel is computed.
+
+    The value in SI units is gain * signal + offset.
+    """
 
     device: Device
     signal: str
     gain: float
-    """SI unit of the channel per unit of the signal."""
+    """Gain, with its sign [SI unit of the channel per unit of the signal]."""
     offset: float
     """Offset, in the SI unit of the channel."""
     lag: float
-    """Delay from the sampling of a value to its arrival [s]."""
+    """Delay of the sensor, which is added to the age of each sample [s]."""
 
 
 class WiredDrive(NamedTuple):
-    """A drive with its direction and its limit."""
+    """A drive of the rig, with its direction and its largest speed."""
 
     name: str
+    """`master` or `slave`."""
     axis: int
-    """Index in a `Command`."""
+    """Index of the drive's velocity in a `Command`."""
     drive: VelocityDrive
     sign: int
     """Direction of the drive relative to the rig, 1 or -1."""
@@ -89,7 +93,10 @@ class WiredRig(Rig):
 
     @property
     def rejected(self) -> Mapping[str, Mapping[str, int]]:
-        """Number of rejected frames by device and reason; devices without any are omitted."""
+        """Number of rejected messages, by the name of the device and by the reason.
+
+        Devices without rejected messages are omitted.
+        """
         return {name: device.rejected for name, device in self.devices.items() if device.rejected}
 
     def open(self) -> None:
@@ -125,7 +132,7 @@ class WiredRig(Rig):
         return {name: c.device.samples[c.signal].value for name, c in self._channels.items()}
 
     def _sources_of(self, channels: list[str]) -> str:
-        """Return the channels with their devices, errors and rejected frames, as text."""
+        """Return a text that names each channel with its device and the problems of the device."""
         parts = []
         for name in channels:
             device = self._channels[name].device
@@ -156,7 +163,13 @@ class WiredRig(Rig):
             device.update(now)
 
     def read(self) -> Measurement:
-        """Read every bus, and return the latest sample of every channel."""
+        """Read every bus, and return the latest sample of every channel.
+
+        Raises
+        ------
+        RigError
+            A bus cannot be read.
+        """
         self._poll()
         now = self._now()
         values, ages = [], []
@@ -181,7 +194,13 @@ class WiredRig(Rig):
             device.rearm()
 
     def enable(self) -> bool:
-        """Request operation of all drives; return whether all are in operation."""
+        """Request that all drives go into operation; return whether all drives are in operation.
+
+        Raises
+        ------
+        RigError
+            A drive is not in operation within `ENABLING`, or cannot be commanded.
+        """
         if math.isnan(self._enabling):
             self._enabling = self._now()
         ready = [drive.drive.enable() for drive in self._drives]
@@ -192,14 +211,26 @@ class WiredRig(Rig):
         return self._enabled
 
     def write(self, command: Command) -> Command:
-        """Command the drives, with velocities limited to the range of each drive.
+        """Command velocities to the drives, limited to the range of each drive.
+
+        Until all drives are in operation, zero velocity is commanded instead.
+
+        Parameters
+        ----------
+        command
+            Velocities [m/s].
+
+        Returns
+        -------
+        Command
+            Velocities that the drives apply [m/s].
 
         Raises
         ------
         ValueError
             A velocity is not finite. No command was sent.
         RigError
-            A port is disconnected.
+            A message cannot be sent to a device.
         """
         if not all(map(math.isfinite, command)):
             raise ValueError(f"a velocity command must be finite, got {command}")
@@ -214,14 +245,18 @@ class WiredRig(Rig):
         return Command(*applied)
 
     def idle(self) -> None:
-        """Take every drive out of operation, also if this fails for another drive."""
+        """Take every drive out of operation.
+
+        If this fails for a drive, the other drives are still taken out of operation, and then the
+        error is raised.
+        """
         self._enabled, self._enabling = False, math.nan
         with ExitStack() as stack:
             for wired in self._drives:
                 stack.callback(wired.drive.idle)
 
     def close(self) -> None:
-        """Release every device and bus."""
+        """End the communication with every device, and close every bus."""
         with ExitStack() as stack:
             for bus in self.buses.values():
                 stack.callback(bus.close)
@@ -230,7 +265,7 @@ class WiredRig(Rig):
 
 
 def make_bus(name: str, file: RigFile, now: Callable[[], float]) -> Bus:
-    """Return the bus of this name, not open."""
+    """Return the serial port or CAN bus that a rig file describes under a name; it is not open."""
     settings = file.sections.buses[name]
     if isinstance(settings, CanSettings):
         return CanBus(

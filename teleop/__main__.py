@@ -4,11 +4,12 @@ from __future__ import annotations
 
 
 def main() -> int:
-    """Run the command line and return its exit code; Ctrl-C ends it without a traceback.
+    """Run the command line, and return its exit code.
 
-    After the command has ended, Ctrl-C is ignored, so that the exit code does not change. Linear
-    algebra runs in one thread unless the environment states another number: the matrices are
-    small, and on a busy machine more threads take several times the processor time.
+    Ctrl-C ends the command without a traceback. After the command has ended, Ctrl-C is ignored, so
+    that the exit code does not change. Linear algebra uses one thread unless the environment
+    variable OMP_NUM_THREADS gives another number: the matrices are small, and on a busy machine
+    more threads take several times the processor time.
     """
     import os
     import signal

@@ -1,4 +1,4 @@
-"""The `teleop` command: runs a subcommand and converts its errors to messages and exit codes."""
+"""The command `teleop`: runs a subcommand, and converts errors to messages and exit codes."""
 
 from __future__ import annotations
 
@@ -64,22 +64,23 @@ teleop palpates with a 1-DOF telemanipulator and estimates stiffness and damping
 
 All commands: teleop --help. Options of a command: teleop COMMAND --help.
 """
-"""Text of the command without arguments."""
+"""Text that the command `teleop` prints if it has no arguments."""
 
 
 NARROWEST = 20
-"""Smallest width of the help text [characters]; its tables do not fit into a smaller one."""
+"""Smallest width of the help text [characters]; its tables do not fit into a smaller width."""
 
 
 def prepare_streams() -> None:
     """Prepare standard output and standard error, so that printing does not fail.
 
-    A closed stream is replaced by the null device. Characters that the encoding does not have are
-    printed as escapes. A width below `NARROWEST` is ignored.
+    A closed stream is replaced by the null device. Characters that the encoding of the stream does
+    not contain are printed as escapes. If the environment variable COLUMNS gives a width below
+    `NARROWEST`, it is ignored.
     """
     columns = os.environ.get("COLUMNS", "")
     if columns.isdecimal() and int(columns[:9]) < NARROWEST:
-        del os.environ["COLUMNS"]  # 0 is what a terminal of unknown size may set
+        del os.environ["COLUMNS"]  # it may be 0 on a terminal of unknown size
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:
             setattr(sys, name, Path(os.devnull).open("w"))  # noqa: SIM115
@@ -91,8 +92,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command and return its exit code.
 
     The exit code is 0 for success, 2 for bad input, 3 for a safety stop, and 130 after Ctrl-C.
-    Bad input and a safety stop are reported in one line. Another exception is a defect; it is
-    raised, and ends the program with a traceback and exit code 1.
+    Bad input and a safety stop are reported without a traceback. Any other exception is a defect of
+    the program. It is raised, and ends the program with a traceback and exit code 1.
 
     Parameters
     ----------
@@ -102,7 +103,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Raises
     ------
     KeyboardInterrupt
-        Ctrl-C was pressed or another signal arrived, and the command does not handle it.
+        Ctrl-C was pressed, or another signal that ends the program arrived, and the command does
+        not handle the signal.
     """
     prepare_streams()
     try:

@@ -1,4 +1,4 @@
-"""Errors other than defects: they end a command and are reported in one line."""
+"""Errors that are not defects of the program. They end a command, with a message in one line."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ if TYPE_CHECKING:
 
 
 class SafetyStop(Exception):
-    """The safety supervisor stopped the rig; the message names the fault and its source."""
+    """The safety supervisor has stopped the rig; the message names the fault and its source."""
 
 
 class InputError(Exception):
-    """Bad input; the message names the problem, its place, and what was expected."""
+    """Bad input. The message states the problem, where it is, and what was expected."""
 
 
 class MissingColumn(InputError, KeyError):
@@ -26,7 +26,7 @@ class MissingColumn(InputError, KeyError):
 
 @contextlib.contextmanager
 def as_input_error() -> Iterator[None]:
-    """Convert a ValueError within the block to an InputError with the same text.
+    """Convert a ValueError that is raised within the block to an InputError with the same text.
 
     Raises
     ------
@@ -40,13 +40,19 @@ def as_input_error() -> Iterator[None]:
 
 
 def reason(error: OSError) -> str:
-    """Return the operating system's text for an error, for use within a message."""
+    """Return the text of the operating system for an error, for use within a message."""
     text = error.strerror or str(error) or "unknown error"
     return text[:1].lower() + text[1:]
 
 
 def invalid_parts(error: ValidationError) -> str:
-    """Return a line that lists each invalid item of a document with its path and the problem."""
+    """Return a line that lists each invalid item of a document, with its key and its problem.
+
+    Parameters
+    ----------
+    error
+        Error of pydantic, which checked the document.
+    """
     return "; ".join(
         f"{'.'.join(map(str, e['loc'])) or 'file'}: {e['msg'].lower()}" for e in error.errors()
     )

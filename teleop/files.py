@@ -1,4 +1,7 @@
-"""Output files: checked before the work, written as a whole, and overwritten only on request."""
+"""Output files. They are checked before the work and overwritten only on request.
+
+A new file appears only when it is complete.
+"""
 
 from __future__ import annotations
 
@@ -14,9 +17,9 @@ from drivers.input_file import check_regular
 from teleop.errors import InputError, reason
 
 PICTURES = (".png", ".svg", ".pdf")
-"""Endings of picture files."""
+"""Endings of the names of picture files."""
 RECORDING = ".mcap"
-"""Ending of recordings, which are never overwritten."""
+"""Ending of the names of recordings, which are never overwritten."""
 
 
 def check_outputs(
@@ -25,23 +28,24 @@ def check_outputs(
     sources: tuple[Path | None, ...] = (),
     overwrite: bool = False,
 ) -> None:
-    """Check, before the work, that files can be written and do not overwrite others.
+    """Check, before the work of a command, that its output files can be written.
 
     Parameters
     ----------
     outputs
         Files to be written; None for an output that was not requested.
     picture
-        A picture to be written; None if it was not requested.
+        Picture file to be written; None if no picture was requested.
     sources
-        Files that are read, and must not be overwritten.
+        Files that the command reads, which must not be overwritten; None for no file.
     overwrite
         Whether an output may replace an existing file. A recording is never replaced.
 
     Raises
     ------
     InputError
-        A file cannot be written, would overwrite another, or a picture's ending is unknown.
+        A file cannot be written, or would overwrite another file, or the ending of the picture is
+        unknown.
     """
     if picture and picture.suffix.lower() not in PICTURES:
         raise InputError(f"{picture}: expected a file ending in {', '.join(PICTURES)}")
@@ -62,18 +66,18 @@ def check_outputs(
 
 
 def check_ending(path: Path, ending: str) -> None:
-    """Raise InputError unless the name of a file has this ending."""
+    """Raise InputError if the name of a file does not have the given ending."""
     if path.suffix.lower() != ending:
         raise InputError(f"{path}: expected a file ending in {ending}")
 
 
 def resolved(path: Path) -> str:
-    """Return the absolute path without symbolic links.
+    """Return the absolute path of a file, without symbolic links.
 
     Raises
     ------
     InputError
-        The path is relative and the working folder no longer exists.
+        The path is relative, and the working folder no longer exists.
     """
     try:
         return os.path.realpath(path)
@@ -82,7 +86,7 @@ def resolved(path: Path) -> str:
 
 
 def make_folder(path: Path) -> None:
-    """Create the folder of a file that is to be written.
+    """Create the folder for a file that is to be written, unless it exists.
 
     Raises
     ------
@@ -101,6 +105,9 @@ def make_folder(path: Path) -> None:
 def new_file(path: Path, overwrite: bool = False) -> Iterator[BinaryIO]:
     """Write a file that appears at its path only when it is complete.
 
+    Until the end of the block, the data are in a temporary file in the same folder. An exception
+    in the block removes the temporary file, and no file appears.
+
     Parameters
     ----------
     path
@@ -110,7 +117,7 @@ def new_file(path: Path, overwrite: bool = False) -> Iterator[BinaryIO]:
 
     Yields
     ------
-    A binary file that can be written and read.
+    The temporary file, in binary mode; it can be written and read.
 
     Raises
     ------
@@ -140,7 +147,7 @@ def new_file(path: Path, overwrite: bool = False) -> Iterator[BinaryIO]:
 
 
 def write_text(path: Path, text: str, overwrite: bool = False) -> None:
-    """Write a text file in UTF-8; see `new_file`.
+    """Write a text file in UTF-8, which appears only when it is complete, see `new_file`.
 
     Raises
     ------
@@ -152,14 +159,14 @@ def write_text(path: Path, text: str, overwrite: bool = False) -> None:
 
 
 def check_new(path: Path, overwrite: bool) -> None:
-    """Check that a file can be created, or replaced, at a path.
+    """Check that a path is free for a new file, or that its file may be replaced.
 
     Raises
     ------
     InputError
         The file exists, and `overwrite` is False or the file is a recording.
     OSError
-        The path is not that of a regular file, or cannot be accessed.
+        The path exists but is not a regular file, or cannot be accessed.
     """
     try:
         check_regular(path.stat().st_mode)
@@ -171,7 +178,7 @@ def check_new(path: Path, overwrite: bool) -> None:
 
 
 def temporary_path(path: Path) -> Path:
-    """Return a new path in the same folder, for a file until it is complete."""
+    """Return a path in the same folder, for the data of a file that is not yet complete."""
     return Path(os.path.realpath(path)).with_name(f".teleop-{secrets.token_hex(6)}.part")
 
 
@@ -183,10 +190,10 @@ def exists(path: Path) -> InputError:
 
 
 def unreadable(path: Path, error: OSError) -> InputError:
-    """Return the error for a file that cannot be read, with the system's reason."""
+    """Return the error for a file that cannot be read, with the text of the operating system."""
     return InputError(f"{path}: {reason(error)}")
 
 
 def unwritable(path: Path, error: OSError) -> InputError:
-    """Return the error for a file that cannot be written, with the system's reason."""
+    """Return the error for a file that cannot be written, with the operating system's text."""
     return InputError(f"{path}: cannot be written: {reason(error)}")

@@ -17,23 +17,23 @@ SIGNALS = {
     "SIGHUP": "the terminal was closed",
     "SIGQUIT": "Ctrl-\\",
 }
-"""Reason that is reported for each signal that ends a program; Windows has the first two only."""
+"""Reported reason for each signal that ends a program. Windows has only the first two signals."""
 CLEAN_UP = 2.0
-"""Time for the clean-up after an interruption, before another signal can interrupt it [s]."""
+"""Time after an interruption in which a further signal does not interrupt the clean-up [s]."""
 
 
 @contextlib.contextmanager
 def handle_signals(handler: Callable[[str], object]) -> Iterator[None]:
-    """Call a handler for the signals of `SIGNALS` within the block.
+    """Call a function for each signal of `SIGNALS` that arrives within the block.
 
-    A signal that is ignored on entry stays ignored: `nohup` ignores SIGHUP, and a shell script
+    A signal that is ignored on entry remains ignored: `nohup` ignores SIGHUP, and a shell script
     ignores SIGINT in the processes that it starts with `&`. In a thread other than the main
-    thread nothing is changed, because Python delivers signals to the main thread only.
+    thread, this function has no effect, because Python delivers signals to the main thread only.
 
     Parameters
     ----------
     handler
-        Called with the reason of the signal.
+        Function that is called with the reason of the signal, a value of `SIGNALS`.
     """
 
     def on_signal(number: int, frame: FrameType | None) -> None:
@@ -53,11 +53,12 @@ def handle_signals(handler: Callable[[str], object]) -> Iterator[None]:
 
 
 class Interruption:
-    """Counts the signals of `SIGNALS`, and raises KeyboardInterrupt if they are not acknowledged.
+    """Counts the signals of `SIGNALS`, and interrupts a program that does not respond to them.
 
-    Used as a context manager, within which it handles the signals. A signal raises
-    KeyboardInterrupt if it, or an earlier one, was not acknowledged within `timeout`. The
-    clean-up that follows then has the time `CLEAN_UP` before another signal can interrupt it.
+    This class is a context manager, which handles the signals within its block. When a signal
+    arrives, and the oldest signal that was not acknowledged is at least `timeout` old,
+    KeyboardInterrupt is raised. The clean-up that follows then has the time `CLEAN_UP` before
+    another signal can interrupt it.
 
     Attributes
     ----------
@@ -66,8 +67,8 @@ class Interruption:
     reason
         Reason of the latest signal; empty before the first.
     timeout
-        Time in which a signal has to be acknowledged [s]. With the initial value 0, each signal
-        raises KeyboardInterrupt immediately.
+        Time in which the program has to acknowledge a signal [s]. With the initial value 0, each
+        signal raises KeyboardInterrupt immediately.
     """
 
     def __init__(self) -> None:
@@ -78,16 +79,16 @@ class Interruption:
         self._handled = contextlib.ExitStack()
 
     def acknowledge(self) -> None:
-        """Report that the program responds to the signals so far."""
+        """Acknowledge all signals so far; called when the program responds to them."""
         self._unacknowledged_since = math.inf
 
     def clean_up(self) -> None:
-        """Start the clean-up: a signal does not interrupt it within `CLEAN_UP` from now."""
+        """Start the clean-up. Within the next `CLEAN_UP` seconds, no signal interrupts it."""
         self.timeout = CLEAN_UP
         self._unacknowledged_since = time.monotonic()
 
     def on_signal(self, reason: str) -> None:
-        """Count a signal.
+        """Count a signal; `reason` is a value of `SIGNALS`.
 
         Raises
         ------
@@ -112,7 +113,7 @@ class Interruption:
 
 @contextlib.contextmanager
 def stop_signals() -> Iterator[Callable[[], bool]]:
-    """Yield a function that returns whether a signal has arrived within the block."""
+    """Yield a function that returns whether a signal of `SIGNALS` has arrived within the block."""
     came = threading.Event()
     with handle_signals(lambda reason: came.set()):
         yield came.is_set

@@ -1,4 +1,4 @@
-"""JSON documents without infinite numbers and NaN, which are written as null."""
+"""Reads and writes JSON documents. Infinite numbers and NaN are written as null."""
 
 from __future__ import annotations
 
@@ -9,22 +9,22 @@ from pydantic_core import from_json, to_jsonable_python
 
 
 def finite(value: Any) -> Any:
-    """Return a value with None instead of each number that is infinite or NaN."""
+    """Convert a value to JSON types, with None instead of each number that is infinite or NaN."""
     return to_jsonable_python(value, inf_nan_mode="null")
 
 
 def dumps(value: Any, indent: int | None = None) -> str:
-    """Return a value as a JSON document of ASCII characters."""
+    """Return a value as the text of a JSON document, in ASCII characters."""
     return json.dumps(finite(value), indent=indent, allow_nan=False)
 
 
 def loads(document: str | bytes) -> dict[str, Any]:
-    """Return the object in a JSON document.
+    """Return the object that a JSON document contains.
 
     Raises
     ------
     ValueError
-        The text is not a JSON document with one object, or is nested too deeply for pydantic.
+        The text is not a JSON document with one object, or is nested too deeply.
     """
     value = from_json(document, allow_inf_nan=False)
     if not isinstance(value, dict):

@@ -1,4 +1,4 @@
-"""Names of the parts of a trial that settings and options choose between."""
+"""Names that the settings and the options of a trial accept."""
 
 from __future__ import annotations
 
@@ -37,4 +37,4 @@ ESTIMATOR_NAMES = (
     "me_moving",
     "segments",
 )
-"""Estimators of this package."""
+"""Names of all estimators of this package."""

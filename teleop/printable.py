@@ -1,4 +1,4 @@
-"""Safe text for a terminal: control characters are printed as escapes."""
+"""Prints text safely on a terminal: control characters are printed as escapes."""
 
 from __future__ import annotations
 
@@ -9,35 +9,40 @@ import sys
 from teleop.errors import reason
 
 LONGEST = 2000
-"""Largest number of characters of a message."""
+"""Largest number of characters of a message in one line."""
 CONTROL = re.compile(
     "[\x00-\x08\x0b-\x1f\x7f-\x9f"  # all except tab and newline; \x9b is CSI
     "\u200e\u200f\u2028-\u202e\u2066-\u2069"  # writing direction, line separators
     "\ud800-\udfff]"  # bytes of a file name that are not valid text
 )
-"""Control characters."""
+"""Pattern of one control character, except tab and newline."""
 
 
 def printable(text: str) -> str:
-    r"""Return a text with a backslash escape, such as \x1b, for each control character."""
+    r"""Return a text in which each control character is a backslash escape, for example \x1b."""
     return CONTROL.sub(lambda match: match[0].encode("unicode_escape").decode(), text)
 
 
 def one_line(text: str) -> str:
-    """Return a text on one line of at most `LONGEST` characters."""
+    """Return a text in one line of at most `LONGEST` characters; a longer text is shortened."""
     line = printable(" ".join(text.split()))
     return line if len(line) <= LONGEST else f"{line[: LONGEST - 4]} ..."
 
 
 def print_error(text: str) -> None:
-    """Print one line, which begins with `teleop:`, on standard error."""
+    """Print a text as one line on standard error, after the name of the program, `teleop:`."""
     print("teleop:", one_line(text), file=sys.stderr)
 
 
 def discard_output(error: OSError) -> str:
-    """Discard all further standard output, and return the message that reports its error.
+    """Discard all further standard output, and return an error message.
 
-    Called after a write to standard output failed.
+    Called after a write to standard output has failed.
+
+    Parameters
+    ----------
+    error
+        Error of the write.
     """
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     return f"standard output: {reason(error)}"

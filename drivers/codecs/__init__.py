@@ -1,1 +1,1 @@
-"""Codecs: pure functions that convert between the bytes of frames and values."""
+"""Codecs: pure functions that convert the bytes of serial or CAN frames to values, and back."""

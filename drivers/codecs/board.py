@@ -1,6 +1,7 @@
 """Messages of the serial protocol for microcontroller boards (docs/serial-protocol.md).
 
-Values are counts of the board's converters and encoders. The rig file defines their scales.
+Values in the messages are counts of the board's converters and encoders. The rig file gives the
+scale of a count for each signal.
 """
 
 from __future__ import annotations
@@ -16,8 +17,11 @@ from drivers.framing.crc import crc16_x25
 VERSION = 1
 """Version of the protocol."""
 FORCES = 2
+"""Number of force inputs in the messages."""
 AXES = 2
+"""Number of velocity axes in the messages, and of encoders."""
 ANALOGUES = 4
+"""Number of analogue inputs in the messages."""
 
 HELLO, CONFIGURE, ENABLE, COMMAND, DISABLE = range(0x01, 0x06)
 """Types of the messages from the host."""
@@ -27,8 +31,9 @@ IDENTITY, CONFIGURED, SAMPLE = range(0x81, 0x84)
 LONGEST = 64
 """Largest length of an encoded frame [bytes]."""
 GREATEST = (1 << 31) - 1
-"""Largest number of counts."""
+"""Largest magnitude of a value [counts]."""
 HEAD = struct.Struct("<BH")
+"""Layout of the start of each message: type and sequence number."""
 CHECKSUM = struct.Struct("<H")
 SETTINGS = struct.Struct("<HH")
 AXIS_MASK = struct.Struct("<B")
@@ -40,7 +45,7 @@ SAMPLE_FRAME = struct.Struct(f"<BHIBBBHH{FORCES + 2 * AXES + ANALOGUES}i")
 
 
 class State(IntEnum):
-    """State of the board. All states except IDLE and ENABLED are latched until DISABLE."""
+    """State of the board. The board keeps a state other than IDLE and ENABLED until DISABLE."""
 
     IDLE = 0
     ENABLED = 1
@@ -58,7 +63,10 @@ class Input(IntEnum):
 
 
 class Identity(NamedTuple):
-    """Answer to HELLO. With another protocol version, only the first three fields are known."""
+    """Answer of the board to HELLO.
+
+    If the board has another version of the protocol, only the first three fields are known.
+    """
 
     sequence: int
     time: int
@@ -67,7 +75,7 @@ class Identity(NamedTuple):
     """Version of the protocol."""
     firmware: tuple[int, int] = (0, 0)
     boot: int = 0
-    """Different after each start of the board."""
+    """Number that differs after each start of the board."""
     forces: int = 0
     encoders: int = 0
     axes: int = 0
@@ -75,7 +83,7 @@ class Identity(NamedTuple):
 
 
 class Configured(NamedTuple):
-    """Answer to CONFIGURE, with the settings in use."""
+    """Answer of the board to CONFIGURE, with the settings that the board uses."""
 
     sequence: int
     time: int
@@ -87,7 +95,7 @@ class Configured(NamedTuple):
 
 
 class Sample(NamedTuple):
-    """Simultaneous measurements and state of the board."""
+    """Measurements of the board, all taken at one time, and the state of the board."""
 
     sequence: int
     time: int
@@ -110,7 +118,17 @@ Message = Identity | Configured | Sample
 
 
 def frame(kind: int, sequence: int, payload: bytes = b"") -> bytes:
-    """Return the encoded frame of a message, with its delimiter."""
+    """Return the bytes of a message on the serial line, with the delimiter at the end.
+
+    Parameters
+    ----------
+    kind
+        Type of the message.
+    sequence
+        Sequence number of the message.
+    payload
+        Content of the message.
+    """
     body = HEAD.pack(kind, sequence) + payload
     return cobs.encode(body + CHECKSUM.pack(crc16_x25(body))) + cobs.DELIMITER
 
@@ -121,22 +139,36 @@ def configure(watchdog: int, sample_rate: int) -> bytes:
 
 
 def enable(axis: int) -> bytes:
-    """Return the payload of ENABLE for one axis."""
+    """Return the payload of ENABLE for the axis of this index."""
     return AXIS_MASK.pack(1 << axis)
 
 
 def command(*velocities: int) -> bytes:
-    """Return the payload of COMMAND: one velocity per axis [counts]."""
+    """Return the payload of COMMAND, with one velocity per axis [counts]."""
     return VELOCITIES.pack(*velocities)
 
 
 def to_counts(value: float, scale: float) -> int:
-    """Return a value in counts of a scale, rounded and limited to the range of the protocol."""
+    """Convert a value to counts, rounded and limited to the range of the protocol.
+
+    Parameters
+    ----------
+    value
+        The value, in SI units.
+    scale
+        SI unit per count.
+    """
     return round(min(max(value / scale, -GREATEST), GREATEST))
 
 
 def decode(body: bytes) -> Message | None:
-    """Decode a frame with a correct checksum; return None for an unknown message."""
+    """Return the message in a decoded frame; None for an unknown message.
+
+    Parameters
+    ----------
+    body
+        Bytes of the frame after COBS decoding, without the checksum, which must be correct.
+    """
     kind, length = body[0], len(body)
     if kind == SAMPLE and length == SAMPLE_FRAME.size:
         _, sequence, time, state, axes, inputs, acknowledged, rejected, *counts = (
@@ -160,12 +192,13 @@ def decode(body: bytes) -> Message | None:
 
 
 class MessageReader:
-    """Decoder of the messages of a board in a stream of bytes.
+    """Finds and decodes the messages of a board in a stream of bytes.
 
     Parameters
     ----------
     rejected
-        Counter of rejected frames, by the reason `length`, `framing`, `checksum` or `message`.
+        Counter of rejected frames, by the reason: `length` (too long or too short), `framing` (not
+        valid COBS), `checksum` (wrong checksum) or `message` (unknown message).
     """
 
     def __init__(self, rejected: Counter[str] | None = None) -> None:
@@ -173,7 +206,7 @@ class MessageReader:
         self._frames = cobs.CobsReader(LONGEST, self.rejected)
 
     def feed(self, data: bytes) -> list[Message]:
-        """Process bytes; return the messages that they complete."""
+        """Process the next bytes of the stream; return the messages that end in them."""
         messages: list[Message] = []
         for body in self._frames.feed(data):
             if len(body) < HEAD.size + CHECKSUM.size:

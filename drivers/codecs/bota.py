@@ -1,4 +1,4 @@
-"""Frames of Bota Systems' serial force-torque sensors (Rokubi, SensONE, MegaONE).
+"""Serial frames of the force-torque sensors of Bota Systems (Rokubi, SensONE, MegaONE).
 
 A frame is a header byte, 34 bytes of data and their CRC-16/X.25, all little-endian. See `RxFrame`
 and `DataStatus` of Bota Systems' driver `rokubimini_serial`, RokubiminiSerialImpl.hpp.
@@ -18,23 +18,23 @@ CHECKED = FRAME.size - 2
 """Length of a frame without the checksum [bytes]."""
 
 THROTTLED = 1 << 0
-"""Status bit: a measurement was skipped because the line rate is too low for the sample rate."""
+"""Status bit: the sensor skipped a measurement, because its line rate is too low."""
 FAULTS = {
     1 << 1: "overrange",
     1 << 2: "invalid measurements: saturation, or a short or open circuit",
     1 << 3: "raw measurements: strain gauges instead of forces",
 }
-"""Status bits of frames without valid measurements."""
+"""Meaning of each status bit that is set in a frame whose measurements are invalid."""
 
 RUN = b"R"
 """Command that ends the configuration mode, in which the sensor sends no frames."""
 
 
 class BotaFrame(NamedTuple):
-    """Content of a frame."""
+    """Content of a frame of the sensor."""
 
     status: int
-    """Bits `THROTTLED` and those of `FAULTS`."""
+    """Status bits: `THROTTLED` and the keys of `FAULTS`."""
     fx: float
     """Force [N]; likewise `fy` and `fz`."""
     fy: float
@@ -44,23 +44,29 @@ class BotaFrame(NamedTuple):
     my: float
     mz: float
     timestamp_us: int
-    """Time of the sensor's clock [us], which wraps after 71.6 minutes."""
+    """Time stamp of the sensor's clock [us], which wraps after 71.6 minutes."""
     temperature: float
     """Temperature of the sensor [degC]."""
 
 
 def fault(status: int) -> str:
-    """Return why the values of a frame with this status are invalid; empty if they are valid."""
+    """Return why the measurements of a frame are invalid; empty if they are valid.
+
+    Parameters
+    ----------
+    status
+        Status bits of the frame.
+    """
     return ", ".join(words for bit, words in FAULTS.items() if status & bit)
 
 
 class BotaParser(FixedFrameParser[BotaFrame]):
-    """Parser of a stream of bytes into frames."""
+    """Finds and decodes the frames of the sensor in a stream of bytes."""
 
     header = HEADER
     size = FRAME.size
 
     def decode(self, frame: bytes) -> BotaFrame | None:
-        """Decode a frame; return None if the checksum is wrong."""
+        """Return the content of a frame; None if its checksum is wrong."""
         status, *values, crc = FRAME.unpack(frame)
         return BotaFrame(status, *values) if crc == crc16_x25(frame[1:CHECKED]) else None

@@ -1,4 +1,4 @@
-"""Messages of CANopen drives of profile CiA 402, in SI units.
+"""Conversion of the messages of CANopen drives with profile CiA 402 to SI units, and back.
 
 CiA 301 defines the services (NMT, SYNC, EMCY, heartbeat). CiA 402-2 defines the state machine and
 the objects in these process data objects (PDO):
@@ -19,9 +19,9 @@ from typing import Literal
 NMT, SYNC, EMCY, TPDO1, RPDO1, TPDO2, SDO_ANSWER, HEARTBEAT = (
     *(0x000, 0x080, 0x080, 0x180, 0x200, 0x280, 0x580, 0x700),
 )
-"""Identifiers of the predefined connection set, CiA 301 7.3.5.
+"""CAN identifiers of the predefined connection set, CiA 301 7.3.5.
 
-The node id is added to all except NMT and SYNC.
+The node id of the drive is added to each identifier except NMT and SYNC.
 """
 
 COMMAND = struct.Struct("<Hi")
@@ -36,7 +36,7 @@ INT32 = (1 << 31) - 1
 
 
 class NmtCommand(IntEnum):
-    """NMT commands of the master to nodes, CiA 301 7.2.8.2."""
+    """Commands of network management (NMT) from the controller to a node, CiA 301 7.2.8.2."""
 
     START = 0x01
     STOP = 0x02
@@ -46,7 +46,7 @@ class NmtCommand(IntEnum):
 
 
 class NmtState(IntEnum):
-    """NMT state of a node in its heartbeat, CiA 301 7.2.8.3.2."""
+    """State of network management (NMT) that a node sends in its heartbeat, CiA 301 7.2.8.3.2."""
 
     BOOT_UP = 0x00
     STOPPED = 0x04
@@ -55,12 +55,15 @@ class NmtState(IntEnum):
 
     @property
     def words(self) -> str:
-        """Name of the state as in the standard."""
+        """Name of the state as the standard writes it, for example `pre-operational`."""
         return self.name.lower().replace("_", "-")
 
 
 class State(Enum):
-    """States of the power drive system, CiA 402-2 table 30: mask and value of the statusword."""
+    """States of the power drive system, CiA 402-2 table 30.
+
+    The value of a member is a mask of the statusword, and the value of the masked statusword.
+    """
 
     NOT_READY_TO_SWITCH_ON = (0x4F, 0x00)
     SWITCH_ON_DISABLED = (0x4F, 0x40)
@@ -73,12 +76,12 @@ class State(Enum):
 
     @property
     def words(self) -> str:
-        """Name of the state as in the profile."""
+        """Name of the state as the profile writes it, for example `operation enabled`."""
         return self.name.lower().replace("_", " ")
 
 
 class Control(IntEnum):
-    """Controlwords, CiA 402-2 table 26."""
+    """Values of the controlword, CiA 402-2 table 26."""
 
     DISABLE_VOLTAGE = 0x00
     QUICK_STOP = 0x02
@@ -95,7 +98,10 @@ TOWARDS_OPERATION: dict[State | None, Control] = {
     State.OPERATION_ENABLED: Control.ENABLE_OPERATION,
     State.FAULT: Control.FAULT_RESET,
 }
-"""Controlword for the next step to operation. From other states the drive changes by itself."""
+"""Controlword that brings the drive from a state to the next state on the way to operation.
+
+The drive leaves the other states by itself.
+"""
 
 
 def nmt(command: NmtCommand, node: int) -> bytes:
@@ -104,13 +110,13 @@ def nmt(command: NmtCommand, node: int) -> bytes:
 
 
 def state_of(statusword: int) -> State | None:
-    """Return the state of a statusword; None for a pattern that the profile does not define."""
+    """Return the state that a statusword contains; None if the profile does not define it."""
     return next((s for s in State if statusword & s.value[0] == s.value[1]), None)
 
 
 @dataclass(frozen=True)
 class Units:
-    """Units of a drive for position, velocity and force along its axis.
+    """Converts between the units of a drive and SI units along the axis of motion.
 
     Parameters
     ----------
@@ -119,9 +125,10 @@ class Units:
     travel_per_turn
         Displacement of the axis per turn of the motor [m].
     velocity
-        Unit of 60FFh and 606Ch.
+        Unit of the objects 60FFh (target velocity) and 606Ch (velocity actual value).
     rated_torque
-        Rated torque 6076h [N m], the unit of 6077h times 1000; NaN if unknown.
+        Rated torque, object 6076h [N m]; NaN if unknown. The object 6077h (torque actual value)
+        is in thousandths of the rated torque.
     """
 
     counts_per_turn: float
@@ -136,40 +143,66 @@ class Units:
 
     @property
     def metres_per_second(self) -> float:
-        """Velocity per unit of 60FFh and 606Ch [m/s]."""
+        """Velocity per unit of the objects 60FFh and 606Ch [m/s]."""
         return self.metres if self.velocity == "counts_per_s" else self.travel_per_turn / 60.0
 
     @property
     def newtons(self) -> float:
-        """Force along the axis per unit of 6077h, without losses [N]."""
+        """Force along the axis per unit of the object 6077h [N], for a drive without losses."""
         return 1e-3 * self.rated_torque * 2.0 * math.pi / self.travel_per_turn
 
     def target(self, velocity: float) -> int:
-        """Return the nearest possible target velocity 60FFh for a velocity [m/s]."""
+        """Return the value of the object 60FFh (target velocity) nearest to a velocity [m/s]."""
         return round(max(-INT32, min(INT32, velocity / self.metres_per_second)))
 
     def position(self, data: bytes) -> float:
-        """Return the position [m] in TPDO1."""
+        """Return the position [m] that the data of TPDO1 contain.
+
+        Raises
+        ------
+        struct.error
+            The data do not have 6 bytes.
+        """
         return float(STATUS.unpack(data)[1] * self.metres)
 
     def velocity_and_force(self, data: bytes) -> tuple[float, float]:
-        """Return velocity [m/s] and force [N] in TPDO2."""
+        """Return the velocity [m/s] and the force [N] that the data of TPDO2 contain.
+
+        Raises
+        ------
+        struct.error
+            The data do not have 6 bytes.
+        """
         velocity, torque = MOTION.unpack(data)
         return velocity * self.metres_per_second, torque * self.newtons
 
 
 def command(control: Control, target: int) -> bytes:
-    """Return the data of RPDO1."""
+    """Return the data of RPDO1: controlword, and target velocity in the unit of object 60FFh."""
     return COMMAND.pack(control, target)
 
 
 def statusword(data: bytes) -> int:
-    """Return the statusword in TPDO1."""
+    """Return the statusword that the data of TPDO1 contain.
+
+    Raises
+    ------
+    struct.error
+        The data do not have 6 bytes.
+    """
     return int(STATUS.unpack(data)[0])
 
 
 def emergency(data: bytes) -> str:
-    """Return the error of an EMCY frame as text; empty if it reports the end of an error."""
+    """Return the error that the data of an EMCY message contain, as text.
+
+    The text is empty if the message states that an error has ended.
+
+    Raises
+    ------
+    struct.error
+        The data do not have 8 bytes.
+    """
     code, register, _ = EMERGENCY.unpack(data)
     if code >> 8 == 0:
         return ""
@@ -226,4 +259,4 @@ EMERGENCIES = {
     0xF000: "additional functions",
     0xFF00: "manufacturer-specific error",
 }
-"""Error codes and codes of groups, CiA 301 table 26 and CiA 402-2 annex."""
+"""Meaning of error codes and of groups of error codes, CiA 301 table 26 and CiA 402-2 annex."""

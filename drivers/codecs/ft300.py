@@ -1,8 +1,9 @@
 """Data stream of Robotiq's FT 300 force-torque sensor.
 
 A frame is 0x20 0x4E, six 16-bit integers and the CRC-16/MODBUS of these bytes, little-endian. The
-rate is 100 Hz. See Robotiq's FT 300 instruction manual, section 4.4, "Data Stream". Modbus RTU
-function 16 starts the stream, section 6.12 of the Modbus application protocol 1.1b3.
+sensor sends 100 frames per second. See Robotiq's FT 300 instruction manual, section 4.4, "Data
+Stream". A Modbus RTU request with function 16 starts the stream (Modbus application protocol
+1.1b3, section 6.12).
 """
 
 from __future__ import annotations
@@ -25,11 +26,11 @@ NEWTON_METRE = 0.001
 START_STREAM = bytes.fromhex("09 10 019A 0001 02 0200 CDCA")
 """Modbus request that starts the stream: slave 9, write 0x0200 to register 410."""
 STOP_STREAM = 50 * b"\xff"
-"""Bytes that end the stream. They take longer than two periods of the stream."""
+"""Bytes that end the stream. Their transmission takes longer than two frame periods."""
 
 
 class Ft300Frame(NamedTuple):
-    """Content of a frame."""
+    """Content of a frame of the sensor."""
 
     fx: float
     """Force [N]; likewise `fy` and `fz`."""
@@ -42,13 +43,13 @@ class Ft300Frame(NamedTuple):
 
 
 class Ft300Parser(FixedFrameParser[Ft300Frame]):
-    """Parser of a stream of bytes into frames."""
+    """Finds and decodes the frames of the sensor in a stream of bytes."""
 
     header = HEADER
     size = FRAME.size
 
     def decode(self, frame: bytes) -> Ft300Frame | None:
-        """Decode a frame; return None if the checksum is wrong."""
+        """Return the content of a frame; None if its checksum is wrong."""
         *counts, crc = FRAME.unpack(frame)
         if crc != crc16_modbus(frame[:CHECKED]):
             return None

@@ -1,8 +1,8 @@
-"""Frames of ODrive CANSimple for velocity control, firmware 0.5 and 0.6.
+"""CAN frames of the protocol ODrive CANSimple for velocity control, firmware 0.5 and 0.6.
 
-An 11-bit identifier is node << 5 | command. Data are little-endian, with 32-bit IEEE 754 floats.
-Turns [rev] are those of the motor. Sources: ODrive documentation, "CAN Protocol", of the two
-firmware versions, and the vendor's odrive-cansimple-0.5.6.dbc and -0.6.10.dbc.
+The 11-bit identifier of a frame is node << 5 | command. Data are little-endian, with 32-bit IEEE
+754 floats. Turns [rev] are turns of the motor. Sources: ODrive documentation, "CAN Protocol", of
+the two firmware versions, and the vendor's odrive-cansimple-0.5.6.dbc and -0.6.10.dbc.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ LENGTH = 8
 
 
 class Command(IntEnum):
-    """Commands: the lower 5 bits of an identifier."""
+    """Commands of the protocol: the lower 5 bits of the identifier of a frame."""
 
     GET_VERSION = 0x00
-    """Only firmware 0.6."""
+    """Only in firmware 0.6."""
     HEARTBEAT = 0x01
     SET_AXIS_STATE = 0x07
     GET_ENCODER_ESTIMATES = 0x09
@@ -31,7 +31,7 @@ class Command(IntEnum):
     GET_IQ = 0x14
     CLEAR_ERRORS = 0x18
     GET_TORQUES = 0x1C
-    """Only firmware 0.6."""
+    """Only in firmware 0.6."""
 
 
 class AxisState(IntEnum):
@@ -58,7 +58,7 @@ STATES = {state.value: state.name for state in AxisState}
 VELOCITY_CONTROL = 2
 """Control mode: velocity."""
 PASSTHROUGH = 1
-"""Input mode: the velocity is used without filter or ramp."""
+"""Input mode: the ODrive uses the commanded velocity without a filter or ramp."""
 
 AXIS_ERRORS: dict[Firmware, dict[int, str]] = {
     "0.5": {
@@ -114,7 +114,10 @@ REFUSALS = {
     14: "NOT_CALIBRATED",
     15: "NOT_CONVERGING",
 }
-"""Procedure results of firmware 0.6 except success, busy, cancelled and disarmed."""
+"""Name of each procedure result, in a heartbeat of firmware 0.6, that is a refusal.
+
+The results success, busy, cancelled and disarmed are not refusals.
+"""
 
 TWO_FLOATS = struct.Struct("<ff")
 TWO_INTEGERS = struct.Struct("<II")
@@ -123,14 +126,14 @@ HEARTBEAT_06 = struct.Struct("<IBB2x")
 
 
 class Heartbeat(NamedTuple):
-    """State and errors of an axis."""
+    """State and errors that an axis sends in its heartbeat."""
 
     state: int
-    """One of `AxisState`, or a state of a later firmware."""
+    """One of `AxisState`, or an unknown state of a later firmware."""
     errors: tuple[str, ...]
     """Names of the active errors and of the errors that disarmed the axis."""
     refusal: str = ""
-    """Reason why the requested state was not entered, if reported (firmware 0.6)."""
+    """Why the axis did not enter the requested state; empty if not reported (firmware 0.5)."""
 
 
 class Version(NamedTuple):
@@ -142,7 +145,7 @@ class Version(NamedTuple):
 
 
 def identifier(node: int, command: Command) -> int:
-    """Return the identifier of a node's frame."""
+    """Return the 11-bit identifier of the frame with a command to or from a node."""
     return node << 5 | command
 
 
@@ -167,12 +170,22 @@ def set_limits(velocity: float, current: float) -> bytes:
 
 
 def clear_errors(firmware: Firmware) -> bytes:
-    """Return the data of Clear_Errors; from firmware 0.6 on, a byte 0 means no identification."""
+    """Return the data of Clear_Errors.
+
+    With firmware 0.6 the data have one byte. Its value 0 switches off the identification of the
+    device by a blinking light.
+    """
     return b"" if firmware == "0.5" else b"\0"
 
 
 def heartbeat(firmware: Firmware, data: bytes) -> Heartbeat:
-    """Decode a heartbeat; raise struct.error unless it has 8 bytes."""
+    """Return the content of a heartbeat.
+
+    Raises
+    ------
+    struct.error
+        The data do not have 8 bytes.
+    """
     if firmware == "0.5":
         errors, state, motor, encoder, controller = HEARTBEAT_05.unpack(data)
         flags = {"MOTOR_ERROR": motor, "ENCODER_ERROR": encoder, "CONTROLLER_ERROR": controller}
@@ -183,7 +196,7 @@ def heartbeat(firmware: Firmware, data: bytes) -> Heartbeat:
 
 
 def encoder_estimates(data: bytes) -> tuple[float, float]:
-    """Return position [rev] and velocity [rev/s] of Get_Encoder_Estimates.
+    """Return the position [rev] and the velocity [rev/s] in the data of Get_Encoder_Estimates.
 
     Raises
     ------
@@ -195,7 +208,7 @@ def encoder_estimates(data: bytes) -> tuple[float, float]:
 
 
 def iq(data: bytes) -> tuple[float, float]:
-    """Return current setpoint and measured current [A] of Get_Iq.
+    """Return the current setpoint and the measured current [A] in the data of Get_Iq.
 
     Raises
     ------
@@ -207,7 +220,7 @@ def iq(data: bytes) -> tuple[float, float]:
 
 
 def torques(data: bytes) -> tuple[float, float]:
-    """Return torque setpoint and estimated torque [N m] of Get_Torques.
+    """Return the torque setpoint and the estimated torque [N m] in the data of Get_Torques.
 
     Raises
     ------
@@ -219,7 +232,7 @@ def torques(data: bytes) -> tuple[float, float]:
 
 
 def version(data: bytes) -> Version:
-    """Return the firmware version of Get_Version.
+    """Return the firmware version in the data of Get_Version.
 
     Raises
     ------
@@ -230,7 +243,7 @@ def version(data: bytes) -> Version:
 
 
 def error_names(firmware: Firmware, errors: int) -> tuple[str, ...]:
-    """Return the names of the bits that are set, and the values of unknown bits."""
+    """Return the name of each error whose bit is set; an unknown bit is given by its value."""
     if not errors:
         return ()
     names = AXIS_ERRORS[firmware]
@@ -239,5 +252,5 @@ def error_names(firmware: Firmware, errors: int) -> tuple[str, ...]:
 
 
 def state_name(state: int) -> str:
-    """Return the name of the state of an axis."""
+    """Return the name of a state of an axis; an unknown state is given by its number."""
     return STATES.get(state, f"state {state}")

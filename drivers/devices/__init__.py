@@ -1,1 +1,1 @@
-"""Devices, one per file; `drivers.registry` has them by name."""
+"""Devices, one per file. `drivers.registry` returns the class of a device for its kind."""

@@ -19,7 +19,7 @@ from drivers.transports.serial_port import SerialPort
 PATIENCE = 4.0
 """Longest wait for an answer [s]. Many boards reset when their port is opened."""
 ASKING = 0.25
-"""Period of repeated requests [s]."""
+"""Time after which a request without an answer is repeated [s]."""
 STOPPED: dict[int, str] = {
     State.WATCHDOG: "watchdog: the board missed the commands",
     State.DRIVE_FAULT: "drive fault input",
@@ -27,7 +27,7 @@ STOPPED: dict[int, str] = {
 
 
 class Axis(VelocityDrive):
-    """An axis of the board. `idle` takes all axes out of operation."""
+    """A velocity axis of the board. `idle` takes all axes of the board out of operation."""
 
     def __init__(self, board: Board, index: int, scale: float) -> None:
         self.velocity = 0
@@ -37,11 +37,11 @@ class Axis(VelocityDrive):
         self._scale = scale
 
     def enable(self) -> bool:
-        """Request operation of this axis; return whether the board's samples report it."""
+        """Request operation of this axis; return whether the board reports it in its samples."""
         return self._board.enable_axis(self._index)
 
     def command(self, velocity: float) -> float:
-        """Set the velocity [m/s]; return it rounded to whole counts."""
+        """Set the velocity of the next COMMAND [m/s]; return it, rounded to whole counts [m/s]."""
         self.velocity = codec.to_counts(velocity, self._scale)
         return self.velocity * self._scale
 
@@ -51,13 +51,14 @@ class Axis(VelocityDrive):
 
 
 class Board(SerialDevice):
-    """A board; signals `force_0` [N], `position_0` [m], `velocity_0` [m/s], `analogue_0` [V].
+    """A microcontroller board on a serial port.
 
-    Its drives are `axis_0` and `axis_1`. All signals of a frame have the same time, the time of
-    the board's clock converted to the controller's clock.
+    Its signals are `force_0` [N], `position_0` [m], `velocity_0` [m/s], `analogue_0` [V] and so
+    on. Its drives are `axis_0` and `axis_1`. All values of a sample have the same time: the time
+    stamp of the board's clock, converted to the controller's clock.
 
-    A board that was reset has lost its counts and thus the datum of its positions. This error
-    stays until the rig is opened again.
+    After a reset, the board counts positions from a new zero, so that the datum of the positions
+    is lost. The error of a reset therefore remains until the rig is opened again.
     """
 
     Settings = BoardSettings
@@ -81,11 +82,11 @@ class Board(SerialDevice):
         self._received: int | None = None
         self._uptime = 0
         self._wanted = False
-        """Whether the axes are to be enabled."""
+        """Whether operation of an axis is requested."""
         self._asked = 0
-        """Sequence number of the first frame that requested this."""
+        """Sequence number of the first frame of this request."""
         self._acknowledged = False
-        """Whether the board has accepted this frame, so that its state is the answer."""
+        """Whether the board has accepted this frame. Its state then answers the request."""
         self._pinged = 0
         self._ping_answered = False
         self._enabled = 0
@@ -96,7 +97,7 @@ class Board(SerialDevice):
         self._gains = list(gains(settings))
 
     def signals(self) -> dict[str, str]:
-        """Return the unit of each signal that has a scale in the rig file."""
+        """Return the SI unit of each signal for which the rig file gives a scale."""
         return {
             f"{name}_{i}": unit
             for name, unit, _, key, _ in QUANTITIES
@@ -104,7 +105,7 @@ class Board(SerialDevice):
         }
 
     def start(self, port: SerialPort) -> None:
-        """Identify the board and configure it; it then sends samples."""
+        """Check the identity of the board and configure it; the board then sends samples."""
         self._port = port
         self._started = False
         self.identity = self._configured = None
@@ -159,7 +160,7 @@ class Board(SerialDevice):
         )
 
     def receive(self, data: bytes, now: float) -> None:
-        """Process messages; the newest sample sets all signals."""
+        """Process messages of the board. The newest sample sets the values of all signals."""
         newest: codec.Sample | None = None
         for message in self._reader.feed(data):
             if isinstance(message, codec.Sample):
@@ -178,7 +179,7 @@ class Board(SerialDevice):
                 self.samples[signal] = Sample(gain * newest.counts[index], time)
 
     def _in_order(self, sample: codec.Sample) -> bool:
-        """Return whether a sample is newer than all previous ones; count lost samples."""
+        """Return whether a sample is newer than all previous samples; count lost samples."""
         if self._received is not None:
             ahead = signed(sample.sequence - self._received, 16)
             if ahead <= 0:
@@ -193,7 +194,7 @@ class Board(SerialDevice):
         return True
 
     def _update_identity(self, board: Identity) -> None:
-        """Store the identity of the board; if it changes in operation, the board was reset."""
+        """Store the identity of the board. A change of it after the set-up shows a reset."""
         if not self._started or self.identity is None:
             self.identity = board
         elif board.boot != self.identity.boot:
@@ -204,12 +205,12 @@ class Board(SerialDevice):
         self._uptime = board.time
 
     def _set_reset(self, sign: str) -> None:
-        """Set the error of a reset board. Its positions are lost, so re-arming keeps the error."""
+        """Set the error of a board that was reset; `rearm` does not clear this error."""
         self._reset = self._reset or f"the board was reset, open the rig again: {sign}"
         self.error = self._reset
 
     def _update_state(self, sample: codec.Sample) -> None:
-        """Update the error from the board's state. In operation it is latched."""
+        """Update the error from a sample. While operation is requested, the error is latched."""
         stopped = sample.state == State.EMERGENCY_STOP
         self.emergency_stop = stopped or bool(sample.inputs & Input.EMERGENCY_STOP)
         self._enabled = sample.axes if sample.state == State.ENABLED else 0
@@ -228,7 +229,7 @@ class Board(SerialDevice):
         self.error = self._reset or self._latched or error
 
     def ping(self) -> bool:
-        """Send a frame that changes nothing while the axes are idle; a sample acknowledges it."""
+        """Send DISABLE, unless operation is requested; a later sample acknowledges it."""
         if self._wanted:
             return False
         self._pinged, self._ping_answered = self._sequence, False
@@ -240,7 +241,7 @@ class Board(SerialDevice):
         return self._ping_answered
 
     def enable_axis(self, index: int) -> bool:
-        """Request operation of an axis; return whether the board reports it as enabled."""
+        """Request operation of the axis `index`; return whether the board reports it as enabled."""
         if not self._wanted:
             self._wanted = True
             self._acknowledged = self._running = False
@@ -253,7 +254,7 @@ class Board(SerialDevice):
         return False
 
     def rearm(self) -> None:
-        """Clear the latched error, except the error of a reset board."""
+        """Clear the latched error, except the error of a board that was reset."""
         self._latched, self.error = "", self._reset
 
     def disable(self) -> None:
@@ -271,7 +272,7 @@ class Board(SerialDevice):
             self._send(codec.COMMAND, codec.command(*(axis.velocity for axis in self.axes), *rest))
 
     def stop(self) -> None:
-        """Stop the samples of the board."""
+        """Send HELLO, after which the board sends no more samples."""
         if self._started:
             with contextlib.suppress(RigError):
                 self._send(codec.HELLO)
@@ -284,6 +285,6 @@ class Board(SerialDevice):
 
 
 def signed(difference: int, bits: int) -> int:
-    """Return the signed difference of two counters that wrap after this number of bits."""
+    """Return the difference of two counters that have this number of bits, as a signed number."""
     half = 1 << bits - 1
     return (difference + half) % (2 * half) - half

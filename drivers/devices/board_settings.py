@@ -1,4 +1,4 @@
-"""Rig file section of a board, and the signals that it defines."""
+"""Section of the rig file for a microcontroller board, and the signals of the board."""
 
 from __future__ import annotations
 
@@ -18,20 +18,25 @@ QUANTITIES = (
     ("velocity", "m/s", 1e-6, "velocity_um_per_s_per_count", codec.AXES),
     ("analogue", "V", 1e-3, "analogue_mv_per_count", codec.ANALOGUES),
 )
-"""Signals in the order of a sample's counts: name, SI unit, setting unit, setting, number."""
+"""Groups of signals, in the order of the counts in a sample of the board.
+
+Each has a name, its SI unit, the SI value of the setting's unit, the name of the setting with the
+scales, and the number of counts in a sample.
+"""
 
 
 class BoardSettings(DeviceSettings):
-    """Rig file section of a board.
+    """Section of the rig file for a microcontroller board.
 
-    Each list has one entry per input or axis in use, from the first one on.
+    Each list of scales has one entry per input or axis in use, starting with the first input or
+    axis of the board.
     """
 
     kind: Literal["board"]
     bus: str
     sample_rate_hz: Annotated[int, Field(ge=50, le=4000)] = 1000
     watchdog_ms: Annotated[int, Field(ge=5, le=500)] = 50
-    """Time without a command after which the axes stop."""
+    """Time without a command after which the board stops the axes [ms]."""
     force_n_per_count: Annotated[tuple[Scale, ...], Field(max_length=codec.FORCES)] = ()
     position_um_per_count: Annotated[tuple[Scale, ...], Field(max_length=codec.AXES)] = ()
     velocity_um_per_s_per_count: Annotated[tuple[Scale, ...], Field(max_length=codec.AXES)] = ()
@@ -40,7 +45,10 @@ class BoardSettings(DeviceSettings):
 
 
 def gains(settings: BoardSettings) -> Iterator[tuple[int, str, float]]:
-    """Yield for each signal the index of its count in a sample, its name, and SI unit per count."""
+    """Yield, for each signal, its index in the counts of a sample, its name and its scale.
+
+    The scale is the SI unit per count.
+    """
     first = 0
     for name, _, unit, key, number in QUANTITIES:
         for i, scale in enumerate(getattr(settings, key)):

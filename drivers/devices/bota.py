@@ -1,4 +1,4 @@
-"""Serial force-torque sensors of Bota Systems (Rokubi, SensONE, MegaONE)."""
+"""Force-torque sensors of Bota Systems with a serial port (Rokubi, SensONE, MegaONE)."""
 
 from __future__ import annotations
 
@@ -14,27 +14,32 @@ from drivers.transports.serial_port import SerialPort
 BAUD = 460800
 """Factory setting of the sensor's line rate [bit/s]."""
 STREAMING = 0.25
-"""Longest wait for a frame before the configuration mode is assumed [s]."""
+"""Wait for a frame, after which the sensor is assumed to be in the configuration mode [s]."""
 FIRST_FRAME = 1.0
 """Longest wait for the first frame [s]."""
 CLOCK_JUMP = 1.0
-"""Advance of the sensor's clock that indicates a restart [s]."""
+"""Jump of the sensor's clock, relative to the controller's clock, that shows a restart [s]."""
 
 
 class BotaSettings(DeviceSettings):
-    """Rig file section of a sensor. Its filter, and thus its rate, must be set on the sensor."""
+    """Section of the rig file for a sensor of Bota Systems.
+
+    The filter of the sensor, which determines its sample rate, must be set on the sensor.
+    """
 
     kind: Literal["bota"]
     bus: str
 
 
 class Bota(SerialDevice):
-    """A sensor; signals `fx`, `fy`, `fz` [N], `mx`, `my`, `mz` [N m] and `temperature` [degC].
+    """A force-torque sensor of Bota Systems.
 
-    Sampling times are those of the sensor's clock, converted to the controller's clock, minus the
-    transmission time of a frame. While the sensor reports its values as invalid, they are not
-    used and `error` has the reason. A sensor that was restarted may have lost its zero. This
-    error stays until the rig is opened again.
+    Its signals are `fx`, `fy`, `fz` [N], `mx`, `my`, `mz` [N m] and `temperature` [degC]. The
+    sampling time of a frame is the time stamp of the sensor's clock, converted to the
+    controller's clock, minus the transmission time of a frame. Measurements that the sensor
+    reports as invalid are not used, and `error` gives the reason. A restart of the sensor may
+    change its zero offsets. The error of a restart therefore remains until the rig is opened
+    again.
     """
 
     Settings = BotaSettings
@@ -51,7 +56,7 @@ class Bota(SerialDevice):
         """Time stamp of the latest frame [us], and its time of arrival [s]."""
 
     def signals(self) -> dict[str, str]:
-        """Return the units of forces, moments and the sensor's temperature."""
+        """Return the units of the forces, the moments and the temperature of the sensor."""
         forces = dict.fromkeys(("fx", "fy", "fz"), "N")
         return forces | dict.fromkeys(("mx", "my", "mz"), "N m") | {"temperature": "degC"}
 
@@ -76,7 +81,10 @@ class Bota(SerialDevice):
         self._started = True
 
     def receive(self, data: bytes, now: float) -> None:
-        """Process frames; the newest frame with valid measurements sets the samples."""
+        """Process frames of the sensor.
+
+        The newest frame with valid measurements sets the samples of all signals.
+        """
         frames = self._parser.feed(data)
         if not frames:
             return

@@ -1,4 +1,4 @@
-"""CANopen drive of profile CiA 402 in cyclic synchronous velocity mode."""
+"""CANopen drive with profile CiA 402, in cyclic synchronous velocity mode."""
 
 from __future__ import annotations
 
@@ -40,22 +40,22 @@ if TYPE_CHECKING:
     from drivers.devices.cia402_setup import Setup
 
 BOOTING = 5.0
-"""Longest time from a reset to the boot-up message [s]."""
+"""Longest time from a reset of the drive to its boot-up message [s]."""
 STARTING = 1.0
-"""Longest time from the end of the set-up to the first samples [s]."""
+"""Longest wait for NMT state operational, and then for the first samples [s]."""
 RESETTING = 0.5
-"""Longest time for the reset of a fault [s]."""
+"""Longest time that the drive may take to reset a fault [s]."""
 FAULTS = (State.FAULT, State.FAULT_REACTION_ACTIVE)
 
 
 class Cia402(CanDevice, VelocityDrive):
-    """A drive with one axis.
+    """A CiA 402 drive with one axis.
 
-    It is set up over SDO in `start`. Then, at each SYNC, the drive applies its command and takes
-    its samples. It stops on its quick stop ramp if the controller's heartbeat or commands are
-    missing for `watchdog_ms` (CiA 402-2, 6007h). Any error that it reports, and any other exit
-    from operation, is latched in `error`, and the drive is kept out of operation until it is
-    enabled again.
+    `start` sets up the drive over SDO. Then, at each SYNC, the drive applies the latest command
+    and takes its samples. The drive stops on its quick stop ramp if the controller's heartbeat or
+    commands are missing for `watchdog_ms` (CiA 402-2, 6007h). `error` stores each error that the
+    drive reports, and each exit from operation without a request. The drive then remains out of
+    operation until it is enabled again.
 
     Sources: CiA 301 4.2, CiA 402-2 3.0.
     """
@@ -92,15 +92,21 @@ class Cia402(CanDevice, VelocityDrive):
         return Units(s.counts_per_turn, s.travel_mm_per_turn * 1e-3, s.velocity_unit, rated_torque)
 
     def signals(self) -> Mapping[str, str]:
-        """Return the units of position, velocity, and force of the motor along the axis."""
+        """Return the SI units of position, velocity, and motor force along the axis."""
         return {"position": "m", "velocity": "m/s", "force": "N"}
 
     def identifiers(self) -> Iterable[int]:
-        """Return the identifiers of EMCY, both TPDOs, heartbeat and SDO answers."""
+        """Return the identifiers of the drive's frames: EMCY, TPDO1, TPDO2, heartbeat, SDO."""
         return (*self._handlers, SDO_ANSWER + self.settings.node_id)
 
     def start(self, bus: CanBus) -> None:
-        """Reset the drive's communication and set it up for SYNC; it stays idle."""
+        """Reset the drive's communication and set up the drive, which stays out of operation.
+
+        Raises
+        ------
+        RigError
+            The drive does not answer, is not the expected one, or refuses a setting.
+        """
         from drivers.devices.cia402_setup import Setup
 
         node = self.settings.node_id
@@ -135,7 +141,7 @@ class Cia402(CanDevice, VelocityDrive):
         return NO_SAMPLE not in (self.samples["position"], self.samples["velocity"])
 
     def receive(self, frame: can.Message, time: float) -> None:
-        """Process a frame."""
+        """Process a CAN frame of the drive."""
         if frame.is_remote_frame:
             self.rejected["remote"] += 1
         elif frame.arbitration_id == SDO_ANSWER + self.settings.node_id:
@@ -170,7 +176,7 @@ class Cia402(CanDevice, VelocityDrive):
         self.samples["force"] = Sample(force, sampled)
 
     def _sampled(self, arrival: float) -> float:
-        """Return the sampling time of a TPDO [s]: that of the SYNC before its arrival."""
+        """Return the sampling time of a TPDO [s]: the time of the SYNC before its arrival."""
         synchronised = self._master.synchronised
         return synchronised if synchronised <= arrival else arrival
 
@@ -194,19 +200,19 @@ class Cia402(CanDevice, VelocityDrive):
             self._fail(self._lost)
 
     def _fail(self, error: str) -> None:
-        """Latch the first error, and stop the drive, until it is enabled again."""
+        """Store the first error, and stop the drive until it is enabled again."""
         if self._running:
             self.error = self.error or error
             self._enabled = False
             self._control = Control.QUICK_STOP
 
     def update(self, now: float) -> None:
-        """Check the drive's heartbeat, and request samples if no tick does."""
+        """Check the heartbeat of the drive, and send a SYNC if no tick has sent one recently."""
         if not self._bus or not self._running:
             return
         self._master.keep_sampling(self._bus, now)
         if now - self._updated > 0.5 * self._watchdog:
-            self._heard = now  # the bus was not read in the meantime
+            self._heard = now  # no heartbeat could be received: the bus was not read
         self._updated = now
         if now - self._heard > self._watchdog:
             self._fail(f"no heartbeat for {self.settings.watchdog_ms} ms")
@@ -214,7 +220,7 @@ class Cia402(CanDevice, VelocityDrive):
             self._fail("the fault is not cleared by a reset")
 
     def ping(self) -> bool:
-        """Send a SYNC, which TPDO1 answers."""
+        """Send a SYNC, which the drive answers with TPDO1; return False before the set-up."""
         if self._bus and self._running:
             self._answered = False
             self._master.synchronise(self._bus)
@@ -225,11 +231,13 @@ class Cia402(CanDevice, VelocityDrive):
         return self._answered
 
     def rearm(self) -> None:
-        """Clear the error, except that of a lost set-up."""
+        """Clear the error, unless the drive has lost its set-up."""
         self.error = self._lost
 
     def enable(self) -> bool:
-        """Take one step towards operation; the first call resets a fault.
+        """Request the next state on the way to operation; return whether the drive is in operation.
+
+        The first call after `idle` clears the error. A fault of the drive is reset.
 
         Raises
         ------
@@ -250,19 +258,19 @@ class Cia402(CanDevice, VelocityDrive):
         return self._enabled
 
     def command(self, velocity: float) -> float:
-        """Set the velocity [m/s]; return it rounded to units of 60FFh."""
+        """Set the velocity [m/s]; return it [m/s], rounded to the unit of object 60FFh."""
         self._target = self._units.target(velocity)
         return self._target * self._units.metres_per_second
 
     def transmit(self) -> None:
-        """Send RPDO1 if a drive was enabled; after the last drive on the bus, send SYNC."""
+        """Send RPDO1 if a drive on the bus was enabled; the last drive on the bus sends SYNC."""
         if self._bus and self._running:
             if self._master.armed:
                 self._send()
             self._master.end_tick(self.name, self._bus)
 
     def idle(self) -> None:
-        """Stop on the quick stop ramp; the drive then leaves operation."""
+        """Stop the drive on its quick stop ramp, after which it leaves operation."""
         self._armed = self._enabled = False
         self._control, self._target = Control.QUICK_STOP, 0
         self._resetting_until = math.inf
@@ -276,7 +284,7 @@ class Cia402(CanDevice, VelocityDrive):
         self._bus.send(RPDO1 + self.settings.node_id, command(self._control, target))
 
     def stop(self) -> None:
-        """Reset the drive's communication, so that it does not report a missing heartbeat."""
+        """Reset the drive's communication, so that the drive reports no missing heartbeat later."""
         if self._bus and self._running:
             with contextlib.suppress(RigError):
                 self._bus.send(NMT, nmt(NmtCommand.RESET_COMMUNICATION, self.settings.node_id))

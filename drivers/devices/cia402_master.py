@@ -1,4 +1,4 @@
-"""CANopen master: one SYNC and one heartbeat for all drives on a bus."""
+"""CANopen master: sends SYNC and the controller's heartbeat, once for all drives on a bus."""
 
 from __future__ import annotations
 
@@ -11,23 +11,24 @@ from drivers.transports.can_bus import CanBus
 NODE = 127
 """Node id of the controller."""
 LONGEST = 8e-3
-"""Longest time between two SYNC messages [s], also if no tick ends."""
+"""Time without a SYNC after which `keep_sampling` sends one [s]."""
 
 
 class Master:
-    """State that all drives on a bus share.
+    """CANopen master of a bus, which all drives on the bus share.
 
-    SYNC is sent at the end of a tick, after the command of the last drive. All drives then apply
-    their commands and take their samples. Drives send in the order in which they were started, so
-    the last drive is the one that was started last.
+    At the end of a tick, after the command of the last drive, the master sends SYNC. All drives
+    then apply their commands and take their samples. The drives send their commands in the order
+    in which they were started, so the last drive is the drive that was started last.
 
     Attributes
     ----------
     synchronised
-        Time of the latest SYNC [s].
+        Time of the latest SYNC on the controller's clock [s].
     armed
-        Whether a drive was enabled. Then the controller's heartbeat is sent at the end of a tick.
-        The drives monitor it from the first one on, and detect missing ticks.
+        Whether a drive was enabled. If so, the controller's heartbeat is sent at the end of a
+        tick when it is due. From the first heartbeat on, the drives monitor the heartbeat, and so
+        detect missing ticks.
     """
 
     def __init__(self) -> None:
@@ -38,12 +39,28 @@ class Master:
         self._period = math.inf
 
     def join(self, drive: str, heartbeat_period: float) -> None:
-        """Add a drive by its name, with the longest period of the controller's heartbeat [s]."""
+        """Add a drive to the bus.
+
+        Parameters
+        ----------
+        drive
+            Name of the device.
+        heartbeat_period
+            Longest period of the controller's heartbeat that the drive allows [s].
+        """
         self._last, self.armed = drive, False
         self._period = min(self._period, heartbeat_period)
 
     def end_tick(self, drive: str, bus: CanBus) -> None:
-        """If this is the last drive, send SYNC, and the heartbeat if it is due."""
+        """Send SYNC, and the heartbeat if it is due; do nothing if this is not the last drive.
+
+        Parameters
+        ----------
+        drive
+            Name of the device that has sent its command.
+        bus
+            The bus.
+        """
         if drive != self._last:
             return
         self.synchronise(bus)
@@ -53,7 +70,7 @@ class Master:
             bus.send(HEARTBEAT + NODE, bytes((NmtState.OPERATIONAL,)))
 
     def keep_sampling(self, bus: CanBus, now: float) -> None:
-        """Send a SYNC if the last one is older than `LONGEST`."""
+        """Send a SYNC if the latest SYNC is older than `LONGEST`."""
         if now - self.synchronised > LONGEST:
             self.synchronise(bus)
 
@@ -67,5 +84,5 @@ _masters: WeakKeyDictionary[CanBus, Master] = WeakKeyDictionary()
 
 
 def master_of(bus: CanBus) -> Master:
-    """Return the master of a bus."""
+    """Return the CANopen master of a bus; it is created at the first call."""
     return _masters.setdefault(bus, Master())

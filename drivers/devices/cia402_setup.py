@@ -31,19 +31,21 @@ from drivers.transports.can_bus import CanBus
 logging.getLogger("canopen").addHandler(logging.NullHandler())
 
 PROFILE = 402
+"""Low word of object 1000h: the drive has the profile CiA 402."""
 CYCLIC_SYNCHRONOUS_VELOCITY = 9
+"""Value of objects 6060h and 6061h: cyclic synchronous velocity mode."""
 SUPPORTS_IT = 1 << 8
-"""Bit of 6502h: the drive supports this mode."""
+"""Bit of object 6502h: the drive supports the cyclic synchronous velocity mode."""
 QUICK_STOP_IF_MASTER_LOST = 3
-"""Value of 6007h: quick stop if the communication is lost."""
+"""Value of object 6007h: quick stop if the communication with the controller is lost."""
 RAMP_THEN_DISABLE = 2
-"""Value of 605Ah: slow down on the quick stop ramp, then go to switch on disabled."""
+"""Value of object 605Ah: decelerate on the quick stop ramp, then go to switch on disabled."""
 KEEP_NMT_STATE = 1
-"""Value of 1029h: keep the NMT state after a communication error, to continue reports."""
+"""Value of object 1029h: after a communication error, keep the NMT state and go on sending."""
 EVERY_SYNC = 1
 """Transmission type of a PDO: at every SYNC."""
 VELOCITY_UNITS = {"counts_per_s": 0x00B50300, "rpm": 0x00B44700}
-"""Values of 60A9h, CiA 402-2 and CiA 303-2."""
+"""Value of object 60A9h (velocity unit) for each setting, CiA 402-2 and CiA 303-2."""
 INVALID = 1 << 31
 """Bit of a PDO's COB-ID: the PDO is not used."""
 NO_OBJECT = (0x06020000, 0x06090011)
@@ -68,7 +70,7 @@ VARIABLES = {
     0x60FF: INTEGER32,
     0x6502: UNSIGNED32,
 }
-"""Objects without sub-indices, and their types."""
+"""Type of each object without sub-indices."""
 COMMUNICATION = {0: UNSIGNED8, 1: UNSIGNED32, 2: UNSIGNED8, 5: UNSIGNED16}
 MAPPING = {0: UNSIGNED8, 1: UNSIGNED32, 2: UNSIGNED32}
 RECORDS = {
@@ -78,11 +80,14 @@ RECORDS = {
     **dict.fromkeys((0x1400, 0x1800, 0x1801, 0x1802, 0x1803), COMMUNICATION),
     **dict.fromkeys((0x1600, 0x1A00, 0x1A01, 0x1A02, 0x1A03), MAPPING),
 }
-"""Objects with sub-indices. Mappings are records too, because canopen does not save arrays."""
+"""Types of the sub-indices of each object with sub-indices.
+
+PDO mappings are declared as records, because canopen does not write mappings that are arrays.
+"""
 
 
 def object_dictionary() -> ObjectDictionary:
-    """Return a dictionary of the objects of CiA 301 and CiA 402-2 that are used here."""
+    """Return canopen's dictionary of the objects of CiA 301 and CiA 402-2 that are used here."""
     dictionary = ObjectDictionary()  # type: ignore[no-untyped-call]
     for index, kind in VARIABLES.items():
         dictionary.add_object(variable(index, 0, kind))
@@ -95,21 +100,21 @@ def object_dictionary() -> ObjectDictionary:
 
 
 def variable(index: int, sub: int, kind: int) -> ODVariable:
-    """Return an entry of this type for an object dictionary."""
+    """Return an entry for an object dictionary: index, sub-index and data type of an object."""
     entry = ODVariable(f"{index:04X}h:{sub:02X}", index, sub)
     entry.data_type = kind
     return entry
 
 
 class Setup:
-    """Set-up of one drive, with canopen as protocol and a `CanBus` as transport.
+    """Set-up of one drive over SDO. canopen implements the protocol; a `CanBus` sends the frames.
 
     Parameters
     ----------
     where
-        Name of the drive in messages.
+        Text that names the drive in error messages.
     bus
-        The bus. It is read while waiting for an answer.
+        The bus. `Setup` reads it while it waits for an answer.
     settings
         The drive's section of the rig file.
     """
@@ -123,7 +128,7 @@ class Setup:
         self._network[settings.node_id] = self._node
 
     def receive(self, frame: can.Message, time: float) -> None:
-        """Process an SDO answer."""
+        """Process the CAN frame of an SDO answer; `time` is its time of arrival [s]."""
         self._network.notify(frame.arbitration_id, frame.data, time)
 
     def run(self) -> float:
@@ -158,7 +163,7 @@ class Setup:
             self._write(0x60A9, 0, unit)
 
     def _monitor(self) -> None:
-        """Set up heartbeats in both directions, and the reaction of the drive to their loss."""
+        """Set up the heartbeats of drive and controller, and what the drive does without them."""
         watchdog = self._settings.watchdog_ms
         self._write(0x1017, 0, watchdog // 4)
         self._write(0x1016, 1, NODE << 16 | watchdog)
@@ -223,7 +228,7 @@ class Setup:
         self._ask(f"writing 0x{value:X} to object {index:04X}h:{sub:02X}", write, optional)
 
     def _ask(self, what: str, request: Callable[[], Any], optional: bool = False) -> Any:
-        """Return the answer to a request; None if an optional object does not exist."""
+        """Return the answer to an SDO request; None if an optional object does not exist."""
         try:
             return request()
         except SdoAbortedError as error:
@@ -235,42 +240,49 @@ class Setup:
 
 
 class BusNetwork(Network):
-    """canopen's network, which sends frames over a `CanBus`."""
+    """Network of canopen that sends its frames on a `CanBus`."""
 
     def __init__(self, bus: CanBus) -> None:
         super().__init__()
         self._carrier = bus
 
     def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
-        """Send a data frame."""
+        """Send a CAN data frame."""
         self._carrier.send(can_id, bytes(data))
 
 
 class PumpedNode(RemoteNode):
-    """canopen's remote node, whose SDO client reads a `CanBus` while it waits."""
+    """Remote node of canopen. Its SDO client reads a `CanBus` while it waits for an answer."""
 
     def __init__(self, node: int, bus: CanBus) -> None:
         self._carrier = bus
         super().__init__(node, object_dictionary())
 
     def add_sdo(self, rx_cobid: int, tx_cobid: int) -> SdoClient:
-        """Return the SDO client of the node, and add it to `sdo_channels`."""
+        """Return a new SDO client for the node, and add the client to `sdo_channels`.
+
+        Parameters
+        ----------
+        rx_cobid, tx_cobid
+            CAN identifiers of the requests and of the answers.
+        """
         client = PumpedSdo(self._carrier, rx_cobid, tx_cobid, self.object_dictionary)
         self.sdo_channels.append(client)
         return client
 
 
 class PumpedSdo(SdoClient):
-    """canopen's SDO client, which reads a `CanBus` while it waits for an answer."""
+    """SDO client of canopen that reads a `CanBus` while it waits for an answer."""
 
     RESPONSE_TIMEOUT = 1.0
+    """Longest wait for an answer [s]."""
 
     def __init__(self, bus: CanBus, *arguments: Any) -> None:
         super().__init__(*arguments)  # type: ignore[no-untyped-call]
         self._carrier = bus
 
     def read_response(self) -> bytes:
-        """Wait for the next answer and return it.
+        """Wait for the next SDO answer, and return its data.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""Devices on a CAN bus that send unrequested frames, described by a DBC file."""
+"""Devices that send CAN frames without a request. A DBC file describes the frames."""
 
 from __future__ import annotations
 
@@ -25,16 +25,19 @@ if TYPE_CHECKING:
 
 
 class DbcSettings(DeviceSettings):
-    """Rig file section of a device whose frames a DBC file describes."""
+    """Section of the rig file for a device on a CAN bus.
+
+    A DBC file describes the CAN frames of the device.
+    """
 
     kind: Literal["dbc"]
     bus: str
     file: Path
     """Path of the DBC file, relative to the folder of the rig file."""
     messages: tuple[str, ...] = ()
-    """Names of the messages that the device sends; empty for all messages of the file."""
+    """Names of the messages that the device sends; empty for all messages of the DBC file."""
     timeout_ms: Annotated[FiniteFloat, Field(gt=0, le=60_000)] = 1000.0
-    """Longest wait for the first frame."""
+    """Longest wait for the first frames at the start [ms]."""
 
     @field_validator("file")
     @classmethod
@@ -47,12 +50,13 @@ class DbcSettings(DeviceSettings):
         return self
 
     def read(self) -> list[Message]:
-        """Return the messages of the device, from the DBC file.
+        """Read the DBC file, and return the descriptions of the messages that the device sends.
 
         Raises
         ------
         ValueError
-            The file cannot be read, is not a DBC file, or does not contain a message.
+            The file cannot be read or is not a DBC file, a message is missing from it, or a
+            signal has the scale 0.
         """
         try:
             logging.getLogger("cantools").setLevel(logging.ERROR)
@@ -82,11 +86,12 @@ class DbcSettings(DeviceSettings):
 
 
 class DbcDevice(CanDevice):
-    """A device with all signals of its messages, in the units of the DBC file.
+    """A device on a CAN bus whose messages a DBC file describes.
 
-    If two messages have a signal of the same name, its name here is `Message.signal`. A
-    multiplexed signal gets a new sample from each frame that contains it. Frames that are too
-    short or have an unknown multiplexer are rejected.
+    The device has all signals of its messages, in the units of the DBC file. If several messages
+    have a signal of the same name, the signal is called `Message.signal` here. A multiplexed
+    signal gets a new sample from each frame that contains the signal. Frames that are too short
+    or have an unknown multiplexer are rejected.
     """
 
     Settings = DbcSettings
@@ -100,7 +105,7 @@ class DbcDevice(CanDevice):
         self._heard: set[str] = set()
 
     def signals(self) -> dict[str, str]:
-        """Return the unit of each signal, as given in the DBC file."""
+        """Return the unit that the DBC file gives for each signal, by the name of the signal."""
         return {
             self._names[message.name, signal.name]: signal.unit or ""
             for message in self._messages.values()
@@ -108,11 +113,16 @@ class DbcDevice(CanDevice):
         }
 
     def identifiers(self) -> list[int]:
-        """Return the identifiers of its messages."""
+        """Return the identifiers of the device's messages.
+
+        Bit 31 is set in an identifier of 29 bits.
+        """
         return list(self._messages)
 
     def start(self, bus: CanBus) -> None:
-        """Wait for a frame of each message in the settings; for any frame if there are none.
+        """Wait for a frame of each message that the settings name.
+
+        If the settings name no message, wait for any frame of the device.
 
         Raises
         ------
@@ -134,7 +144,7 @@ class DbcDevice(CanDevice):
             )
 
     def receive(self, frame: can.Message, time: float) -> None:
-        """Decode a frame, and update the samples of its signals."""
+        """Decode a frame, and store the values of its signals as samples."""
         message = self._messages[frame.arbitration_id | frame.is_extended_id * EXTENDED]
         if frame.is_remote_frame:
             self.rejected["remote"] += 1
@@ -158,12 +168,16 @@ class DbcDevice(CanDevice):
 
 
 def identifier(message: Message) -> int:
-    """Return the identifier of a message; bit 31 marks a 29-bit identifier."""
+    """Return the identifier of a message; bit 31 is set in an identifier of 29 bits."""
     return message.frame_id | message.is_extended_frame * EXTENDED
 
 
 def signal_names(messages: list[Message]) -> dict[tuple[str, str], str]:
-    """Return unique names of signals, by message and signal; see `DbcDevice`."""
+    """Return a unique name for each signal.
+
+    The keys are the name of the message and the name of the signal in the DBC file. The unique
+    name is the name of the signal, or `Message.signal` if several messages have such a signal.
+    """
     count = Counter(signal.name for message in messages for signal in message.signals)
 
     def named() -> Iterator[tuple[tuple[str, str], str]]:

@@ -13,24 +13,25 @@ from drivers.transports.serial_port import SerialPort
 BAUD = 19200
 """Line rate of the sensor [bit/s]."""
 STREAMING = 0.1
-"""Longest wait for a frame before the stream is started [s]."""
+"""Wait for a frame, after which the stream is assumed not to run and is started [s]."""
 FIRST_FRAME = 1.0
 """Longest wait for the first frame [s]."""
 
 
 class Ft300Settings(DeviceSettings):
-    """Rig file section of a sensor."""
+    """Section of the rig file for an FT 300 sensor."""
 
     kind: Literal["ft300"]
     bus: str
 
 
 class Ft300(SerialDevice):
-    """A sensor; signals `fx`, `fy`, `fz` [N] and `mx`, `my`, `mz` [N m] at 100 Hz.
+    """An FT 300 force-torque sensor, with 100 samples per second.
 
-    Its frames have no time stamps. The time of a sample is its time of arrival minus the
-    transmission time of a frame, 8.3 ms. The frames have no status either, so saturation is not
-    reported. The range of the channel (300 N, 30 N m) must be given in the rig file.
+    Its signals are `fx`, `fy`, `fz` [N] and `mx`, `my`, `mz` [N m]. Its frames contain no time
+    stamp. The time of a sample is the time of arrival minus the transmission time of a frame, 8.3
+    ms. Its frames contain no status, so the sensor does not report saturation. The range of the
+    channel (300 N, 30 N m) must be given in the rig file.
     """
 
     Settings = Ft300Settings
@@ -43,11 +44,11 @@ class Ft300(SerialDevice):
         self._line_time = 0.0
 
     def signals(self) -> dict[str, str]:
-        """Return the units of forces and moments."""
+        """Return the SI units of the forces and moments."""
         return dict.fromkeys(("fx", "fy", "fz"), "N") | dict.fromkeys(("mx", "my", "mz"), "N m")
 
     def start(self, port: SerialPort) -> None:
-        """Start the stream of the sensor, unless it is running.
+        """Start the data stream of the sensor, unless frames already arrive.
 
         Raises
         ------
@@ -69,14 +70,14 @@ class Ft300(SerialDevice):
         return self.samples["fx"] is not NO_SAMPLE
 
     def receive(self, data: bytes, now: float) -> None:
-        """Process frames; the newest one sets the samples."""
+        """Process frames of the sensor. The newest frame sets the samples of all signals."""
         if frames := self._parser.feed(data):
             time = now - self._line_time
             for signal, value in zip(Ft300Frame._fields, frames[-1], strict=True):
                 self.samples[signal] = Sample(value, time)
 
     def stop(self) -> None:
-        """Stop the stream, so that the sensor accepts requests again."""
+        """Stop the data stream, so that the sensor accepts Modbus requests again."""
         if self._port:
             with contextlib.suppress(RigError):
                 self._port.write(STOP_STREAM)

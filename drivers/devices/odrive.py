@@ -1,4 +1,4 @@
-"""Axis of an ODrive on a CAN bus in velocity control, firmware 0.5 or 0.6."""
+"""Axis of an ODrive motor controller on a CAN bus, with velocity control, firmware 0.5 or 0.6."""
 
 from __future__ import annotations
 
@@ -23,24 +23,25 @@ FIRST_HEARTBEAT = 1.0
 ANSWER = 0.25
 """Longest wait for the firmware version [s]."""
 IQ_PERIOD = 2e-3
-"""Period of the requests for the current [s]."""
+"""Shortest time between two requests for the motor current [s]."""
 
 
 class ODriveSettings(DeviceSettings):
-    """Rig file section of an axis of an ODrive."""
+    """Section of the rig file for an axis of an ODrive."""
 
     bus: str
     node: Annotated[int, Field(ge=0, le=62)]
     firmware: codec.Firmware
     travel_mm_per_turn: Annotated[FiniteFloat, Field(gt=0)]
-    """Displacement of the carriage per turn of the motor."""
+    """Displacement of the carriage per turn of the motor [mm]."""
     torque_constant_nm_per_a: Annotated[FiniteFloat, Field(ge=-100, le=100)] | None = None
-    """Torque constant of the motor, for firmware 0.5, which reports the current but not the torque.
-    It is negative if `encoder.config.direction` is -1, because of the sign of the current."""
+    """Torque constant of the motor [N m/A], only for firmware 0.5, which reports the current but
+    not the torque. Give a negative constant if `encoder.config.direction` is -1, because the
+    reported current then has the opposite sign."""
     max_velocity_mm_per_s: Annotated[FiniteFloat, Field(gt=0)]
     max_current_a: Annotated[FiniteFloat, Field(gt=0)]
     watchdog_ms: Annotated[FiniteFloat, Field(gt=0, le=1000)]
-    """Watchdog time that is set on the ODrive. CANSimple can neither set nor read it."""
+    """Watchdog time that is set on the ODrive [ms]. It cannot be set or read over CAN."""
     heartbeat_timeout_ms: Annotated[FiniteFloat, Field(gt=0, le=10_000)] = 300.0
 
     @model_validator(mode="after")
@@ -55,13 +56,14 @@ class ODriveSettings(DeviceSettings):
 class ODrive(CanDevice, VelocityDrive):
     """An axis of an ODrive.
 
-    The signals are `position`, `velocity` and `force`, the force of the motor along the travel,
-    2 pi torque / travel per turn. The ODrive sends encoder estimates, torques (firmware 0.6) and
-    heartbeats at periods that are set on it. With firmware 0.5 the current is requested.
+    The signals are `position` [m], `velocity` [m/s] and `force` [N], the motor force along the
+    travel: 2 pi (motor torque) / (travel per turn). The ODrive sends encoder estimates, torques
+    (firmware 0.6) and heartbeats at periods that are set on the ODrive. With firmware 0.5, the
+    controller requests the motor current instead of the torque.
 
-    The device has one drive, `axis`, which is the device itself. An error is latched until the
-    axis is enabled again. The watchdog of the ODrive must be set on the ODrive. Velocity commands
-    reset its timer, and with firmware 0.5 every frame to the axis does.
+    The device has one drive, `axis`, which is the device itself. An error is stored until the
+    axis is enabled again. The watchdog must be set on the ODrive. Velocity commands reset the
+    watchdog timer; with firmware 0.5, every frame to the axis resets it.
 
     Parameters
     ----------
@@ -83,31 +85,32 @@ class ODrive(CanDevice, VelocityDrive):
         self._bus: CanBus | None = None
         self._version: codec.Version | None = None
         self._wanted = False
-        """Whether the rig wants the axis in operation."""
+        """Whether operation of the axis is requested."""
         self._settling = False
-        """Whether the next heartbeat may be older than the request for operation."""
+        """Whether the next heartbeat may have been sent before the request for operation."""
         self._ready = False
         """Whether the axis is in operation."""
         self._velocity = 0.0
         self._heard = False
         """Whether a heartbeat was received since the last tick."""
         self._now = self._heartbeat = self._asked = -math.inf
-        """Times of this tick, the last heartbeat, and the last request for the current [s].
+        """Times of this tick, the latest heartbeat, and the latest request for the current [s].
 
-        These are times of ticks, because frames that wait during a delay have earlier times.
+        The times of ticks are used. After a delay of the loop, the times of arrival of the frames
+        that waited in the buffer are earlier.
         """
         self._question = Command.GET_IQ if settings.firmware == "0.5" else Command.GET_VERSION
         self._answered = False
 
     def signals(self) -> Mapping[str, str]:
-        """Return the units of position, velocity, and force if the torque is available."""
+        """Return the SI units of position and velocity, and of force if the torque is known."""
         units = {"position": "m", "velocity": "m/s"}
         if self.settings.firmware == "0.6" or self.settings.torque_constant_nm_per_a is not None:
             units["force"] = "N"
         return units
 
     def identifiers(self) -> Iterable[int]:
-        """Yield the identifiers of the frames that are processed."""
+        """Yield the identifiers of the frames of the axis that `receive` processes."""
         torque = Command.GET_IQ if self.settings.firmware == "0.5" else Command.GET_TORQUES
         for command in (
             Command.GET_VERSION,
@@ -147,7 +150,7 @@ class ODrive(CanDevice, VelocityDrive):
         self.idle()
 
     def receive(self, frame: can.Message, time: float) -> None:
-        """Process a frame of the axis."""
+        """Process a CAN frame of the axis."""
         if frame.is_remote_frame:
             self.rejected["remote"] += 1
             return
@@ -206,7 +209,7 @@ class ODrive(CanDevice, VelocityDrive):
             self._ask_for_current()
 
     def ping(self) -> bool:
-        """Request the version, or with firmware 0.5 the current."""
+        """Request the firmware version, or, with firmware 0.5, the motor current."""
         self._answered = False
         self._ask(self._question)
         return True
@@ -218,8 +221,8 @@ class ODrive(CanDevice, VelocityDrive):
     def enable(self) -> bool:
         """Request operation at standstill; return whether the axis is in operation.
 
-        The first call after `idle` clears all errors. The velocity is sent before the request for
-        operation, because it resets a watchdog that may have expired.
+        The first call after `idle` clears all errors. Zero velocity is sent before the request
+        for operation, because this command resets a watchdog that may have expired.
         """
         if not self._wanted:
             self._wanted, self._settling, self.error = True, True, ""
@@ -233,16 +236,20 @@ class ODrive(CanDevice, VelocityDrive):
         return self._ready and not self.error
 
     def command(self, velocity: float) -> float:
-        """Set the velocity, limited to its range; return it, or 0 if not in operation."""
+        """Set the velocity [m/s]; return it [m/s], limited to the range of the axis.
+
+        If the axis is not in operation, the velocity is 0.
+        """
         operates = self._ready and not self.error
         self._velocity = min(max(velocity, -self._most), self._most) if operates else 0.0
         return self._velocity
 
     def transmit(self) -> None:
-        """Send the velocity, which resets the watchdog timer, if operation is requested.
+        """If operation is requested, send the velocity, which resets the watchdog timer.
 
-        In operation the current is requested only here. With firmware 0.5 this request resets the
-        watchdog timer too, and the watchdog must expire when no velocities are sent.
+        While operation is requested, the current is requested only here. With firmware 0.5, a
+        request for the current also resets the watchdog timer, but the watchdog must expire when
+        no velocity is sent.
         """
         if self._wanted:
             self._send(Command.SET_INPUT_VEL, codec.set_input_vel(self._velocity / self._travel))

@@ -1,4 +1,4 @@
-"""Reaction force observer: contact force of a drive without a force sensor."""
+"""Reaction force observer: estimates the contact force of a drive without a force sensor."""
 
 from __future__ import annotations
 
@@ -12,49 +12,53 @@ from drivers.device import NO_SAMPLE, DerivedDevice, Device, DeviceSettings, Sam
 from drivers.rig import RigError
 
 NEEDED = {"force": "N", "velocity": "m/s"}
-"""Required signals of the drive, with their units."""
+"""Signals of the drive that the observer needs, with their SI units."""
 
 
 class ReactionForceSettings(DeviceSettings):
-    """Rig file section of an observer."""
+    """Section of the rig file for a reaction force observer."""
 
     kind: Literal["reaction_force"]
     drive: str
-    """Name of the device with the signals `force` and `velocity` of the drive."""
+    """Name of the device that has the signals `force` and `velocity` of the drive."""
     moving_mass_kg: Annotated[FiniteFloat, Field(ge=0)]
-    """Total mass that moves with the drive, including the inertia of the rotor."""
+    """Total mass that moves with the drive, including the equivalent mass of the rotor [kg]."""
     bandwidth_hz: Annotated[FiniteFloat, Field(gt=0, le=500)]
     coulomb_friction_n: Annotated[FiniteFloat, Field(ge=0)] = 0.0
     viscous_friction_n_s_per_m: Annotated[FiniteFloat, Field(ge=0)] = 0.0
 
 
 class ReactionForceObserver(DerivedDevice):
-    """Observer of the force on a moving mass from the force and velocity of its drive.
+    """Estimates the external force on a moving mass from the force and velocity of its drive.
 
-    The equation of motion is m dv/dt = F_motor - F_friction - F. The disturbance observer
+    The equation of motion is m dv/dt = F_motor - F_friction - F, with the moving mass m, its
+    velocity v and the external force F. The disturbance observer
     (Murakami, Yu, Ohnishi: Torque sensorless control in multidegree-of-freedom manipulator, IEEE
     Trans. Industrial Electronics 40(2), 1993) estimates F without a derivative,
 
         F_hat = LPF(F_motor - F_friction + g m v) - g m v,    LPF = g / (s + g),
 
-    which equals LPF(F_motor - F_friction - m dv/dt), the force after a first-order lag. Between
-    two samples the means of force and acceleration are used, so that
+    where g is the bandwidth [1/s]. This equals LPF(F_motor - F_friction - m dv/dt), the force F
+    after a first-order lag. From one sample of the drive to the next, after the time dt, the
+    update is
 
         F_hat' = F_hat + (1 - exp(-g dt)) (mean(F_motor - F_friction) - m (v' - v) / dt - F_hat)
 
-    is exact for constant forces and every dt.
+    with the mean of the two samples; v' and F_hat' are the new velocity and estimate. The update is
+    exact for constant forces and every dt.
 
-    The signal is `force` [N], positive if it acts against the positive direction of the drive. It
+    The signal is `force` [N], positive if F acts against the positive direction of the drive. F
     is not measured at the contact. An error of the mass causes a force error proportional to the
-    acceleration. Friction that is not modelled is fully included in the estimate. At standstill,
-    static friction hides forces up to its size. The time of a sample is that of the drive's
-    sample. Its value has an additional delay of `lag`, which belongs in `lag_ms` of the channel.
+    acceleration. Friction that the settings do not include is part of the estimate. At
+    standstill, external forces up to the static friction cannot be detected. The time of a
+    sample of the estimate is the time of the drive's sample. The estimate has an additional delay
+    of `lag`, which must be included in `lag_ms` of the channel.
     """
 
     Settings = ReactionForceSettings
     settings: ReactionForceSettings
     estimated: ClassVar[bool] = True
-    """Whether the signals are estimated instead of measured."""
+    """Whether the signals are estimated, not measured."""
 
     def __init__(self, name: str, settings: ReactionForceSettings) -> None:
         super().__init__(name, settings)
@@ -62,13 +66,13 @@ class ReactionForceObserver(DerivedDevice):
         """Bandwidth g [1/s]."""
         self._drive: Device | None = None
         self._force = self._velocity = NO_SAMPLE
-        """Samples of the drive that the latest estimate used."""
+        """Samples of the drive from which the latest estimate was computed."""
         self._driven = math.nan
-        """Motor force minus friction at that time [N]."""
+        """Motor force minus friction at the time of these samples [N]."""
 
     @property
     def lag(self) -> float:
-        """Delay of the estimate [s], for frequencies well below the bandwidth."""
+        """Delay of the estimate for frequencies well below the bandwidth [s]."""
         return 1.0 / self.rate
 
     def signals(self) -> dict[str, str]:
@@ -76,12 +80,12 @@ class ReactionForceObserver(DerivedDevice):
         return {"force": "N"}
 
     def start(self, devices: Mapping[str, Device]) -> None:
-        """Look up the drive.
+        """Find the device of the drive that the settings name.
 
         Raises
         ------
         RigError
-            There is no device of this name with a force and a velocity in SI units.
+            There is no device of this name with the signals `force` [N] and `velocity` [m/s].
         """
         fitting = [
             name for name, device in devices.items() if NEEDED.items() <= device.signals().items()
@@ -94,7 +98,7 @@ class ReactionForceObserver(DerivedDevice):
         self._drive = devices[self.settings.drive]
 
     def update(self, now: float) -> None:
-        """Update the estimate if both samples of the drive are new."""
+        """Update the estimate if the drive has new samples of both force and velocity."""
         if not self._drive:
             return
         force, velocity = self._drive.samples["force"], self._drive.samples["velocity"]
@@ -120,7 +124,7 @@ class ReactionForceObserver(DerivedDevice):
         self.samples["force"] = Sample(estimate, time)
 
     def _driving(self, force: float, velocity: float) -> float:
-        """Return motor force minus friction [N]."""
+        """Return motor force minus modelled friction [N] at a velocity [m/s]."""
         s = self.settings
         coulomb = math.copysign(s.coulomb_friction_n, velocity) if velocity else 0.0
         return force - coulomb - s.viscous_friction_n_s_per_m * velocity

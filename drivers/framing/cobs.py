@@ -1,7 +1,7 @@
 """Framing of a stream of bytes by Consistent Overhead Byte Stuffing (COBS).
 
-A frame is encoded into non-zero bytes and ends with a zero. So a receiver that starts late or
-loses bytes is synchronised again at the next zero.
+A frame is encoded into non-zero bytes and ends with a zero byte. A receiver that starts in the
+middle of a frame or loses bytes finds the start of the next frame after the next zero byte.
 
 S. Cheshire and M. Baker, "Consistent Overhead Byte Stuffing", IEEE/ACM Transactions on
 Networking 7(2), 1999.
@@ -17,9 +17,9 @@ RUN = 254
 
 
 def encode(data: bytes) -> bytes:
-    """Encode data into non-zero bytes, without delimiter.
+    """Encode the data of a frame into non-zero bytes, without the delimiter.
 
-    The result is longer by one byte, and by one more for each 254 bytes.
+    The result is longer than the data by one byte, plus at most one byte for each 254 bytes.
     """
     parts = []
     runs = data.split(b"\0")
@@ -34,14 +34,15 @@ def encode(data: bytes) -> bytes:
 
 
 def decode(encoded: bytes) -> bytes:
-    """Decode the bytes of a frame.
+    """Return the data of an encoded frame, which is given without its delimiter.
 
-    Each code byte is replaced by a zero, except the first one and those after a run of 254.
+    Each code byte states the distance to the next code byte. The code bytes are replaced by zero
+    bytes. The first code byte, and each code byte that follows 254 non-zero bytes, is removed.
 
     Raises
     ------
     ValueError
-        A code byte is zero or points beyond the end.
+        A code byte is zero, or its distance ends beyond the end of the frame.
     """
     data = bytearray(encoded)
     at, end = 0, len(data)
@@ -60,14 +61,16 @@ def decode(encoded: bytes) -> bytes:
 
 
 class CobsReader:
-    """Decoder of the frames in a stream of bytes.
+    """Separates a stream of bytes into COBS frames, and decodes them.
 
     Parameters
     ----------
     longest
-        Largest length of an encoded frame [bytes]. Longer frames are rejected.
+        Largest length of an encoded frame without its delimiter [bytes]. Longer frames are
+        rejected.
     rejected
-        Counter of rejected frames, by the reason `length` or `framing`.
+        Counter of the rejected frames: `length` counts frames that are too long, `framing` counts
+        frames that cannot be decoded.
     """
 
     def __init__(self, longest: int, rejected: Counter[str]) -> None:
@@ -77,7 +80,10 @@ class CobsReader:
         self._skipping = False
 
     def feed(self, data: bytes) -> list[bytes]:
-        """Process bytes; return the decoded frames that they complete, without empty ones."""
+        """Process the next bytes of the stream; return the decoded frames that end in them.
+
+        Empty frames are omitted. An incomplete frame at the end is kept for the next call.
+        """
         *ended, begun = (self._begun + data).split(DELIMITER)
         frames = []
         for encoded in ended:

@@ -1,7 +1,7 @@
-"""Checksums of frames: 16-bit CRCs.
+"""Checksums of serial frames: two cyclic redundancy checks (CRC) of 16 bits.
 
-Both are fast enough for a loop at 1 kHz. The X.25 CRC uses C code of the standard library, with
-the bits of each byte reversed. The Modbus CRC uses one table look-up per byte.
+Both functions are fast enough for a loop at 1 kHz. The X.25 CRC uses C code of the standard
+library, with the bits of each byte reversed. The Modbus CRC uses one table look-up per byte.
 """
 
 from __future__ import annotations
@@ -13,30 +13,33 @@ MIRRORED = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
 
 
 def crc16_x25(data: bytes) -> int:
-    """Return the CRC-16/IBM-SDLC, also called X.25: 0x906E for `123456789`.
+    """Return the CRC-16/IBM-SDLC of data, also called X.25 (0x906E for the text `123456789`).
 
-    The polynomial is 0x1021, least significant bit first, with initial value and final mask
-    0xFFFF (ITU-T X.25, section 2.2.7.4). It follows the data as two bytes, the low byte first.
+    The polynomial is 0x1021, least significant bit first. The initial value and the final mask are
+    0xFFFF (ITU-T X.25, section 2.2.7.4). In a frame, the CRC follows the data as two bytes, the
+    low byte first.
     """
     crc = crc_hqx(data.translate(MIRRORED), 0xFFFF)
     return (MIRRORED[crc & 0xFF] << 8 | MIRRORED[crc >> 8]) ^ 0xFFFF
 
 
 def modbus_step(byte: int) -> int:
-    """Return the CRC of one byte with the initial value 0."""
+    """Return the Modbus CRC of one byte, with the initial value 0; an entry of `MODBUS_STEPS`."""
     for _ in range(8):
         byte = byte >> 1 ^ (0xA001 if byte & 1 else 0)
     return byte
 
 
 MODBUS_STEPS = tuple(modbus_step(byte) for byte in range(256))
+"""Result of `modbus_step` for each byte value."""
 
 
 def crc16_modbus(data: bytes) -> int:
-    """Return the CRC-16/MODBUS: 0x4B37 for `123456789`.
+    """Return the CRC-16/MODBUS of data (0x4B37 for the text `123456789`).
 
     The polynomial is 0x8005, least significant bit first, with the initial value 0xFFFF (MODBUS
-    over Serial Line 1.02, section 6.2.2). It follows the data as two bytes, the low byte first.
+    over Serial Line 1.02, section 6.2.2). In a frame, the CRC follows the data as two bytes, the
+    low byte first.
     """
     crc = 0xFFFF
     for byte in data:

@@ -1,4 +1,4 @@
-"""Frames of fixed length that start with a header and end with a checksum."""
+"""Serial frames of fixed length that start with a header and end with a checksum."""
 
 from __future__ import annotations
 
@@ -10,16 +10,19 @@ Frame = TypeVar("Frame")
 
 
 class FixedFrameParser(ABC, Generic[Frame]):
-    """Base class of parsers of a stream of bytes into frames, which skip bytes between frames.
+    """Base class of the parsers that find frames in a stream of bytes.
+
+    Bytes that do not belong to a frame are skipped.
 
     Parameters
     ----------
     rejected
-        Counter: `checksum` counts frames with a wrong checksum, `noise` counts bytes between
-        frames.
+        Counter: `checksum` counts the frames with a wrong checksum, `noise` counts the skipped
+        bytes.
     """
 
     header: ClassVar[bytes]
+    """Bytes with which each frame starts."""
     size: ClassVar[int]
     """Length of a frame, including its header [bytes]."""
 
@@ -29,10 +32,13 @@ class FixedFrameParser(ABC, Generic[Frame]):
 
     @abstractmethod
     def decode(self, frame: bytes) -> Frame | None:
-        """Decode a frame; return None if the checksum is wrong."""
+        """Return the content of a frame of `size` bytes; None if its checksum is wrong."""
 
     def feed(self, data: bytes) -> list[Frame]:
-        """Process bytes; return the frames that they complete, the oldest first."""
+        """Process the next bytes of the stream; return the frames that end in them.
+
+        The oldest frame is the first. An incomplete frame at the end is kept for the next call.
+        """
         frames: list[Frame] = []
         buffer, at = self._rest + data, 0
         while True:
@@ -51,7 +57,11 @@ class FixedFrameParser(ABC, Generic[Frame]):
                 at = start + self.size
 
     def _header_from(self, buffer: bytes, at: int) -> int:
-        """Return the index of the next header, of a partial header at the end, or the length."""
+        """Return the index of the first header from index `at` on.
+
+        If there is none, return the index of the incomplete header at the end of the buffer, or
+        the length of the buffer.
+        """
         found = buffer.find(self.header, at)
         if found >= 0:
             return found

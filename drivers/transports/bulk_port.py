@@ -1,4 +1,4 @@
-"""Serial port with fast reading of all waiting bytes, by system calls or by pyserial."""
+"""Serial port from which all waiting bytes are read at once, by system calls or by pyserial."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ import time
 import serial
 
 CHUNK = 65_536
-"""Largest number of bytes per read, more than the kernel's buffer of a port."""
+"""Largest number of bytes per read, more than the operating system buffers for a port."""
 POLL_PERIOD = 1e-3
-"""Polling period of a port that has no blocking wait [s]."""
+"""Time between two checks for bytes, for a port that offers no function to wait for them [s]."""
 
 
 class PortablePort:
-    """Serial port that uses only the functions of pyserial for all systems and URLs."""
+    """Serial port for every operating system and pyserial URL; uses only functions of pyserial."""
 
     def __init__(self, port: serial.Serial) -> None:
         self._port = port
 
     def read(self, timeout: float | None) -> bytes:
-        """Return all bytes that have arrived; if there are none, wait for some.
+        """Return all bytes that have arrived; if there are none, wait for the first.
 
         Parameters
         ----------
         timeout
-            Longest wait [s]; None for no limit.
+            Longest wait [s]; None for no limit. If no byte arrives, the result is empty.
 
         Raises
         ------
@@ -43,7 +43,14 @@ class PortablePort:
         return bytes(self._port.read(waiting))
 
     def write(self, data: bytes, timeout: float) -> int:
-        """Write as many bytes as the port accepts within a time [s]; return their number.
+        """Write as many bytes as the port accepts; return their number.
+
+        Parameters
+        ----------
+        data
+            Bytes to write.
+        timeout
+            Longest wait for space in the transmit buffer of the port [s].
 
         Raises
         ------
@@ -77,14 +84,17 @@ class PortablePort:
 
 
 class DescriptorPort(PortablePort):
-    """Serial port that uses POSIX calls on its file descriptor, five times as fast."""
+    """Serial port that uses POSIX calls on its file descriptor, five times as fast as pyserial."""
 
     def __init__(self, port: serial.Serial) -> None:
         super().__init__(port)
         self._descriptor: int = port.fileno()
 
     def read(self, timeout: float | None) -> bytes:
-        """Return all bytes that have arrived, as `PortablePort.read`."""
+        """Return all bytes that have arrived; if there are none, wait for the first.
+
+        See `PortablePort.read` for the timeout and the errors.
+        """
         if not select.select([self._descriptor], [], [], timeout)[0]:
             return b""
         data = os.read(self._descriptor, CHUNK)
@@ -93,7 +103,10 @@ class DescriptorPort(PortablePort):
         return data
 
     def close(self) -> None:
-        """Close the port; forget its file descriptor, because another file may get this number."""
+        """Close the port, and discard its file descriptor.
+
+        The operating system may use the number of the descriptor for another file.
+        """
         self._descriptor = -1
         super().close()
 
@@ -108,7 +121,10 @@ class DescriptorPort(PortablePort):
 
 
 def open_port(channel: str, baud: int) -> PortablePort:
-    """Open a serial port for exclusive use, with the fastest functions and low latency.
+    """Open a serial port for exclusive use, with low latency where the driver supports it.
+
+    The result is a `DescriptorPort` if the operating system is POSIX and the port has a file
+    descriptor, otherwise a `PortablePort`.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Base class of serial ports and CAN buses, which are read once per tick."""
+"""Base class of serial ports and CAN buses. Each is read once per tick of the control loop."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 
 POLL_PERIOD = 0.5e-3
-"""Polling period while waiting for an answer [s]."""
+"""Time between two readings of the bus during `wait_for` [s]."""
 
 
 class Bus(ABC):
@@ -25,13 +25,19 @@ class Bus(ABC):
         self.name = name
         self.now = now
         self.nap: Callable[[float], object] = time.sleep
-        """Function that waits for a time [s] between two readings."""
+        """Function that `wait_for` calls with the time [s] to wait between two readings."""
         self.pump: Callable[[], object] = self.poll
-        """Function that reads this bus, and on a rig with several buses also the others."""
+        """Function that `wait_for` calls to read the bus. In a rig, it reads all buses."""
 
     @abstractmethod
     def open(self) -> None:
-        """Connect; raise RigError if this fails."""
+        """Connect to the port or the CAN adapter.
+
+        Raises
+        ------
+        RigError
+            The connection failed.
+        """
 
     @abstractmethod
     def poll(self) -> None:
@@ -40,7 +46,7 @@ class Bus(ABC):
         Raises
         ------
         RigError
-            The port is disconnected, or the bus is off.
+            The port or adapter is disconnected, or the CAN controller is in the state bus-off.
         """
 
     @abstractmethod
@@ -48,9 +54,21 @@ class Bus(ABC):
         """Disconnect, also after an `open` that failed."""
 
     def wait_for(self, condition: Callable[[], object], seconds: float) -> bool:
-        """Poll until a condition is true or a time has passed; return whether it is true.
+        """Read the bus until a condition is true; return False if this takes too long.
 
-        It is used for the set-up before the loop. A tick never waits.
+        This method is only for the set-up of devices before the control loop starts.
+
+        Parameters
+        ----------
+        condition
+            Function that returns a true value when the wait is to end.
+        seconds
+            Longest wait [s].
+
+        Raises
+        ------
+        RigError
+            The bus cannot be read.
         """
         end = self.now() + seconds
         while not condition():

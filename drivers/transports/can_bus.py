@@ -1,4 +1,4 @@
-"""CAN bus that is read once per tick."""
+"""CAN bus that is read once per tick of the control loop."""
 
 from __future__ import annotations
 
@@ -15,19 +15,22 @@ from drivers.transports.bus import Bus
 from drivers.transports.slcan import SlcanBus, StatusFlags
 
 LATEST = 1.0
-"""Largest age of a time stamp of the kernel's clock [s]; older ones are of another clock."""
+"""Largest age of a frame's time stamp if it is a time of the system clock [s].
+
+A time stamp that seems older is of another clock, and is not used.
+"""
 STATUS_EVERY = 0.01
 """Period of the status requests to an slcan adapter [s]."""
 MOST = 4096
 """Largest number of frames per reading."""
 BUS_OFF = 0x40
-"""Flag in the identifier of Linux's error frames: the CAN controller is bus-off."""
+"""Bit in the identifier of an error frame of Linux: the CAN controller is in the state bus-off."""
 EXTENDED = 1 << 31
-"""Bit that marks a 29-bit identifier, as in DBC files."""
+"""Bit that is added to an identifier of 29 bits, as in DBC files."""
 
 
 class CanBus(Bus):
-    """A CAN bus that passes frames to functions by their identifiers.
+    """A CAN bus. Each received frame is passed to the function attached for its identifier.
 
     Parameters
     ----------
@@ -72,14 +75,25 @@ class CanBus(Bus):
     def attach(
         self, identifiers: Iterable[int], receive: Callable[[can.Message, float], object]
     ) -> None:
-        """Register a function for identifiers, called with each frame and its arrival time [s].
+        """Register a function for the frames with some identifiers.
 
-        Bit 31 marks a 29-bit identifier.
+        Parameters
+        ----------
+        identifiers
+            Identifiers of the frames. Bit 31 is set in an identifier of 29 bits.
+        receive
+            Function that `poll` calls with each of these frames and its arrival time [s].
         """
         self._routes.update(dict.fromkeys(identifiers, receive))
 
     def open(self) -> None:
-        """Open the adapter."""
+        """Open the adapter.
+
+        Raises
+        ------
+        RigError
+            The adapter cannot be opened, or an option of the interface is wrong.
+        """
         try:
             if self.interface == "slcan":
                 bus = SlcanBus(self.channel, bitrate=self._bitrate, **self._options)
@@ -98,7 +112,16 @@ class CanBus(Bus):
         self._polled = self.now()
 
     def poll(self) -> None:
-        """Pass each received frame to its function, with its time of arrival."""
+        """Pass each received frame to the function attached for its identifier.
+
+        The arrival time is the time stamp of the frame if the interface gives one. Otherwise it is
+        estimated by the mean of the times of this reading and of the previous reading.
+
+        Raises
+        ------
+        RigError
+            The adapter is disconnected, or the CAN controller is in the state bus-off.
+        """
         try:
             frames = self._drain()
         except (can.CanError, OSError) as error:
@@ -125,7 +148,7 @@ class CanBus(Bus):
                 receive(frame, now - age if stamped else middle)
 
     def _watch_adapter(self, bus: SlcanBus) -> None:
-        """Check the status of an slcan adapter, which does not pass on error frames."""
+        """Check the status flags of an slcan adapter. Such an adapter sends no error frames."""
         flags = bus.status()
         if flags and flags & StatusFlags.BUS_ERROR:
             raise RigError(
@@ -147,7 +170,20 @@ class CanBus(Bus):
         )
 
     def request(self, identifier: int, length: int = 8) -> None:
-        """Send a remote frame, which requests the data frame of this identifier."""
+        """Send a remote frame, which requests the data frame with the same 11-bit identifier.
+
+        Parameters
+        ----------
+        identifier
+            The identifier.
+        length
+            Length of the requested data [bytes].
+
+        Raises
+        ------
+        RigError
+            The adapter is disconnected or its buffer is full.
+        """
         self._put(
             can.Message(
                 arbitration_id=identifier, dlc=length, is_remote_frame=True, is_extended_id=False
@@ -174,7 +210,7 @@ class CanBus(Bus):
 
 
 def waiting(bus: can.BusABC) -> list[can.Message]:
-    """Return all frames that have arrived on a python-can bus."""
+    """Return the frames that have arrived on a python-can bus, at most `MOST`, without waiting."""
     frames: list[can.Message] = []
     while len(frames) < MOST and (frame := bus.recv(0)) is not None:
         frames.append(frame)

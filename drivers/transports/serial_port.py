@@ -1,4 +1,4 @@
-"""Serial port that is read once per tick."""
+"""Serial port that is read once per tick of the control loop."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from drivers.transports.bulk_port import PortablePort, open_port
 from drivers.transports.bus import Bus
 
 BITS = 10
-"""Bits per byte on the line, with start and stop bit."""
+"""Bits on the line per byte, including one start bit and one stop bit."""
 
 
 class SerialPort(Bus):
-    """A serial port that passes received bytes to a function.
+    """A serial port. The received bytes are passed to the function given to `attach`.
 
     Parameters
     ----------
@@ -39,11 +39,17 @@ class SerialPort(Bus):
         self._polled = now()
 
     def attach(self, receive: Callable[[bytes, float], object]) -> None:
-        """Register the function that is called with received bytes and their arrival time [s]."""
+        """Register the function that `poll` calls with the bytes and their arrival time [s]."""
         self._receive = receive
 
     def open(self) -> None:
-        """Open the port and discard waiting bytes."""
+        """Open the port, and discard the bytes that have already arrived.
+
+        Raises
+        ------
+        RigError
+            The port cannot be opened.
+        """
         try:
             self._opened = open_port(self.port, self.baud)
             self._opened.discard_input()
@@ -55,7 +61,16 @@ class SerialPort(Bus):
         self._polled = self.now()
 
     def poll(self) -> None:
-        """Pass on all received bytes; their time is the mean of this and the previous reading."""
+        """Pass all received bytes to the attached function.
+
+        The arrival time of the bytes is estimated by the mean of the times of this reading and of
+        the previous reading.
+
+        Raises
+        ------
+        RigError
+            The port is disconnected.
+        """
         data, now = self.drain(), self.now()
         if data and self._receive:
             self.received += len(data)
@@ -63,7 +78,7 @@ class SerialPort(Bus):
         self._polled = now
 
     def drain(self) -> bytes:
-        """Return all bytes that have arrived.
+        """Return all bytes that have arrived, without waiting.
 
         Raises
         ------
@@ -82,7 +97,7 @@ class SerialPort(Bus):
         Raises
         ------
         RigError
-            The port is disconnected, or its buffer is full.
+            The port is disconnected, or its transmit buffer is full.
         """
         assert self._opened
         try:
@@ -93,11 +108,21 @@ class SerialPort(Bus):
             raise RigError(f"{self.name}: port {self.port} does not send: its buffer is full")
 
     def line_time(self, size: int) -> float:
-        """Return the transmission time of a number of bytes [s]."""
+        """Return the time [s] that the transmission of `size` bytes takes at the line rate."""
         return BITS * size / self.baud
 
     def no_frame_message(self, seconds: float, device: str, baud: int) -> str:
-        """Return the error message for a device that sent no frame for a time [s]."""
+        """Return the error message for a device that sent no valid frame.
+
+        Parameters
+        ----------
+        seconds
+            Time without a valid frame [s].
+        device
+            Name of the expected device, with its article.
+        baud
+            Line rate of the expected device [bit/s].
+        """
         where = f"no valid frame in {seconds:g} s on {self.name} ({self.port})"
         if not self.received:
             return f"{where}, and no other byte: expected {device} with power on"

@@ -1,9 +1,9 @@
-"""slcan (Lawicel) CAN adapter on a serial port, for loops at 1 kHz and more.
+"""slcan (Lawicel) CAN adapter on a serial port, for control loops at 1 kHz and more.
 
 The adapter sends and receives lines of text that end with CR. `t1812A5B0` is a data frame with
-identifier 0x181 and two bytes. `T` is a data frame with a 29-bit identifier, `r` and `R` are remote
-frames. The answer of the adapter is `z` or `Z` and CR for an accepted frame, CR for another
-accepted command, and BEL for a refused one. Frames from the bus may come between the answers.
+identifier 0x181 and two bytes. `T` is a data frame with a 29-bit identifier. `r` and `R` are remote
+frames. The adapter answers an accepted frame with `z` or `Z` and CR, another accepted command
+with CR, and a refused command with BEL. Frames from the CAN bus may come between the answers.
 Protocol: Lawicel, CANUSB Manual 1.0.
 """
 
@@ -23,13 +23,15 @@ from drivers.transports.slcan_frames import decode, encode
 
 CR, BEL = b"\r", b"\a"
 ACKNOWLEDGEMENTS = (b"", b"z", b"Z")
+"""Lines, without CR, with which the adapter accepts a command."""
 FRAMES = (b"t", b"T", b"r", b"R")
+"""First bytes of the lines that contain a CAN frame."""
 BARE = re.compile(rb"(?<![^\r\a])[\r\a]")
-"""CR or BEL at the end of an empty line."""
+"""CR or BEL with no text before it on its line: the answer to a set-up command."""
 BITRATES = (10_000, 20_000, 50_000, 100_000, 125_000, 250_000, 500_000, 800_000, 1_000_000)
 """Bit rates [bit/s] of the commands S0 to S8."""
 LINE_LIMIT = 64
-"""Largest stored length of an incomplete line [bytes], twice that of the longest frame."""
+"""Number of bytes of an incomplete line that are stored, twice the length of the longest line."""
 IN_FLIGHT_LIMIT = 1000
 """Largest number of stored unanswered commands."""
 BOOT = 2.0
@@ -37,7 +39,8 @@ BOOT = 2.0
 ANSWER = 0.25
 """Longest answer time of an adapter during set-up [s]."""
 QUIET = 0.05
-"""Time without bytes after which no earlier bytes are expected [s]; USB delays by 16 ms."""
+"""Time without a byte after which all bytes sent earlier have arrived [s]. USB adapters can delay
+bytes by 16 ms."""
 
 
 class StatusFlags(IntFlag):
@@ -53,22 +56,22 @@ class StatusFlags(IntFlag):
 
 
 class SlcanBus(can.BusABC):
-    """A CAN bus with an slcan adapter.
+    """A CAN bus with an slcan adapter, as an interface of python-can.
 
     `recv` and `drain` read all waiting bytes of the port. Invalid lines, for example frames
-    changed by noise, are counted and skipped. `send` does not wait for the adapter's answer. If a
-    frame was refused, the `recv` or `drain` that reads this answer raises CanOperationError once;
-    the frames that it received are returned by the next call. Read about as often as you send,
-    because an adapter may stop if its answers are not read. There is no `fileno`, because frames
-    may be waiting in this object while the port is empty. python-can's Notifier then uses a
-    thread.
+    changed by noise, are counted and skipped. `send` does not wait for the adapter's answer. If
+    the adapter refused a frame, the `recv` or `drain` that reads this answer raises
+    CanOperationError once; the frames received by that call are returned by the next call. Read
+    about as often as you send, because an adapter may stop if its answers are not read. There is
+    no `fileno`, because received frames may be waiting in this object while the port is empty.
+    Without `fileno`, python-can's Notifier uses a thread.
 
     Parameters
     ----------
     channel
         Serial port, for example `/dev/ttyACM0` or `COM8`, or a pyserial URL.
     bitrate
-        Bit rate of the bus [bit/s]; None for the present setting of the adapter.
+        Bit rate of the bus [bit/s]; None to keep the present setting of the adapter.
     tty_baudrate
         Line rate [bit/s]; USB adapters ignore it. 115200 bit/s are enough for 500 frames/s.
     can_filters
@@ -100,7 +103,7 @@ class SlcanBus(can.BusABC):
         self.refused = 0
         """Number of commands that the adapter refused."""
         self.unassigned = 0
-        """Number of answers without a command."""
+        """Number of answers that arrived when no command was waiting for an answer."""
         self.malformed = 0
         """Number of invalid lines."""
         self._received: deque[can.Message] = deque()
@@ -123,7 +126,7 @@ class SlcanBus(can.BusABC):
 
     @property
     def unanswered(self) -> int:
-        """Number of commands without an answer, at most 1000."""
+        """Number of sent commands that the adapter has not yet answered, at most 1000."""
         return len(self._in_flight)
 
     def drain(self) -> list[can.Message]:
@@ -159,7 +162,12 @@ class SlcanBus(can.BusABC):
         self._write(encode(msg), timeout or 0.0)
 
     def status(self) -> StatusFlags | None:
-        """Request the adapter's flags; return the last received ones, None before the first.
+        """Request the status flags of the adapter, without waiting for the answer.
+
+        Returns
+        -------
+        StatusFlags or None
+            Flags of the latest answer to an earlier request; None if there is none yet.
 
         Raises
         ------
@@ -170,7 +178,7 @@ class SlcanBus(can.BusABC):
         return self.flags
 
     def shutdown(self) -> None:
-        """Close the adapter's channel and the port; may be called repeatedly."""
+        """Close the adapter's CAN channel and the port; may be called repeatedly."""
         if not self._is_shutdown:
             super().shutdown()
             with contextlib.suppress(can.CanOperationError):
@@ -183,7 +191,7 @@ class SlcanBus(can.BusABC):
         return (self._received.popleft() if self._received else None), False
 
     def _open_channel(self, bitrate: int | None) -> None:
-        """Close a channel that another program left open, set the bit rate, and open."""
+        """Close the CAN channel if it is open, set the bit rate, and open the channel."""
         deadline = time.monotonic() + BOOT
         while not self._ask(b"\rC"):
             if time.monotonic() > deadline:
@@ -209,7 +217,7 @@ class SlcanBus(can.BusABC):
             )
 
     def _ask(self, command: bytes) -> bytes:
-        """Send a command; return the answer, CR or BEL, or empty for no answer in time."""
+        """Send a set-up command; return the answer CR or BEL, empty if none arrived in time."""
         self._port.write(command + CR, ANSWER)
         deadline = time.monotonic() + ANSWER
         text = b""

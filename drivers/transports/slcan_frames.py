@@ -1,4 +1,4 @@
-"""Conversion of CAN frames to slcan's lines of text, and back."""
+"""Conversion of CAN frames to the lines of text of the slcan protocol, and back."""
 
 from __future__ import annotations
 
@@ -8,7 +8,13 @@ import can
 
 
 def encode(msg: can.Message) -> bytes:
-    """Return a frame as a line; raise ValueError for a frame that slcan does not support."""
+    """Return the slcan line of a CAN frame, with the CR at its end.
+
+    Raises
+    ------
+    ValueError
+        The slcan protocol does not support the frame, or its identifier or length is invalid.
+    """
     length = 0 if msg.is_remote_frame else msg.dlc
     limit = 1 << 29 if msg.is_extended_id else 1 << 11
     if (
@@ -28,7 +34,14 @@ def encode(msg: can.Message) -> bytes:
 
 
 def decode(line: bytes, timestamp: float) -> can.Message:
-    """Return the frame of a line, ignoring a time stamp at its end.
+    """Return the CAN frame of an slcan line.
+
+    Parameters
+    ----------
+    line
+        The line without its CR. A time stamp of the adapter at its end is ignored.
+    timestamp
+        Time of arrival [s], the time stamp of the returned frame.
 
     Raises
     ------

@@ -1,1 +1,1 @@
-"""Display of a trial while it runs: progress line and terminal."""
+"""Display on the terminal while a trial runs: the progress line."""

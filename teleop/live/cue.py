@@ -1,4 +1,4 @@
-"""The cue of the mimic condition: target and own position as marks on a bar."""
+"""Display for the condition mimic: a bar with marks for the target and the slave's position."""
 
 from __future__ import annotations
 
@@ -8,34 +8,34 @@ from dataclasses import dataclass
 WIDTH = 30
 """Number of characters of the bar between its ends."""
 TARGET, OWN, BOTH = "O", "x", "@"
-"""Marks of the target, of the own position, and of both at the same place."""
+"""Marks of the target, of the position of the slave, and of both at the same place."""
 LEGEND = f"follow {TARGET} with {OWN}; {BOTH} where both are at the same place"
 
 
 @dataclass(frozen=True)
 class Cue:
-    """Range of the bar, and the count-in.
+    """Bar that shows the target and the position of the slave, for an operator to follow.
 
     Attributes
     ----------
     depth
-        Greatest displacement of the target [m].
+        Greatest displacement of the target [m], which determines the range of the bar.
     count_in
-        Time in which the target stands still at first [s].
+        Time at the start of the trial in which the target does not move [s].
     """
 
     depth: float
     count_in: float
 
     def text(self, t: float, target: float, position: float) -> str:
-        """Return the bar and, before the target moves, the seconds that are left.
+        """Return the bar as text, followed by the seconds until the target begins to move.
 
         Parameters
         ----------
         t
             Time of the trial [s].
         target, position
-            Target and position of the slave [m]; NaN for none.
+            Position of the target and of the slave [m]; NaN for none.
         """
         cells = [" "] * WIDTH
         own, aim = self._place(position), self._place(target)
@@ -47,7 +47,10 @@ class Cue:
         return f"|{''.join(cells)}|" + (f" in {left}" if left > 0 else "")
 
     def _place(self, x: float) -> int | None:
-        """Return the cell of a position; the bar extends a tenth of the depth beyond both ends."""
+        """Return the index of the character for a position x [m]; None if x is NaN.
+
+        The bar shows positions from -0.1 to 1.1 times the depth.
+        """
         if math.isnan(x):
             return None
         share = (x / self.depth + 0.1) / 1.2

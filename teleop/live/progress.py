@@ -1,4 +1,4 @@
-"""The progress line: time and present estimates, shown on a terminal while a trial runs."""
+"""The progress line: it shows time, mode and present estimates on a terminal during a trial."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from teleop.live.cue import LEGEND, Cue
 from teleop.live.terminal import Terminal
 
 REDRAW, REDRAW_CUE = 0.1, 0.03
-"""Time between two drawings of the line, without and with a cue to follow [s]."""
+"""Time between two updates of the line, without and with a target that the operator follows [s]."""
 SHOWN = 4
-"""Largest number of estimators on the line."""
+"""Largest number of estimators whose estimates the line shows."""
 STDERR = 2
 """File descriptor of standard error."""
 
 
 class Status(NamedTuple):
-    """What the progress line shows besides the time."""
+    """Data that the progress line shows in addition to the time."""
 
     mode: str
     """Mode of the safety supervisor."""
     target: float
-    """Position that the operator follows [m]; NaN for none."""
+    """Position of the target that the operator follows [m]; NaN for none."""
     position: float
     """Position of the slave [m]."""
     estimates: Sequence[tuple[str, float, float, float]] | None
@@ -38,17 +38,17 @@ class Progress:
     Parameters
     ----------
     shown
-        Whether to show the line. Messages of `report` are written in any case.
+        Whether to show the line. `report` writes its messages in either case.
     duration
         Duration of the trial [s].
     hint
-        Keys that stop the run, shown in the line.
+        Keys that stop the trial; the line shows them.
     instructions
-        How to stop the run, for a line at the start.
+        Text that explains how to stop the trial; written once at the start.
     largest_misfit
         Misfit above which an estimator is marked.
     cue
-        Shows the target of mimic; None for another condition.
+        Bar that shows the target of the condition mimic; None for another condition.
     """
 
     def __init__(
@@ -71,14 +71,14 @@ class Progress:
             self.report(f"teleop: {instructions}" + (f"; {LEGEND}" if cue else ""))
 
     def show(self, t: float, status: Callable[[], Status]) -> None:
-        """Update the line if it is time for it.
+        """Update the line, unless the latest update was a short time ago.
 
         Parameters
         ----------
         t
             Time of the trial [s]; negative before the drives may be armed.
         status
-            Returns what the line shows; called only if the line is updated.
+            Function that returns the data to show. It is called only if the line is updated.
         """
         now = time.monotonic()
         if not self._shown or now < self._due:
@@ -102,11 +102,11 @@ class Progress:
         return [f"  k [N/m], b [N s/m]{note}:", *texts] if texts else []
 
     def report(self, text: str) -> None:
-        """Write a message that stays on the terminal."""
+        """Write a message on a line of its own, which remains on the terminal."""
         self._terminal.write(("\r\x1b[K" if self._shown else "") + text + "\n")
 
     def close(self) -> None:
-        """Clear the line, unless the terminal is stopped."""
+        """Clear the line. If the terminal is stopped (Ctrl-S), the line may remain."""
         if self._shown:
             self._terminal.draw("\r\x1b[K")
         self._terminal.close()

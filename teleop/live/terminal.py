@@ -1,4 +1,4 @@
-"""Output to a terminal from a separate thread, so that a stopped terminal blocks nothing else."""
+"""Output to a terminal from a separate thread: a stopped terminal blocks only this thread."""
 
 from __future__ import annotations
 
@@ -11,10 +11,11 @@ TIMEOUT = 0.5
 
 
 class Terminal:
-    """Writes to a terminal without ever blocking the caller.
+    """Writes to a terminal without blocking the caller.
 
-    A terminal blocks a program that writes to it while it is stopped (Ctrl-S) or while its output
-    is not read. The descriptor is shared with the shell; it must not be made non-blocking.
+    While a terminal is stopped (Ctrl-S), or while its output is not read, a write to the terminal
+    blocks. A separate thread therefore writes the text. The file descriptor cannot be made
+    non-blocking instead, because the shell shares it.
 
     Parameters
     ----------
@@ -31,7 +32,7 @@ class Terminal:
         self._thread = threading.Thread(target=self._write_all, daemon=True)
 
     def draw(self, text: str) -> None:
-        """Write text that replaces the text of the last call if that is not written yet."""
+        """Write text. It replaces the text of the previous call if that is not yet written."""
         with self._changed:
             self._line = encoded(text)
             self._wake()
@@ -44,7 +45,7 @@ class Terminal:
             self._wake()
 
     def close(self) -> None:
-        """Wait until all text is written, at most `TIMEOUT`."""
+        """Wait until all text is written, but at most for `TIMEOUT`."""
         with self._changed:
             self._closed = True
             self._changed.notify()
@@ -70,5 +71,5 @@ class Terminal:
 
 
 def encoded(text: str) -> bytes:
-    """Return text in UTF-8, with escapes for characters that cannot be encoded."""
+    """Return the text in UTF-8; a character that cannot be encoded becomes a backslash escape."""
     return text.encode(errors="backslashreplace")

@@ -1,1 +1,1 @@
-"""Recordings: the message of a tick, the recorder, MCAP files."""
+"""Recordings of trials: message of a tick, recorder, MCAP files."""

@@ -1,4 +1,4 @@
-"""The black box: the ticks shortly before and after a fault, stored in memory."""
+"""The black box: it stores the ticks shortly before and after a fault in memory."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from teleop.recording.sinks import Outcome, Sink, event_record
 from teleop.safety import Event
 
 BEFORE, AFTER = 5.0, 1.0
-"""Duration that is stored before and after a fault [s]."""
+"""Time before a fault, and time after a fault, of which the ticks are stored [s]."""
 
 
 class BlackBox(Sink):
-    """Stores the last ticks and all events, independently of the recorder.
+    """Stores the latest ticks and all events in memory, independently of the recorder.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ class BlackBox(Sink):
         self._events.append(event_record(event))
 
     def close(self) -> Outcome:
-        """Return the outcome, with the number of stored ticks."""
+        """Return the state of the recording, with the number of stored ticks."""
         return Outcome(None, len(self._messages), 0, "")
 
     @property
@@ -52,7 +52,7 @@ class BlackBox(Sink):
         return next((event for event in self._events if event["fault"]), None)
 
     def recording(self, metadata: dict[str, dict[str, str]]) -> Recording:
-        """Return the content as a recording.
+        """Return the stored ticks and events as a recording.
 
         Parameters
         ----------
@@ -63,7 +63,7 @@ class BlackBox(Sink):
         return from_messages(self._layout.definition, messages, self._events, metadata)
 
     def write(self, path: Path, metadata: dict[str, dict[str, str]], start: int) -> None:
-        """Write the content to an MCAP file; an existing file is overwritten.
+        """Write the stored ticks and events to an MCAP file; an existing file is overwritten.
 
         Parameters
         ----------
@@ -72,7 +72,7 @@ class BlackBox(Sink):
         metadata
             Named records of text about the session.
         start
-            Wall-clock time of the beginning of the trial [ns].
+            Wall-clock time of the beginning of the trial, since 1970 [ns].
 
         Raises
         ------

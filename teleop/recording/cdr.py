@@ -1,4 +1,4 @@
-"""The encoding of a tick: a ROS 2 message of doubles in CDR."""
+"""Encoding of a tick: a ROS 2 message of doubles in Common Data Representation (CDR)."""
 
 from __future__ import annotations
 
@@ -7,6 +7,6 @@ import struct
 CDR = b"\0\1\0\0"
 """First bytes of a little-endian CDR message."""
 TIME = struct.Struct("<4xd")
-"""Struct with the beginning of a tick's message: the CDR head is skipped, then the time [s]."""
+"""Layout of the start of a tick's message: four bytes of CDR, which are skipped, and time [s]."""
 MESSAGE_NAME = "teleop/msg/Tick"
 """Name of the ROS 2 message type of a tick."""

@@ -1,4 +1,7 @@
-"""Decompression of the chunks of MCAP files, limited to the size that each chunk declares."""
+"""Decompression of the chunks of MCAP files.
+
+At most the size that a chunk declares is decompressed, so that no chunk can fill the memory.
+"""
 
 from __future__ import annotations
 
@@ -10,9 +13,9 @@ import zstandard
 from mcap.records import Chunk
 
 LARGEST = 64 << 20
-"""Largest chunk that is read [bytes]; those of the recorder are below 1 MiB."""
+"""Size of the largest chunk that is read [bytes]. Chunks of the recorder are below 1 MiB."""
 PIECE = 1 << 20
-"""Number of bytes that are decompressed at a time."""
+"""Largest number of bytes that are decompressed at a time."""
 
 
 def chunk_data(chunk: Chunk) -> bytes:
@@ -21,8 +24,8 @@ def chunk_data(chunk: Chunk) -> bytes:
     Raises
     ------
     ValueError
-        The chunk is larger than `LARGEST` or than the size that it declares, it cannot be
-        decompressed, or its checksum does not match.
+        The chunk is larger than `LARGEST`, does not have the size that it declares, cannot be
+        decompressed, or has a wrong checksum.
     """
     size = chunk.uncompressed_size
     if size > LARGEST:
@@ -41,7 +44,7 @@ def chunk_data(chunk: Chunk) -> bytes:
 
 
 def uncompressed(data: bytes, _: int) -> bytes:
-    """Return data that are not compressed, unchanged."""
+    """Return the data of a chunk without compression, unchanged."""
     return data
 
 

@@ -20,18 +20,34 @@ if TYPE_CHECKING:
 
 
 def write_csv(file: BinaryIO, recording: Recording) -> None:
-    """Write the columns with the header `name [unit]`; `description` has the rest."""
+    """Write the columns of a recording as CSV, each with the header `name [unit]`.
+
+    Settings, session and events are not part of the CSV file, see `description`.
+    """
     write_table(file, recording.columns, recording.units)
 
 
 def description_of(path: Path) -> Path | None:
-    """The file beside a CSV file that has what its columns do not, as CSV on the Web names it."""
+    """Return the path of the description of a CSV file; None for another format.
+
+    The name of the description is defined by the standard CSV on the Web.
+    """
     is_csv = path.suffix.lower() in FORMATS and format_of(path) == "csv"
     return path.with_name(f"{path.name}-metadata.json") if is_csv else None
 
 
 def description(path: Path, recording: Recording) -> str:
-    """The settings, session and events of a CSV file, as notes of CSV on the Web."""
+    """Return the settings, session and events of a recording as a JSON document.
+
+    The document describes a CSV file as defined by the standard CSV on the Web.
+
+    Parameters
+    ----------
+    path
+        The CSV file that the document describes.
+    recording
+        The recording.
+    """
     about = {
         "settings": recording.settings,
         "session": recording.session,
@@ -42,7 +58,10 @@ def description(path: Path, recording: Recording) -> str:
 
 
 def write_hdf5(disk: BinaryIO, recording: Recording) -> None:
-    """Write a dataset with its unit per column, the session as attributes, and `events`.
+    """Write an HDF5 file with one dataset per column, which has the attribute `unit`.
+
+    The session and the settings are attributes of the file. The dataset `events` contains the
+    events as JSON documents.
 
     Raises
     ------
@@ -63,7 +82,10 @@ def write_hdf5(disk: BinaryIO, recording: Recording) -> None:
 
 
 def write_matlab(file: BinaryIO, recording: Recording) -> None:
-    """Write a variable per column, and `units`, `session`, `settings` and `events`."""
+    """Write a MATLAB file with one variable per column.
+
+    The variables `units`, `session`, `settings` and `events` contain the other data.
+    """
     from scipy.io import savemat
 
     about = {
@@ -76,7 +98,9 @@ def write_matlab(file: BinaryIO, recording: Recording) -> None:
 
 
 def write_parquet(file: BinaryIO, recording: Recording) -> None:
-    """Write the columns with their units; session and events become metadata of the file.
+    """Write the columns with their units to a Parquet file.
+
+    Session, settings and events are metadata of the file, as JSON documents.
 
     Raises
     ------
@@ -109,11 +133,11 @@ FORMATS: dict[str, tuple[str, Callable[[BinaryIO, Recording], None]]] = {
     ".mat": ("matlab", write_matlab),
     ".parquet": ("parquet", write_parquet),
 }
-"""Name and writing function of each format, by the file name's ending."""
+"""Name and write function of each export format, by the ending of the file name."""
 
 
 def format_of(path: Path) -> str:
-    """Return the name of the export format for a file name's ending.
+    """Return the name of the export format that the ending of a file name selects.
 
     Raises
     ------
@@ -126,9 +150,10 @@ def format_of(path: Path) -> str:
 
 
 def export_recording(path: Path, recording: Recording, overwrite: bool = False) -> None:
-    """Write a recording in the format of the file name's ending.
+    """Write a recording in the format that the ending of the file name selects.
 
-    Beside a CSV file goes one with the settings, session and events, `description_of`.
+    For a CSV file, the settings, session and events are written to the additional file
+    `description_of`.
 
     Parameters
     ----------
@@ -142,8 +167,8 @@ def export_recording(path: Path, recording: Recording, overwrite: bool = False) 
     Raises
     ------
     InputError
-        The file cannot be written or exists, its ending is unknown, or a library is not
-        installed.
+        The file cannot be written, exists and may not be overwritten, its ending is unknown, or a
+        library is not installed.
     """
     format_of(path)
     with new_file(path, overwrite) as file:
@@ -153,12 +178,30 @@ def export_recording(path: Path, recording: Recording, overwrite: bool = False) 
 
 
 def missing(library: str, name: str) -> InputError:
-    """Return the error for a library that is not installed, with the command to install it."""
+    """Return the error for a format whose library is not installed.
+
+    Parameters
+    ----------
+    library
+        Name of the library.
+    name
+        Name of the format.
+    """
     return InputError(f"{name} needs {library}: pip install '.[export]'")
 
 
 def write_table(file: BinaryIO, columns: Mapping[str, Floats], units: Mapping[str, str]) -> None:
-    """Write columns, each of shape (n,), as CSV with all digits of each number."""
+    """Write columns as CSV, with all digits of each number.
+
+    Parameters
+    ----------
+    file
+        The open file.
+    columns
+        Columns by name, each of shape (n,).
+    units
+        Unit of each column, by its name.
+    """
     header = [f"{name} [{units[name]}]" for name in columns]
     rows: Iterable[tuple[float, ...]] = zip(*(c.tolist() for c in columns.values()), strict=True)
     writer = csv.writer(codecs.getwriter("utf-8")(file, "backslashreplace"))

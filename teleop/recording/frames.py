@@ -1,7 +1,7 @@
-"""Frames on the pipe from the control process to the recorder process.
+"""Format of the data on the pipe from the control process to the recorder process.
 
-The pipe carries the length of a JSON document, this document, which describes the session, and
-then frames: the beginning of the trial, ticks, events, and the end of the trial.
+First comes a JSON document, after its length. It describes the session. Then come frames: the
+beginning of the trial, ticks, events, and the end of the trial.
 """
 
 from __future__ import annotations
@@ -9,19 +9,19 @@ from __future__ import annotations
 import struct
 
 HEAD = struct.Struct("<I")
-"""Struct with the length of the JSON document of the session [bytes]."""
+"""Layout of the first bytes: length of the JSON document of the session [bytes]."""
 FRAME = struct.Struct("<cH")
-"""Struct with the kind of a frame and the length of its content [bytes]."""
+"""Layout of the start of a frame: kind of the frame and length of its content [bytes]."""
 TICK, EVENT, BEGIN, END = b"T", b"E", b"B", b"N"
 """Kinds of frame."""
 NUMBER = struct.Struct("<q")
-"""Struct with the content of a frame BEGIN or END.
+"""Layout of the content of a frame BEGIN or END, one number.
 
-For BEGIN it is the wall-clock time of the beginning of the trial [ns], for END the number of
-dropped ticks.
+In a frame BEGIN, the number is the wall-clock time of the beginning of the trial [ns]. In a frame
+END, the number is the number of dropped ticks.
 """
 
 
 def number_frame(kind: bytes, number: int) -> bytes:
-    """Return a frame that carries one number."""
+    """Return a frame BEGIN or END, whose content is one number."""
     return FRAME.pack(kind, NUMBER.size) + NUMBER.pack(number)

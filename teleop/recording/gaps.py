@@ -10,13 +10,13 @@ import numpy as np
 from estimation.compiled import Floats
 
 SAME_TIME = 1e-6
-"""Times that differ by less are equal [s]."""
+"""Times that differ by less than this count as equal [s]."""
 LISTED = 4
-"""Largest number of gaps that are listed in a message."""
+"""Largest number of gaps that a message lists."""
 
 
 class Gap(NamedTuple):
-    """An interval of a recording in which ticks are missing."""
+    """A part of a recording in which ticks are missing."""
 
     start: float | None
     """Time of the last tick before the gap [s]; None if the recording begins with the gap."""
@@ -27,7 +27,7 @@ class Gap(NamedTuple):
 
     @property
     def text(self) -> str:
-        """Number of missing ticks and their time, as a part of a message."""
+        """Number of missing ticks, and the time of the gap, as a part of a message."""
         if self.start is None:
             return f"{self.ticks} before {self.end:.3f} s"
         if self.end is None:
@@ -40,8 +40,9 @@ def missing_ticks(
 ) -> tuple[Gap, ...]:
     """Return the gaps in a recording.
 
-    The loop measures `dt` itself. Therefore a tick is missing where the difference of two
-    recorded times is greater than `dt`. Periods that the loop skipped are not gaps.
+    The loop measures `dt` at every tick, also at ticks that are not recorded. If the difference of
+    the times of two successive recorded ticks is greater than `dt`, ticks are missing between
+    them. Periods that the loop skipped are not gaps.
 
     Parameters
     ----------
@@ -50,9 +51,9 @@ def missing_ticks(
     dt
         Time since the previous tick [s], even if that tick is not recorded, shape (n,).
     dropped
-        Number of ticks dropped before each recorded tick, shape (n,).
+        Number of all ticks that were dropped before each recorded tick, shape (n,).
     total_dropped
-        Number of ticks dropped until the end of the run.
+        Number of all ticks that were dropped until the end of the trial.
     """
     if not len(t):
         return ()
@@ -67,7 +68,7 @@ def missing_ticks(
 
 
 def missing_text(gaps: Sequence[Gap]) -> str:
-    """Return a message with number and times of missing ticks; empty if there is no gap."""
+    """Return a message with the number and the times of missing ticks; empty for no gaps."""
     if not gaps:
         return ""
     places = ", ".join(gap.text for gap in gaps[:LISTED])
@@ -77,5 +78,5 @@ def missing_text(gaps: Sequence[Gap]) -> str:
 
 
 def gap_rows(gaps: Sequence[Gap]) -> list[dict[str, Any]]:
-    """Return the gaps for a JSON document, with times in s."""
+    """Return the gaps in the form of a JSON document, with times in s."""
     return [{"from_s": gap.start, "to_s": gap.end, "ticks": gap.ticks} for gap in gaps]

@@ -1,4 +1,4 @@
-"""Checks of the parts of a recording before they are used, because files are not trusted."""
+"""Checks of the content of a recording before it is used, because a file may be damaged."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from teleop.json_documents import loads
 from teleop.recording.cdr import CDR
 
 MOST_COLUMNS = 4096
-"""Largest number of columns."""
+"""Largest number of columns in a recording."""
 LONGEST_NAME = 63
-"""Largest number of characters in the name of a column, which is MATLAB's limit."""
+"""Largest number of characters in the name of a column. It is the limit of MATLAB."""
 LATEST = 1e7
-"""Largest time of a tick or an event before or after the beginning of its trial [s]."""
+"""Largest magnitude of the time of a tick or an event, from the beginning of the trial [s]."""
 COLUMN = re.compile(r"float64 ([A-Za-z]\w*)(?:\s*#[^\n]*)?", re.ASCII)
-"""Line of a tick's definition that describes one column."""
+"""Pattern of a line that describes one column in the definition of a tick's message."""
 LARGEST_NUMBER = 10**300
 """Largest magnitude of a number in an event."""
 NUMBER = float | int | None
@@ -31,24 +31,24 @@ EVENT = {
     "limit": NUMBER,
     "since": NUMBER,
 }
-"""Types of the items of an event.
+"""Type of each item of an event.
 
-Without a fault, `source`, `value`, `limit` and `since` may be missing.
+If the item `fault` of an event is empty, `source`, `value`, `limit` and `since` may be missing.
 """
 
 
 def message_size(definition: str) -> int:
-    """Return the size of a tick's message [bytes].
+    """Return the size of the message of one tick [bytes], from the definition of the message.
 
     Parameters
     ----------
     definition
-        Definition of the message in the language of ROS 2.
+        Definition of the message in the message definition language of ROS 2.
 
     Raises
     ------
     ValueError
-        The definition is not that of a tick: doubles with distinct names, `time` first.
+        The definition does not describe a tick: only doubles with distinct names, `time` first.
     """
     if "\0" in definition:
         raise ValueError("the definition of its ticks is not text")
@@ -65,19 +65,20 @@ def message_size(definition: str) -> int:
 
 
 def check_ticks(ticks: NDArray[np.uint8], sequence: NDArray[np.uint32]) -> None:
-    """Check the messages of ticks.
+    """Check the messages of successive ticks.
 
     Parameters
     ----------
     ticks
-        Messages, shape (ticks, bytes).
+        Bytes of the messages, shape (ticks, bytes per message).
     sequence
         Sequence number of each message, shape (ticks, 1).
 
     Raises
     ------
     ValueError
-        A message is not a tick, or the sequence numbers do not increase by one.
+        A message is not in little-endian CDR or has no valid time, or the sequence numbers do not
+        increase by one.
     """
     if (np.diff(sequence.astype(np.int64)) != 1).any():
         raise ValueError("the numbers of its ticks do not increase by one")
@@ -89,12 +90,12 @@ def check_ticks(ticks: NDArray[np.uint8], sequence: NDArray[np.uint32]) -> None:
 
 
 def read_event(document: bytes) -> dict[str, Any]:
-    """Return the event in a JSON document.
+    """Return the event that a JSON document contains.
 
     Raises
     ------
     ValueError
-        An item is missing, or has another type than in `EVENT`.
+        An item is missing, is too large, or has another type than in `EVENT`.
     """
     event = loads(document)
     time = event.get("time")
@@ -112,7 +113,10 @@ def read_event(document: bytes) -> dict[str, Any]:
 
 
 def is_valid_metadata(metadata: dict[str, str]) -> bool:
-    """Return whether a metadata record is text and its JSON document, if any, is valid."""
+    """Return whether the texts of a metadata record contain no zero byte, and valid JSON.
+
+    Only the text `json` has to be a JSON document. It may be missing.
+    """
     try:
         loads(metadata.get("json", "{}"))
     except ValueError:

@@ -1,4 +1,4 @@
-"""Reads recordings, MCAP files of `teleop run`, as far as they are intact."""
+"""Reads the intact part of a recording, an MCAP file that `teleop run` has written."""
 
 from __future__ import annotations
 
@@ -29,15 +29,15 @@ from teleop.recording.mcap_writer import EVENT_SCHEMA, EVENTS, TICKS
 MAGIC = b"\x89MCAP"
 """First bytes of an MCAP file."""
 HEAD = struct.Struct("<BQHIQQ")
-"""Struct with the head of a message's record: opcode, length, channel, sequence, two times."""
+"""Layout of the start of a message record: opcode, length, channel, sequence number, two times."""
 LARGEST_RECORD = 128 << 20
-"""Largest record that is read [bytes]."""
+"""Size of the largest record that is read [bytes]."""
 MOST_EVENTS = 100_000
 """Largest number of events that are read."""
 LATEST_START = 1 << 62
-"""Latest wall-clock time at which a trial began [ns], about the year 2116."""
+"""Latest accepted wall-clock time of the beginning of a trial [ns], about the year 2116."""
 CUT = "its end is missing"
-"""Damage of a file if its writer was killed or its disk was full."""
+"""Description of the damage of a file whose writer was killed, or whose disk was full."""
 
 
 def machine_memory() -> int:
@@ -49,23 +49,23 @@ def machine_memory() -> int:
 
 
 LARGEST_TICKS = machine_memory() // 4
-"""Largest size of all ticks that are read [bytes]; their columns need as much memory again."""
+"""Largest total size of ticks that are read [bytes]. Their columns need the same size again."""
 
 
 @dataclass
 class Source:
-    """A channel of the file, and the sequence number of its next message.
+    """A channel of the MCAP file, and the expected sequence number of its next message.
 
-    A sequence number that does not match shows that a chunk is missing.
+    If the sequence number of the next message is another one, a chunk is missing.
     """
 
     topic: str
     """Topic of the channel."""
     following: int | None = None
-    """Sequence number of the next message; None before the first."""
+    """Expected sequence number of the next message; None before the first message."""
 
     def follow(self, sequence: int, count: int) -> None:
-        """Check that messages follow the previous ones of this channel.
+        """Check that no message is missing between the previous messages and the next ones.
 
         Parameters
         ----------
@@ -77,7 +77,7 @@ class Source:
         Raises
         ------
         ValueError
-            Messages before them are missing.
+            Messages of this channel are missing.
         """
         if self.following not in (None, sequence):
             raise ValueError(f"messages of {self.topic} are missing before number {sequence}")
@@ -89,21 +89,21 @@ class Contents:
     """Intact content of a recording."""
 
     definition: str = ""
-    """Definition of a tick in the language of ROS 2."""
+    """Definition of a tick's message in the message definition language of ROS 2."""
     messages: bytearray = field(default_factory=bytearray)
-    """Concatenated messages of the ticks."""
+    """Messages of all ticks, one after another."""
     events: list[dict[str, Any]] = field(default_factory=list)
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     start: int = 0
     """Wall-clock time of the beginning of the trial [ns]."""
     damage: str = ""
-    """Reason why the file is not complete; empty if it is complete."""
+    """Reason why the file is not complete; empty if the file is complete."""
     size: int = 0
     """Size of a tick's message [bytes]."""
 
 
 def read_intact(path: Path) -> Contents:
-    """Read a recording as far as it is intact.
+    """Read the intact part of a recording.
 
     Raises
     ------
@@ -128,7 +128,7 @@ def read_intact(path: Path) -> Contents:
 
 
 class BoundedFile:
-    """A file whose reads are limited to its remaining size, also for records with a wrong length.
+    """A file of which never more than the rest is read, even if a record states a wrong length.
 
     Parameters
     ----------
@@ -149,12 +149,12 @@ class BoundedFile:
 
 
 def read_records(file: BinaryIO, contents: Contents) -> None:
-    """Read the records of a file into `contents`, as far as they are intact.
+    """Read the records of a file into `contents`, up to the first damaged record.
 
     Raises
     ------
     InputError
-        The recording is too large for the memory.
+        The recording is too large for the memory of this machine.
     """
     channels: dict[int, Source] = {}
     bounded = BoundedFile(file)
@@ -188,7 +188,7 @@ def read_records(file: BinaryIO, contents: Contents) -> None:
 
 
 def check_memory(file: BinaryIO, contents: Contents) -> None:
-    """Raise InputError if the decompressed ticks or events are too large for the memory."""
+    """Raise InputError if the ticks or events that were read are too large for the memory."""
     if len(contents.messages) > LARGEST_TICKS or len(contents.events) > MOST_EVENTS:
         raise InputError(
             f"{file.name}: too large for this machine's memory: more than "
@@ -197,12 +197,12 @@ def check_memory(file: BinaryIO, contents: Contents) -> None:
 
 
 def read_chunk(chunk: Chunk, contents: Contents, channels: dict[int, Source]) -> None:
-    """Read a chunk into `contents`.
+    """Read the ticks and events of a chunk into `contents`.
 
     Raises
     ------
     ValueError
-        A record is not as expected.
+        The chunk or a record in it is not valid.
     """
     for record in records(chunk_data(chunk), contents, channels):
         if isinstance(record, Schema) and record.name == MESSAGE_NAME:
@@ -228,7 +228,7 @@ def records(
     Raises
     ------
     ValueError
-        A record or a tick is not as expected.
+        A record or a tick is not valid.
     """
     place = 0
     while place < len(data):
@@ -264,9 +264,9 @@ def records(
 
 
 def consecutive_records(data: bytes, place: int, stride: int) -> NDArray[np.uint8]:
-    """Return the consecutive records from `place` on with equal opcode, length and channel.
+    """Return the consecutive records from index `place` on that have the same type and channel.
 
-    The array has the shape (records, stride), where `stride` is the size of a record [bytes].
+    The array of bytes has the shape (records, stride); `stride` is the size of a record [bytes].
     """
     count = (len(data) - place) // stride
     rows = np.frombuffer(data, np.uint8, count * stride, place).reshape(count, stride)

@@ -1,4 +1,4 @@
-"""Writes a self-describing MCAP file of ticks and events, readable after a killed writer."""
+"""Writes ticks and events to an MCAP file, which can be read even if the writer was killed."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from teleop.errors import reason
 from teleop.recording.cdr import MESSAGE_NAME
 
 TICKS, EVENTS = "/tick", "/event"
-"""Topics of the file."""
+"""Topics of the MCAP file."""
 END = "end"
-"""Name of the metadata record that the control process writes at the end of a trial."""
+"""Name of the metadata record at the end of a trial, with the number of dropped ticks."""
 INFO, ERROR = 2, 4
-"""Levels of foxglove.Log."""
+"""Levels of an event in the schema foxglove.Log."""
 EVENT_SCHEMA = {
     "title": "foxglove.Log",
     "type": "object",
@@ -40,14 +40,14 @@ EVENT_SCHEMA = {
         "line": {"type": "integer"},
     },
 }
-"""JSON schema of an event, with which Foxglove and Lichtblick show it in their log panels."""
+"""JSON schema of an event. Foxglove and Lichtblick show events of this schema in a log panel."""
 
 
 class Disk(io.RawIOBase):
-    """A file that stores the first error of a write, which the MCAP writer does not report.
+    """A file to write, which stores the first write error. The MCAP writer does not report it.
 
-    A new file never replaces a symbolic link. With `overwrite`, the target of the link is
-    written.
+    Without `overwrite`, a path that is a symbolic link is an error. With `overwrite`, the target
+    of the link is written.
 
     Parameters
     ----------
@@ -71,7 +71,10 @@ class Disk(io.RawIOBase):
 
     @property
     def missing(self) -> str:
-        """Reason why the file is no longer at its path; empty if it is, or if it is closed."""
+        """Reason why the file is no longer at its path.
+
+        Empty if the file is at its path, or is closed.
+        """
         if self._file.closed or not self._identifiable or self._is_at_path():
             return ""
         if os.fstat(self._file.fileno()).st_nlink == 0:
@@ -102,36 +105,37 @@ class Disk(io.RawIOBase):
         return len(data)
 
     def seek(self, offset: int, whence: int = 0) -> int:
-        """Change the position in the file."""
+        """Change the position in the file; return the new position."""
         return self._file.seek(offset, whence)
 
     def close(self) -> None:
-        """Close the file; an error is stored, because a delayed write may fail here."""
+        """Close the file. An error is stored in `error`, because a delayed write may fail here."""
         try:
             self._file.close()
         except OSError as error:
             self.error = self.error or error
 
     def remove(self) -> None:
-        """Remove the file if it is a regular one."""
+        """Remove the file if it is a regular file."""
         if self._regular:
             with contextlib.suppress(OSError):
                 self._path.unlink()
 
 
 class McapFile:
-    """Writes ticks and events; after every flush all data so far can be read from the file.
+    """Writes ticks and events to an MCAP file.
 
-    After the first write error everything else is discarded, and the error is in `error`.
+    After each `flush`, all data that were written so far can be read from the file. The first
+    write error is stored in `error`. After this error, all further data are discarded.
 
     Parameters
     ----------
     path
         The file.
     columns
-        Name, unit and meaning of each double of a tick.
+        Name, unit and meaning of each double in the message of a tick.
     definition
-        Definition of a tick in the language of ROS 2.
+        Definition of this message in the message definition language of ROS 2.
     metadata
         Named records of text about the session.
     overwrite
@@ -187,12 +191,12 @@ class McapFile:
 
     @property
     def missing(self) -> str:
-        """Reason why the file is no longer at its path; empty if it is, or if it is closed."""
+        """Reason why the file is no longer at its path; empty if it is there or is closed."""
         return self._disk.missing
 
     @contextlib.contextmanager
     def _suppressed_write_errors(self) -> Any:
-        """Suppress write errors: the first one is stored in `error`."""
+        """Suppress write errors within the block. The first write error is stored in `error`."""
         try:
             yield
         except (RuntimeError, OSError):
@@ -200,18 +204,21 @@ class McapFile:
                 raise
 
     def begin(self, start: int) -> None:
-        """Set the wall-clock time of the beginning of the trial [ns]; called before any tick."""
+        """Set the wall-clock time of the beginning of the trial [ns].
+
+        This method is called before the first tick.
+        """
         self._start = start
         self.event({"time": 0.0, "text": "recording", "mode": "disconnected", "fault": None})
         self.flush()
 
     def tick(self, message: bytes, t: float) -> None:
-        """Write the message of one tick at time t [s] of the trial."""
+        """Write the message of one tick; t is the time of the tick in the trial [s]."""
         if self.error is None:
             self._ticks.log(message, log_time=self._start + round(t * 1e9))
 
     def event(self, event: Mapping[str, Any]) -> None:
-        """Write one event."""
+        """Write one event, see `teleop.recording.sinks.event_record`."""
         if self.error is None:
             when = self._start + round(event["time"] * 1e9)
             log = {
@@ -231,20 +238,20 @@ class McapFile:
                 self._writer.flush()
 
     def end(self, dropped: int) -> None:
-        """Write the total number of dropped ticks.
+        """Write the number of all ticks that were dropped.
 
-        The value in the last recorded tick may be smaller.
+        The number in the last recorded tick may be smaller, because later ticks may be dropped.
         """
         if self.error is None:
             with self._suppressed_write_errors():
                 self._writer.write_metadata(END, {"dropped": str(dropped)})
 
     def close(self) -> None:
-        """Complete and close the file."""
+        """Write the end of the MCAP file, and close the file."""
         with self._suppressed_write_errors():
             self._writer.close()
         self._disk.close()
 
     def remove(self) -> None:
-        """Remove the closed file; called if it contains no tick."""
+        """Remove the file after it was closed; called if the file contains no tick."""
         self._disk.remove()

@@ -1,7 +1,7 @@
-"""The message of a tick: its columns and estimates as doubles, packed into bytes.
+"""The message of a tick: the recorded quantities and estimates as doubles, packed into bytes.
 
-It is a ROS 2 message in CDR encoding. PlotJuggler, Lichtblick and Foxglove show it without a
-plug-in, and numpy reads all ticks of a recording in one step.
+The message is a ROS 2 message in CDR encoding. PlotJuggler, Lichtblick and Foxglove show such
+messages without a plug-in, and numpy reads all ticks of a recording in one step.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ if TYPE_CHECKING:
     from teleop.control.tick_record import Record
 
 REGRESSOR = "regressor_"
-"""Prefix of the columns of regressors other than v and x."""
+"""Prefix of the names of the columns with regressors other than velocity v and displacement x."""
 DROPPED = Column("dropped", "-", "ticks that the recorder has missed so far")
 VALUES = attrgetter(*(column.source for column in COLUMNS))
-"""Returns the values of `COLUMNS` from the record of a tick."""
+"""Function that returns the values of `COLUMNS` from the record of a tick."""
 
 
 class Layout:
-    """Columns of the message of a tick, and their packing into bytes.
+    """Layout of the message of a tick: its columns, and how their values are packed into bytes.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ class Layout:
     estimators
         Names of the estimators.
     columns
-        Name, unit and meaning of each double of the message.
+        Name, unit and meaning of each double in the message.
     size
         Size of the message [bytes].
     """
@@ -65,17 +65,17 @@ class Layout:
 
     @property
     def definition(self) -> str:
-        """Definition of the message in the language of ROS 2."""
+        """Definition of the message in the message definition language of ROS 2."""
         lines = [f"float64 {c.name}  # [{c.unit}] {c.meaning}" for c in self.columns]
         return "\n".join(["# One tick of the control loop", *lines]) + "\n"
 
     def pack(self, record: Record, dropped: int = 0) -> bytes:
-        """Return the message of one tick, with its values in the order of `columns`.
+        """Return the message of one tick, with the values in the order of `columns`.
 
         Parameters
         ----------
         record
-            Quantities of the tick.
+            Recorded quantities and estimates of the tick.
         dropped
             Number of ticks that the recorder has dropped so far.
         """

@@ -1,4 +1,4 @@
-"""New file for a recording, in the folder of its date."""
+"""Creates a new file for a recording, in a folder named after the date."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from pathlib import Path
 from teleop.files import unwritable
 
 LONGEST = 60
-"""Largest number of characters of the file name after the time."""
+"""Largest number of characters of condition and specimen in the file name."""
 
 
 def new_recording(condition: str, specimen: str) -> Path:
-    """Create an empty file with a new name in the folder `recordings/DATE`.
+    """Create an empty file with a new name in the folder `recordings/DATE`; return its path.
 
-    The file is created exclusively, so that two runs never get the same file.
+    Two trials that start at the same time get different files.
 
     Parameters
     ----------
     condition, specimen
-        Parts of the file name after the time; characters other than letters, digits, `_`, `.` and
-        `-` are replaced.
+        Names of the condition and the specimen, which follow the time in the file name.
+        Characters other than letters, digits, `_`, `.` and `-` are replaced by `-`.
 
     Raises
     ------

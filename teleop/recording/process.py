@@ -1,11 +1,12 @@
-"""The recorder process: writes the data from the control process's pipe to an MCAP file.
+"""The recorder process: writes the data that the control process sends to an MCAP file.
 
     python -m teleop.recording.process
 
-Standard input carries the frames of `teleop/recording/frames.py`. Standard output reports that the
-recording has begun, and its state at the end. Standard error shows the progress line where the
-session requests one. The process ends when the pipe ends: when the control process closes it,
-exits, or is killed. In each of these cases all ticks that were pushed are recorded.
+Standard input is a pipe with the data that `teleop/recording/frames.py` describes. To standard
+output, the process writes a status when the file is open, and a status at the end. To standard
+error, it writes the progress line if the session requests one. The process ends when the pipe is
+closed: when the control process closes the pipe, exits, or is killed. In each of these cases, all
+ticks that were written to the pipe are recorded.
 """
 
 from __future__ import annotations
@@ -29,9 +30,10 @@ from teleop.safety.events import Mode
 CHECK = 1.0
 """Time between two checks that the file is still at its path [s]."""
 NAP = 0.02
-"""Sleeping time between two reads of the pipe [s].
+"""Time between two reads of the pipe [s].
 
-While the reader sleeps, a write to the pipe does not have to wake it.
+The recorder sleeps instead of waiting for data, so that a write of the control process to the pipe
+does not have to wake the recorder, which would take time.
 """
 FLUSH = 0.05
 """Time between two flushes of the file [s]."""
@@ -40,11 +42,11 @@ BULK = 1 << 16
 DOUBLE = struct.Struct("<d")
 """Struct with one column of the message of a tick."""
 PAIR = struct.Struct("<2d")
-"""Struct with b and k of an estimator in the message of a tick."""
+"""Layout of damping b and stiffness k of an estimator in the message of a tick."""
 
 
 def send(**status: Any) -> None:
-    """Send a status to the control process, unless it has ended."""
+    """Send a status to the control process, as one line of JSON, unless that process has ended."""
     try:
         print(json.dumps(status), flush=True)
     except BrokenPipeError:
@@ -52,12 +54,12 @@ def send(**status: Any) -> None:
 
 
 def read_session() -> dict[str, Any]:
-    """Return the session from the beginning of the pipe's data.
+    """Return the description of the session, which is the first part of the data on the pipe.
 
     Raises
     ------
     EOFError
-        The pipe ended before.
+        The pipe was closed before the end of the description.
     """
     pipe = sys.stdin.fileno()
 
@@ -75,14 +77,14 @@ def read_session() -> dict[str, Any]:
 
 
 class FrameReader:
-    """Separates the frames and passes them to the file and the progress line.
+    """Separates the data of the pipe into frames; passes them to the file and the progress line.
 
     Parameters
     ----------
     session
-        The session, from the beginning of the pipe's data.
+        Description of the session, see `read_session`.
     file
-        The recording; None if only the progress line is shown.
+        MCAP file of the recording; None if only the progress line is shown.
     progress
         The progress line.
     """
@@ -98,7 +100,7 @@ class FrameReader:
         self._rest = b""
 
     def process(self, data: bytes) -> None:
-        """Process data from the pipe, which may end within a frame."""
+        """Process the next data from the pipe. The data may end within a frame."""
         data = self._rest + data
         place, end = 0, len(data)
         while end - place >= FRAME.size:
@@ -140,7 +142,7 @@ class FrameReader:
 
 
 def main() -> None:
-    """Record until the pipe ends."""
+    """Record until the pipe is closed."""
     try:
         session = read_session()
     except EOFError:
@@ -191,14 +193,14 @@ def main() -> None:
 
 
 class FileMonitor:
-    """Flushes the file at regular intervals, and reports the first failure of the recording.
+    """Flushes the file at regular times, and reports the first problem of the recording.
 
     Parameters
     ----------
     path
         Path of the file, for the message.
     file
-        The recording.
+        MCAP file of the recording.
     progress
         The progress line, which shows the message.
     """
@@ -226,14 +228,14 @@ class FileMonitor:
 
 
 def finish(file: McapFile, ticks: int) -> dict[str, Any]:
-    """Complete the file, or remove it if it contains no tick; return its state.
+    """Complete the file, or remove it if it contains no tick; return the status for the end.
 
     Parameters
     ----------
     file
-        The recording.
+        MCAP file of the recording.
     ticks
-        Number of ticks in it.
+        Number of ticks in the file.
     """
     missing = file.missing
     file.close()

@@ -1,4 +1,4 @@
-"""The control process's side of the recorder: starts it and writes to its pipe."""
+"""Starts the recorder process, and sends it the ticks and events of the control loop."""
 
 from __future__ import annotations
 
@@ -21,18 +21,21 @@ from teleop.recording.sinks import Outcome, Sink, event_record
 from teleop.safety import Event
 
 PIPE_SIZE = 1 << 20
-"""Requested size of the pipe [bytes], about two seconds of ticks; allowed to every Linux user."""
+"""Requested size of the buffer of the pipe [bytes], for about two seconds of ticks.
+
+It is the largest size that Linux allows to every user by default.
+"""
 TIMEOUT = 20.0
-"""Timeout of the start and of the end of the recorder [s]."""
+"""Longest wait for the start, and for the end, of the recorder [s]."""
 
 
 class RecorderProcess(Sink):
-    """A recorder in another process.
+    """Sink that sends ticks and events to a recorder in another process.
 
     Parameters
     ----------
     path
-        The MCAP file; None to show the progress line only.
+        MCAP file of the recording; None to show the progress line only.
     layout
         Layout of the message of a tick.
     metadata
@@ -42,16 +45,17 @@ class RecorderProcess(Sink):
     show
         Whether to show the progress line.
     wait
-        Whether a full pipe makes the loop wait, for virtual time. In real time the tick is
-        dropped instead.
+        Whether the loop waits while the pipe is full, for trials in virtual time. In real time, a
+        tick for which the pipe has no room is dropped.
     overwrite
         Whether to overwrite an existing file.
     hint
-        Keys that stop the run, for the progress line.
+        Keys that stop the trial; the progress line shows them.
     instructions
-        How to stop the run, for a line at the start.
+        Text that explains how to stop the trial; written once at the start.
     cue
-        Depth [m] and count-in [s] of the target that the operator follows; None for no target.
+        Depth [m] and count-in time [s] of the target that the operator follows; None for no
+        target.
 
     Raises
     ------
@@ -112,7 +116,7 @@ class RecorderProcess(Sink):
             self._failure = "the recorder did not start"
 
     def begin(self, start: int) -> None:
-        """Wait until the file is open; after that, ticks may be pushed.
+        """Wait until the recorder has opened the file. Then ticks may be sent with `push`.
 
         Parameters
         ----------
@@ -140,7 +144,7 @@ class RecorderProcess(Sink):
             os.set_blocking(self._pipe, False)
 
     def push(self, message: bytes) -> None:
-        """Send the message of one tick to the recorder, or count it as dropped."""
+        """Send the message of one tick to the recorder. If this is not possible, drop the tick."""
         if self._failure:
             return
         try:
@@ -159,12 +163,15 @@ class RecorderProcess(Sink):
             self._failure = "the recorder was killed"
 
     def event(self, event: Event) -> None:
-        """Send an event to the recorder with the next tick for which the pipe has room."""
+        """Store an event, which is sent before the next tick for which the pipe has room."""
         data = json.dumps(event_record(event)).encode()
         self._waiting.append(FRAME.pack(EVENT, len(data)) + data)
 
     def close(self) -> Outcome:
-        """Wait until the recorder has finished; kill it if this wait is interrupted."""
+        """Wait until the recorder has completed the file; return the state of the recording.
+
+        If an exception interrupts this wait, the recorder is killed.
+        """
         assert self.process.stdin
         if self.process.stdin.closed:
             return Outcome(self.path, 0, 0, self._failure)
@@ -195,7 +202,7 @@ class RecorderProcess(Sink):
         return Outcome(self.path, self._pushed, self.dropped, status["problem"], at_path)
 
     def _release(self) -> None:
-        """Wait for the process to end, and close its pipes."""
+        """Close the pipes of the recorder process, and wait until the process has ended."""
         assert self.process.stdin
         assert self.process.stdout
         with contextlib.suppress(OSError):
@@ -204,7 +211,10 @@ class RecorderProcess(Sink):
         self.process.wait()
 
     def _status(self) -> dict[str, Any] | None:
-        """Return the next status of the recorder; None if it has ended or a timeout occurs."""
+        """Return the next status from the recorder; None if the recorder has ended or been killed.
+
+        A recorder that sends no status within `TIMEOUT` is killed.
+        """
         assert self.process.stdout
         with self._timeout():
             line = self.process.stdout.readline()

@@ -1,4 +1,4 @@
-"""Recordings of trials: columns by name with their units, events, session and settings."""
+"""Recording of a trial: columns with their units, events, session and settings."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from teleop.recording.mcap_writer import END
 from teleop.recording.message import REGRESSOR
 
 FIELD = re.compile(r"float64 (\w+)(?:\s*#\s*\[([^]]*)\]\s*(.*))?")
-"""Line of a tick's definition: name, unit and meaning of a column."""
+"""Pattern of a line in the definition of a tick's message: name, unit and meaning of a column."""
 
 
 @dataclass(frozen=True)
@@ -37,18 +37,18 @@ class Recording:
     columns: dict[str, Floats]
     """Columns by name, each an array of shape (ticks,) in SI units."""
     units: dict[str, str]
-    """Unit of each column; - for a column without a unit."""
+    """Unit of each column, by its name; `-` for a column without a unit."""
     events: list[dict[str, Any]] = field(default_factory=list)
-    """Changes of the safety mode, and faults."""
+    """Changes of the mode of the safety supervisor, and faults."""
     session: dict[str, str] = field(default_factory=dict)
-    """Text records about the session, such as software, machine and date."""
+    """Texts about the session by name, for example software, machine and date."""
     settings: dict[str, Any] = field(default_factory=dict)
     """Settings of the trial."""
     gaps: tuple[Gap, ...] = ()
-    """Gaps with missing ticks in the whole recording, because the recorder was too slow."""
+    """Parts of the recording in which ticks are missing, because the recorder was too slow."""
 
     def __getitem__(self, name: str) -> Floats:
-        """Return a column, shape (ticks,).
+        """Return the column of a name, shape (ticks,).
 
         Raises
         ------
@@ -76,12 +76,12 @@ class Recording:
 
     @property
     def estimated_channels(self) -> list[str]:
-        """Channels that were estimated by an observer, not measured by a sensor."""
+        """Names of the channels that an observer estimated. A sensor measured the others."""
         names = self.session.get("estimated_channels", "none")
         return [] if names == "none" else names.split(", ")
 
     def estimated(self) -> Recording:
-        """Return the recording with only the ticks at which the estimators were updated."""
+        """Return a recording with only those ticks at which the estimators were updated."""
         part = np.isfinite(self["x"])
         columns = self.columns
         if not part.all():
@@ -89,7 +89,7 @@ class Recording:
         return replace(self, columns=columns)
 
     def estimates(self) -> dict[str, Estimates]:
-        """Return the estimates by the name of the estimator."""
+        """Return the recorded estimates of each estimator, by its name."""
         return {name: estimates_in(self.columns, name) for name in self.estimators}
 
     def misfit(self, estimator: str) -> Floats:
@@ -97,7 +97,7 @@ class Recording:
         return misfit_in(self.columns, estimator)
 
     def regression(self) -> Regression:
-        """Return the samples that were passed to the estimators."""
+        """Return the samples of position, velocity and force that the estimators received."""
         further = [column for name, column in self.columns.items() if name.startswith(REGRESSOR)]
         x, v, f, dt = (self[name] for name in ("x", "v", "f", "paired_dt"))
         return Regression(x, v, f, dt, np.reshape(further, (len(further), len(self))).T)
@@ -114,9 +114,9 @@ def from_messages(
     Parameters
     ----------
     definition
-        Definition of the message in the language of ROS 2.
+        Definition of the message in the message definition language of ROS 2.
     messages
-        The concatenated messages.
+        Messages of all ticks, one after another.
     events
         Events of the trial.
     metadata
@@ -138,14 +138,14 @@ def from_messages(
 
 
 def gaps_of(columns: dict[str, Floats], total_dropped: str) -> tuple[Gap, ...]:
-    """Return the gaps of a recording.
+    """Return the gaps of a recording: the parts in which ticks are missing.
 
     Parameters
     ----------
     columns
         Columns of the recording, each of shape (ticks,).
     total_dropped
-        Total number of dropped ticks, as the file has it; text that is not a number counts as 0.
+        Number of all dropped ticks, as text from the file. Another text counts as 0.
     """
     if not {"time", "dt", "dropped"} <= columns.keys():
         return ()
@@ -154,13 +154,13 @@ def gaps_of(columns: dict[str, Floats], total_dropped: str) -> tuple[Gap, ...]:
 
 
 def load(path: Path | str) -> Recording:
-    """Read a recording.
+    """Read a recording from an MCAP file.
 
     Raises
     ------
     InputError
-        The file cannot be read, is not a recording of `teleop run`, or is not complete. For a
-        file that is not complete, the message names the command that recovers it.
+        The file cannot be read, is not a recording of `teleop run`, or is not complete. If it is
+        not complete, the message states the command that recovers its intact part.
     """
     path = Path(path)
     contents = read_intact(path)
@@ -179,7 +179,7 @@ def load(path: Path | str) -> Recording:
 
 
 def load_intact(path: Path) -> Recording | None:
-    """Return the intact part of a recording; None if no part is intact."""
+    """Read the intact part of a recording from an MCAP file; return None if no part is intact."""
     try:
         contents = read_intact(path)
     except InputError:

@@ -1,4 +1,4 @@
-"""Recovery of the intact part of an incomplete recording as a complete one."""
+"""Writes the intact part of an incomplete recording to a new, complete recording."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from teleop.recording.mcap_writer import McapFile
 from teleop.recording.recording import FIELD, from_messages
 
 CHUNK = 1000
-"""Number of ticks per chunk."""
+"""Number of ticks per chunk of the new MCAP file."""
 
 
 @dataclass(frozen=True)
 class Recovery:
-    """Result of recovering a recording."""
+    """Result of the recovery of a recording."""
 
     ticks: int
     """Number of intact ticks."""
     duration: float
     """Time of the last intact tick [s]."""
     damage: str
-    """Reason why the recording is not complete; empty if it is complete."""
+    """Reason why the recording is not complete; empty if the recording is complete."""
     gaps: tuple[Gap, ...]
-    """Gaps with ticks that the recorder did not receive."""
+    """Parts of the recording with ticks that the recorder did not receive."""
 
     @property
     def loss(self) -> str:
@@ -40,7 +40,7 @@ class Recovery:
 
 
 def recover_recording(file: Path, out: Path) -> Recovery:
-    """Write the intact part of a recording to a new file, unless the recording is complete.
+    """Write the intact part of a recording to a new file; do nothing if the recording is complete.
 
     Parameters
     ----------
@@ -67,14 +67,23 @@ def recover_recording(file: Path, out: Path) -> Recovery:
 
 
 def messages(contents: Contents) -> Iterator[bytes]:
-    """Yield the message of each tick."""
+    """Yield the message of each tick of a recording."""
     size = len(CDR) + 8 * len(FIELD.findall(contents.definition))
     for place in range(0, len(contents.messages), size):
         yield bytes(contents.messages[place : place + size])
 
 
 def write_contents(out: Path, contents: Contents, ticks: list[bytes]) -> None:
-    """Write a complete recording with ticks and events in the order of their times.
+    """Write a complete recording, with ticks and events in the order of their times.
+
+    Parameters
+    ----------
+    out
+        The new file.
+    contents
+        Intact content of the incomplete recording.
+    ticks
+        Message of each tick.
 
     Raises
     ------

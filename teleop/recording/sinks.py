@@ -1,4 +1,4 @@
-"""Sinks: they receive the ticks and events of the loop."""
+"""Sinks: objects that receive the ticks and events of the control loop, and store them."""
 
 from __future__ import annotations
 
@@ -14,25 +14,28 @@ LONGEST_TEXT = 400
 
 
 class Outcome(NamedTuple):
-    """State of a recording at its end."""
+    """State of a recording after its end."""
 
     path: Path | None
-    """The file; None if there is none."""
+    """The file of the recording; None if the ticks are not written to a file."""
     pushed: int
     """Number of ticks that the sink received."""
     dropped: int
     """Number of ticks that were dropped because the pipe was full."""
     problem: str
-    """Reason why the file does not contain all received ticks; empty if it does."""
+    """Reason why the file does not contain all received ticks; empty if it contains them."""
     at_path: bool = True
     """Whether the file is still at its path."""
 
 
 class Sink(ABC):
-    """Receives the ticks and events of the loop, without making the loop wait for a disk."""
+    """Base class of the objects that receive the ticks and events of the control loop.
+
+    A sink does not write to a disk in the loop, so that the loop never waits for a disk.
+    """
 
     dropped = 0
-    """Number of ticks that were dropped."""
+    """Number of ticks that were dropped, and are not recorded."""
 
     @abstractmethod
     def push(self, message: bytes) -> None:
@@ -44,7 +47,7 @@ class Sink(ABC):
 
     @abstractmethod
     def close(self) -> Outcome:
-        """Finish and return the state of the recording."""
+        """Complete the recording, and return its state."""
 
 
 class Memory(Sink):
@@ -53,9 +56,9 @@ class Memory(Sink):
     Attributes
     ----------
     messages
-        The concatenated messages of all ticks.
+        Messages of all ticks, one after another.
     events
-        All events, as values of JSON.
+        All events, each as a dictionary of JSON values, see `event_record`.
     """
 
     def __init__(self) -> None:
@@ -73,12 +76,12 @@ class Memory(Sink):
         self.events.append(event_record(event))
 
     def close(self) -> Outcome:
-        """Return the outcome, with the number of stored ticks."""
+        """Return the state of the recording, with the number of stored ticks."""
         return Outcome(None, self._pushed, 0, "")
 
 
 def event_record(event: Event) -> dict[str, Any]:
-    """Return an event as values of JSON, with texts of limited length."""
+    """Return an event as a dictionary of JSON values. Long texts are shortened."""
     record: dict[str, Any] = finite(event._asdict())
     return record | {
         "mode": event.mode.name.lower(),

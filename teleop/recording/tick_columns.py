@@ -1,4 +1,4 @@
-"""Columns of a tick: name, unit, meaning, and the attribute of the record with the value."""
+"""Columns of a recording: name, unit and meaning of each quantity that is recorded at a tick."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ class TickColumn(NamedTuple):
     name: str
     """Name of the column."""
     unit: str
-    """SI unit; - for a column without a unit."""
+    """SI unit; `-` for a column without a unit."""
     source: str
-    """Attribute of `teleop.control.tick_record.Record` with the value."""
+    """Attribute of `teleop.control.tick_record.Record` that contains the value."""
     meaning: str
     """Description of the quantity."""
 
@@ -85,4 +85,4 @@ STATE_OF_LOOP = (
 COLUMNS = tuple(
     TickColumn(*column) for column in (*MEASURED, *COMMANDED, *ESTIMATED_FROM, *STATE_OF_LOOP)
 )
-"""All columns of a tick, in the order of its message."""
+"""All columns of a tick, in their order in the message of the tick."""

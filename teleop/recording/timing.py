@@ -11,20 +11,24 @@ from estimation.compiled import Floats
 from teleop.recording.recording import Recording
 
 PERCENTILES = {"p50": 50.0, "p99": 99.0, "p99_9": 99.9, "max": 100.0}
+"""Percentiles that are computed, by name [%]."""
 HISTOGRAM = (1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0, 3000.0, 10000.0)
-"""Upper bounds of the bins of the histogram of lateness [us]."""
+"""Upper bounds of the bins of the histogram of lateness [us]; the last bin has no upper bound."""
 
 
 def loop_timing(rate: float, dt: Floats, lateness: Floats, overruns: Floats) -> dict[str, Any]:
-    """Return statistics of rate, lateness and overruns of the loop.
+    """Return statistics of the rate, the lateness and the overruns of the loop.
 
     Parameters
     ----------
     rate
-        Nominal rate [Hz].
-    dt, lateness, overruns
-        Time since the previous tick [s], lateness [s], and whether the previous tick had not
-        ended at the deadline, each of shape (ticks,). The first `dt` is not measured.
+        Nominal rate of the loop [Hz].
+    dt
+        Time since the previous tick [s], shape (ticks,). The first value is not used.
+    lateness
+        Time from the deadline of a tick to its start [s], shape (ticks,).
+    overruns
+        1 if the previous tick had not ended at the deadline, otherwise 0, shape (ticks,).
     """
     periods = dt[1:]
     return {
@@ -40,9 +44,9 @@ def loop_timing(rate: float, dt: Floats, lateness: Floats, overruns: Floats) -> 
 
 
 def tick_times(recording: Recording) -> dict[str, Any]:
-    """Return percentiles of the durations of a tick's parts, and a histogram of lateness.
+    """Return percentiles of the durations of the parts of a tick, and a histogram of lateness.
 
-    All times are in us. `HISTOGRAM` has the bounds of the histogram's bins.
+    All times in the result are in us. `HISTOGRAM` gives the bounds of the bins.
     """
     parts = ("read_time", "compute_time", "write_time", "busy_time")
     counts, _ = np.histogram(recording["lateness"] * 1e6, (0.0, *HISTOGRAM, math.inf))

@@ -1,1 +1,1 @@
-"""Rigs before a trial: rig files, check, tare, emulation, lag of the force channel."""
+"""Work on a rig before a trial: check, tare, emulation, lag of the force channel."""

@@ -1,4 +1,4 @@
-"""The check of a rig: samples of every channel, and the round-trip time to each device."""
+"""Check of a rig: statistics of the samples of every channel, and round-trip times to devices."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from teleop.safety import ChannelLimits
 from teleop.safety.rig_limits import rig_limits
 
 NEAR_END = 0.98
-"""Fraction of a channel's range beyond which a sample counts as saturated."""
+"""A sample counts as saturated beyond this fraction of the distance from mid-range to an end."""
 PINGS = 20
-"""Number of round trips that are timed."""
+"""Number of round-trip times that are measured per device."""
 TIMEOUT = 0.5
-"""Longest wait for a response [s]."""
+"""Longest wait for the answer of a device to a ping [s]."""
 
 
 class ChannelReport(NamedTuple):
@@ -34,13 +34,13 @@ class ChannelReport(NamedTuple):
     source: str
     """Device and signal of the channel, DEVICE.SIGNAL."""
     rate_hz: float
-    """Sampling rate, from the median interval between samples [Hz]."""
+    """Sampling rate, the inverse of the median time between samples [Hz]."""
     jitter_s: float
-    """Standard deviation of the interval between samples [s]."""
+    """Standard deviation of the time between samples [s]."""
     age_s: float
-    """Median age of the last sample at a tick [s]."""
+    """Median, over all ticks, of the age of the latest sample [s]."""
     oldest_s: float
-    """Greatest age of the last sample at a tick [s]."""
+    """Maximum, over all ticks, of the age of the latest sample [s]."""
     mean: float
     """Mean of the samples."""
     noise: float
@@ -48,11 +48,11 @@ class ChannelReport(NamedTuple):
     saturated: float
     """Fraction of the samples near or beyond the ends of the range."""
     problem: str
-    """Problem for which the supervisor would stop a trial; empty if there is none."""
+    """Problem because of which the safety supervisor would stop a trial; empty if there is none."""
 
 
 def list_problems(channels: Sequence[ChannelReport], drives: Sequence[DriveReport]) -> list[str]:
-    """Return all problems, each with the name of its channel or drive."""
+    """Return all problems that two checks found, each with the name of the channel or drive."""
     parts: list[ChannelReport | DriveReport] = [*channels, *drives]
     return [f"{part.name}: {part.problem}" for part in parts if part.problem]
 
@@ -60,18 +60,18 @@ def list_problems(channels: Sequence[ChannelReport], drives: Sequence[DriveRepor
 def listen(
     rig: WiredRig, clock: Clock, seconds: float, show: Callable[[list[ChannelReport]], None]
 ) -> list[ChannelReport]:
-    """Read an opened rig for some time and return a report of every channel.
+    """Read an open rig for some time, and return the statistics of every channel.
 
     Parameters
     ----------
     rig
-        The rig, opened; its drives stay idle.
+        The rig, already open. Its drives remain out of operation.
     clock
-        Clock by whose ticks the rig is read.
+        Clock of the loop; the rig is read once per tick.
     seconds
-        Duration of the reading [s].
+        Duration of the measurement [s].
     show
-        Called with the reports so far, four times per second.
+        Function that is called four times per second with the statistics so far.
     """
     limits = rig_limits(rig.file.sections).channels
     logs = {name: ChannelLog() for name, _ in rig.file.sections.channels.items()}
@@ -91,7 +91,7 @@ def listen(
 
 
 class ChannelLog:
-    """Stores the samples of a channel."""
+    """Stores the samples of one channel, and computes their statistics."""
 
     def __init__(self) -> None:
         self._values: list[float] = []
@@ -99,7 +99,7 @@ class ChannelLog:
         self._ages: list[float] = []
 
     def add(self, now: float, value: float, age: float) -> None:
-        """Add the sample of a tick; one that was read before adds its age only.
+        """Add the sample of a tick. If the sample was read before, only its age is added.
 
         Parameters
         ----------
@@ -116,7 +116,17 @@ class ChannelLog:
             self._values.append(value)
 
     def report(self, name: str, rig: RigFile, limits: ChannelLimits) -> ChannelReport:
-        """Return the statistics of the samples."""
+        """Return the statistics of the samples.
+
+        Parameters
+        ----------
+        name
+            Name of the channel.
+        rig
+            Rig file that describes the channel.
+        limits
+            Limits of the channel.
+        """
         values, intervals = np.array(self._values), np.diff(self._times)
         channel = dict(rig.sections.channels.items())[name]
         middle, half = 0.5 * (limits.low + limits.high), 0.5 * (limits.high - limits.low)
@@ -141,7 +151,7 @@ def channel_problem(
     saturated: float,
     limits: ChannelLimits,
 ) -> str:
-    """Return the problem of a channel at rest; empty if there is none.
+    """Return the problem of a channel, measured on a rig at rest; empty if there is none.
 
     Parameters
     ----------
@@ -164,7 +174,10 @@ def channel_problem(
 
 
 def round_trips(rig: WiredRig, clock: Clock) -> Iterator[tuple[str, float]]:
-    """Yield the name and the median round-trip time [s] of each device that responds to a ping."""
+    """Yield name and median round-trip time [s] of each device that supports a ping.
+
+    An answer that takes longer than `TIMEOUT` counts with this time.
+    """
     for name, device in rig.devices.items():
         times = []
         for _ in range(PINGS):

@@ -1,6 +1,6 @@
-"""The check of a rig's drives: small strokes that are checked at each tick, and the watchdogs.
+"""Check of the drives of a rig: the drives make small strokes, and then their watchdogs are tested.
 
-The check is a trial under the safety supervisor, with tighter limits than those of the rig.
+The check is a trial with the safety supervisor. Its limits are tighter than the limits of the rig.
 """
 
 from __future__ import annotations
@@ -30,27 +30,27 @@ from teleop.trial.settings import TrialSettings
 from teleop.trial.stop_switch import StopSwitch
 
 STROKES = (50e-6, 100e-6, 200e-6, 400e-6)
-"""Lengths of the strokes, each forward and back [m]."""
+"""Lengths of the strokes [m]. Each stroke is a motion in one direction and back."""
 STROKE_TIMES = (2.0, 0.4, 0.4, 0.4)
 """Duration of each stroke in one direction [s].
 
-The first stroke is slow, so that the samples of a 100 Hz force sensor suffice to stop a drive that
-moves 20 times too fast.
+The first stroke is slow. If a drive moves 20 times too fast, even a force sensor with 100 samples
+per second then measures the contact force early enough to stop the drive.
 """
 ENOUGH = 0.9
-"""Smallest fraction of a stroke's length that has to be commanded."""
+"""Smallest fraction of the length of a stroke that the limits have to allow."""
 WARM, SETTLING = 0.2, 0.2
-"""Standstill before the first stroke and after each stroke [s]."""
+"""Times of standstill before the first stroke and after each motion [s]."""
 SILENCE = 2.0
-"""Longest wait for a watchdog [s]."""
+"""Longest wait, without commands, until a watchdog stops its drive [s]."""
 LONGEST = 60.0
 """Longest duration of the whole check [s]."""
 REACH = 1e-3
-"""Largest distance of the slave from its position at the start [m]."""
+"""Largest distance of the slave from its position at the start of the check [m]."""
 SOFT_FORCE, HARD_FORCE = 0.025, 0.05
-"""Limits of the change of the contact force, as fractions of the rig's hard limit."""
+"""Soft and hard limit of the change of the contact force, as fractions of the rig's hard limit."""
 QUICK = AdmittanceParameters(mass=0.015, damping=15.0)
-"""Admittance whose velocity follows the requested one with a time constant of 1 ms."""
+"""Admittance with a time constant of 1 ms, so that its velocity follows the wanted velocity."""
 
 
 class DriveReport(NamedTuple):
@@ -59,11 +59,17 @@ class DriveReport(NamedTuple):
     name: str
     """Name of the drive, `master` or `slave`."""
     watchdog_s: float
-    """Time from the last command until the watchdog stopped the drive [s]; NaN if it did not."""
+    """Time from the last command until the watchdog stopped the drive [s].
+
+    NaN if the watchdog did not stop the drive.
+    """
     commanded_m: float
-    """Commanded travel of the longest stroke [m]; NaN without a motion."""
+    """Commanded travel of the longest stroke [m]; NaN if the drive was not moved."""
     moved_m: float
-    """Travel of the longest stroke by the encoder [m]; NaN without a motion or an encoder."""
+    """Travel of the longest stroke that the encoder measured [m].
+
+    NaN if the drive was not moved or has no encoder.
+    """
     problem: str
     """Problem of the drive; empty if there is none."""
 
@@ -74,22 +80,25 @@ class DrivesReport(NamedTuple):
     drives: list[DriveReport]
     """Result of each drive."""
     fault: dict[str, Any] | None
-    """Event of the fault by which the supervisor stopped the check; None if there was none."""
+    """Event of the fault because of which the supervisor stopped the check; None for no fault."""
     interrupted: bool
     """Whether a person stopped the check."""
 
 
 class DriveCheck(Condition):
-    """Moves in strokes of increasing length, then stops the commands until the watchdogs act.
+    """Control condition of the check of the drives.
+
+    The drives move in strokes of increasing length. Then no commands are sent until the watchdogs
+    have stopped the drives.
 
     Parameters
     ----------
     rig
         The rig.
     drives
-        The travel of each drive, by the drive's name.
+        Travel of each drive, by the name of the drive.
     damping
-        Ratio of the force on the admittance to the velocity [N s/m].
+        Damping of the admittance: ratio of its force to its steady velocity [N s/m].
     direction
         Direction of the first half of each stroke, 1 or -1; 0 for no motion.
     """
@@ -98,7 +107,7 @@ class DriveCheck(Condition):
         self, rig: PausableRig, drives: Mapping[str, DriveTravel], damping: float, direction: int
     ) -> None:
         self.problems: dict[str, str] = {}
-        """Problem of each drive that has one; the first problem ends the check."""
+        """Problem of each drive that has a problem; the first problem ends the check."""
         self.watchdogs: dict[str, float] = {}
         """Time from the last command until the watchdog stopped each drive [s]."""
         self.longest: dict[str, tuple[float, float]] = {}
@@ -111,7 +120,15 @@ class DriveCheck(Condition):
         self._steps = self._plan()
 
     def drive_force(self, t: float, measurement: Measurement) -> float:
-        """Update the travel of the drives and return the force for the next velocity [N]."""
+        """Update the travel of the drives, and return the force on the admittance [N].
+
+        Parameters
+        ----------
+        t
+            Time since the drives were armed [s].
+        measurement
+            Measurement of this tick.
+        """
         dt, self._time = t - self._time, t
         for name, drive in self._drives.items():
             drive.advance(self._rig.applied[AXES.index(name)], measurement, dt)
@@ -120,7 +137,7 @@ class DriveCheck(Condition):
         return 0.0 if self.finished or velocity is None else self._damping * velocity
 
     def _plan(self) -> Iterator[float]:
-        """Yield the velocity at each tick [m/s]."""
+        """Yield the wanted velocity of each tick [m/s], and check the drives meanwhile."""
         yield from self._stand(WARM)
         if self._direction:
             for length, seconds in zip(STROKES, STROKE_TIMES, strict=True):
@@ -144,9 +161,10 @@ class DriveCheck(Condition):
             yield 0.0
 
     def _stroke(self, direction: int, length: float, seconds: float) -> Iterator[float]:
-        """Move a length [m] in a time [s], or as far as the limits allow, and stand still.
+        """Yield the velocities of a motion in one direction, and then of a standstill [m/s].
 
-        The travel is checked at every tick.
+        The travel of the drives is checked at every tick. The motion has the length `length` [m]
+        and takes `seconds`. It is shorter if the limits do not allow this length.
         """
         for drive in self._drives.values():
             drive.begin()
@@ -172,7 +190,7 @@ class DriveCheck(Condition):
             )
 
     def _check_length(self, length: float) -> None:
-        """Add a problem if the limits shortened a stroke too much; faster strokes then end."""
+        """Add a problem, which ends the check, if the limits shortened a stroke too much."""
         for name, (commanded, _) in self.longest.items():
             if commanded < ENOUGH * length:
                 self.problems.setdefault(
@@ -183,14 +201,16 @@ class DriveCheck(Condition):
 
 
 def narrow_limits(limits: Limits, zero: ForceZero) -> Limits:
-    """Return narrower limits around the slave's position, relative to that position.
+    """Return the limits for the check of the drives, which allow only a small motion of the slave.
+
+    The position limits are relative to the present position of the slave.
 
     Parameters
     ----------
     limits
         Limits of the rig.
     zero
-        Readings of the sensors at rest.
+        Readings of the sensors at rest. They include the present position of the slave.
 
     Raises
     ------
@@ -215,26 +235,26 @@ def narrow_limits(limits: Limits, zero: ForceZero) -> Limits:
 
 
 def check_drives(rig: WiredRig, clock: Clock, move: bool) -> DrivesReport:
-    """Check the drives' watchdogs, and, with `move`, their sign and scale by small strokes.
+    """Check the watchdogs of the drives, and, with `move`, the sign and scale of their motion.
 
-    The drives are enabled at standstill, and are idle afterwards. The watchdogs are checked by
-    sending no commands.
+    The drives are enabled at standstill, and are out of operation afterwards. To test the
+    watchdogs, no commands are sent. To check sign and scale, the drives make small strokes.
 
     Parameters
     ----------
     rig
-        The rig, opened.
+        The rig, already open.
     clock
-        The clock of the loop.
+        Clock of the loop.
     move
         Whether to move the drives.
 
     Raises
     ------
     InputError
-        The rig is not at rest, or the slave is beyond a hard limit.
+        The rig is not at rest, or the slave is beyond a hard position limit.
     Exception
-        An exception of a tick other than RigError.
+        An exception other than RigError that was raised during a tick.
     """
     sections = rig.file.sections
     limits, zero = rig_limits(sections), force_zero(rig, clock)

@@ -1,4 +1,4 @@
-"""The travel of a drive: commanded, and measured by its sensors."""
+"""Compares the commanded travel of a drive with the travel that its sensors measure."""
 
 from __future__ import annotations
 
@@ -8,20 +8,20 @@ from drivers import Measurement
 from drivers.rig_sections import ChannelsSettings
 
 BAND = 0.25
-"""Tolerance of the measured travel, as a fraction of the commanded travel."""
+"""Allowed difference of measured and commanded travel, as a fraction of the commanded travel."""
 SLACK = 50e-6
-"""Additional tolerance for backlash and for the lag of a small motion [m]."""
+"""Additional allowed difference, for backlash and for the lag of a small motion [m]."""
 
 
 class DriveTravel:
-    """The travel of a drive since the beginning of a stroke.
+    """Commanded and measured travel of a drive since the beginning of a stroke.
 
     Parameters
     ----------
     name
         Name of the drive, `master` or `slave`.
     channels
-        The channels of the rig.
+        Section of the rig file for the channels.
     compliance
         Compliance of the slave's drive under the contact force [m/N].
     """
@@ -29,7 +29,7 @@ class DriveTravel:
     def __init__(self, name: str, channels: ChannelsSettings, compliance: float) -> None:
         encoder = channels.master_position if name == "master" else channels.slave_position
         self.commanded = 0.0
-        """Commanded travel [m]."""
+        """Commanded travel since the beginning of the stroke [m]."""
         self._name = name
         self._compliance = compliance if name == "slave" else 0.0
         self._slack = SLACK + (encoder.resolution_um * 1e-6 if encoder else 0.0)
@@ -37,7 +37,7 @@ class DriveTravel:
         self._integral = 0.0
 
     def begin(self) -> None:
-        """Start a stroke at the present position."""
+        """Begin a stroke: the travel is zero at the present position."""
         self.commanded = self._integral = 0.0
         self._start, self._start_force = self._position, self._force
 
@@ -61,7 +61,10 @@ class DriveTravel:
 
     @property
     def moved(self) -> float:
-        """Travel measured by the encoder [m]; NaN without an encoder."""
+        """Travel that the encoder measured since the beginning of the stroke [m].
+
+        NaN if the drive has no encoder.
+        """
         return self._position - self._start
 
     def problem(self, settled: bool) -> str:
@@ -70,8 +73,9 @@ class DriveTravel:
         Parameters
         ----------
         settled
-            Whether the drive had enough time to reach its position. If not, the measured travel
-            may be smaller than the commanded one, but not larger and not in the other direction.
+            Whether the drive had enough time to complete the commanded travel. If not, the
+            measured travel may be smaller than the commanded travel, but neither larger nor in
+            the opposite direction.
         """
         slack = self._slack + self._compliance * abs(self._force - self._start_force)
         band = BAND * abs(self.commanded) + slack

@@ -1,4 +1,4 @@
-"""Emulation of a rig's devices, connected to the simulated telemanipulator of a trial."""
+"""Emulation of the devices of a rig. They are connected to a simulated telemanipulator."""
 
 from __future__ import annotations
 
@@ -21,12 +21,13 @@ if TYPE_CHECKING:
 
 
 def read_fault(text: str, rig: RigFile) -> PlannedFault:
-    """Return the fault that an option gives, such as `corrupt:force@3`.
+    """Return the fault that the text of an option describes, for example `corrupt:force@3`.
 
     Parameters
     ----------
     text
-        Kind of fault, bus or device, and time after the drives are enabled [s].
+        Kind of fault, name of a bus or device, and time after the drives are enabled [s], in the
+        form KIND:NAME@SECONDS.
     rig
         Rig file whose devices are emulated.
 
@@ -60,7 +61,8 @@ def read_fault(text: str, rig: RigFile) -> PlannedFault:
 def is_possible(kind: str, bus: SerialSettings | CanSettings) -> bool:
     """Return whether a kind of fault can occur on a bus.
 
-    Some kinds occur on serial lines only, others on CAN buses only.
+    Some kinds of fault occur only on serial lines, others only on CAN buses. A CAN bus with an
+    slcan adapter has a serial line.
     """
     if kind in ON_CAN:
         return isinstance(bus, CanSettings)
@@ -72,7 +74,7 @@ def is_possible(kind: str, bus: SerialSettings | CanSettings) -> bool:
 def make_emulator(
     rig: RigFile, settings: TrialSettings, folder: Path, faults: Sequence[PlannedFault] = ()
 ) -> Emulator:
-    """Return an emulator of a rig's devices, connected to the telemanipulator of a trial.
+    """Return an emulator of the devices of a rig, connected to a simulated telemanipulator.
 
     Parameters
     ----------
@@ -81,9 +83,9 @@ def make_emulator(
     settings
         Settings of the simulated telemanipulator.
     folder
-        Folder for the links to the pseudo-terminals.
+        Folder for the links to the pseudo-terminals of the serial lines.
     faults
-        Faults of the wires and devices.
+        Faults of buses and devices that the emulator causes.
 
     Raises
     ------
@@ -102,7 +104,7 @@ def make_emulator(
 
 @contextlib.contextmanager
 def opened(emulator: Emulator) -> Iterator[None]:
-    """Open an emulator within the block.
+    """Open an emulator during a `with` block.
 
     Raises
     ------

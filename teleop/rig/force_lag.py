@@ -1,14 +1,15 @@
-"""Measure the lag of a force channel and the lost motion on a reference spring.
+"""Measures the lag of a force channel and the lost motion of a rig, on a reference spring.
 
-On a spring of stiffness k without damping the force is
+If a spring of stiffness k without damping is displaced by x, the measured force is
 
     f = L(k play(x)) + c
 
-with L a first-order lag of time constant tau, play the play operator of half width delta, and c an
-offset. For a sine of amplitude A and angular frequency omega, both L and play delay the force. The
-lag has the same effect as an additional damping of -k tau, and the lost motion as one of about
--4 k delta / (pi omega A). Lag and lost motion can therefore be separated only if the speed omega A
-of the motion varies within the record.
+where L is a first-order lag with time constant tau, play is the play operator (backlash) of half
+width delta, and c is an offset. Both L and play delay the force. Let x be a sine of amplitude A and
+angular frequency omega, with omega tau << 1 and delta << A. Then the lag changes the apparent
+damping by -k tau, and the lost motion changes it by about -4 k delta / (pi omega A). The second
+change depends on the speed omega A, the first does not. Lag and lost motion can therefore be
+separated only if the speed varies within the record.
 
 References
 ----------
@@ -32,30 +33,30 @@ from teleop.errors import InputError
 LONGEST = 0.1
 """Longest lag that can be measured [s]."""
 SPEEDS = 1.3
-"""Least ratio of the speeds of fast and slow strokes at which lag and lost motion are separated."""
+"""Smallest ratio of fast to slow strokes (90 % and 10 % quantile of speed) for a separation."""
 STROKE = 0.02
-"""Shortest stroke that is used, relative to the range of the position."""
+"""Play that removes small motions before strokes are found, as a fraction of the range of x."""
 SETTLED = 0.3
-"""Time until the initial transient of the filters has ended [s]."""
+"""Time at the start of the record that is not fitted, because of the transient of the lag [s]."""
 STEP = 0.02
-"""Step of difference quotients, relative to the parameter."""
+"""Step of the difference quotients, as a fraction of the scale of the parameter."""
 
 
 class ForceLag(NamedTuple):
-    """Lag of a force channel and lost motion, from a reference spring."""
+    """Lag of a force channel and lost motion of a rig, measured on a reference spring."""
 
     lag: Interval
-    """Time constant of a first-order lag with its 95 % interval [s]."""
+    """Time constant of the first-order lag, with its 95 % confidence interval [s]."""
     lost_motion: Interval
-    """Distance by which the tip lags the encoder in either direction, with its interval [m]."""
+    """Distance of the tip behind the encoder, in either direction, with its 95 % interval [m]."""
     k: float
     """Stiffness of the spring [N/m]."""
     rms: float
-    """Root mean square of the residual [N]."""
+    """Root mean square of the residual of the force [N]."""
     separable: bool
-    """Whether the record separates lag and lost motion. If not, `lag` is computed under the
-    assumption of no lost motion, and the intervals include every combination of the two that
-    explains the delay."""
+    """Whether lag and lost motion can be separated. If not, `lag` is the estimate without lost
+    motion, and the confidence intervals include every combination of lag and lost motion that
+    causes the measured delay."""
 
     def summary(self) -> dict[str, Any]:
         """Return the result in the form of `teleop lag --json`, in SI units."""
@@ -73,12 +74,12 @@ class ForceLag(NamedTuple):
 
 
 class SpringFit(NamedTuple):
-    """Least-squares fit of stiffness and offset for a given lag and lost motion."""
+    """Result of a least-squares fit of stiffness and offset, with given lag and lost motion."""
 
     k: float
-    """Stiffness [N/m]."""
+    """Stiffness of the spring [N/m]."""
     residual: Floats
-    """Residual after the initial transient [N]."""
+    """Residual of the force at each sample after the initial transient [N], shape (m,)."""
 
     @property
     def squared(self) -> float:
@@ -94,12 +95,12 @@ class SpringFit(NamedTuple):
 
 
 class SpringRecord:
-    """Position and force on a spring, which can be fitted for any lag and lost motion.
+    """Record of the position and force of a spring. `fit` fits it for any lag and lost motion.
 
     Parameters
     ----------
     position, force, dt
-        Position [m], force [N] and time since the previous sample [s], each of shape (n,).
+        Displacement [m], force [N] and time since the previous sample [s], each of shape (n,).
     """
 
     def __init__(self, position: Floats, force: Floats, dt: Floats) -> None:
@@ -108,15 +109,15 @@ class SpringRecord:
         self.force = force[self.settled]
 
     def fit(self, lag: float, lost_motion: float) -> SpringFit:
-        """Fit stiffness and offset.
+        """Fit stiffness and offset by least squares, with given lag and lost motion.
 
         Parameters
         ----------
         lag
-            Time constant of the force channel [s].
+            Time constant of the first-order lag of the force channel [s].
         lost_motion
-            Lost motion [m]. A negative value makes the tip lead the encoder by that distance, so
-            that the search for the best value can pass through zero.
+            Lost motion [m]. With a negative value, the tip is ahead of the encoder by this
+            distance. A numerical search for the best value can therefore pass through zero.
         """
         tip = play(self.position, abs(lost_motion))
         if lost_motion < 0.0:
@@ -128,13 +129,19 @@ class SpringRecord:
         return SpringFit(k, f - k * about)
 
     def slope(self, lag: float, lost_motion: float, lag_step: float, lost_step: float) -> Floats:
-        """Return the derivative of the residual by lag or by lost motion; the other step is 0."""
+        """Return the derivative of the residual with respect to lag [N/s] or lost motion [N/m].
+
+        The step of the other parameter is 0. The result has the shape (m,).
+        """
         ahead = self.fit(lag + lag_step, lost_motion + lost_step).residual
         return (ahead - self.fit(lag, lost_motion).residual) / (lag_step + lost_step)
 
 
 def play(x: Floats, half_width: float) -> Floats:
-    """Return the output of the play operator, shape (n,); its initial value is `x[0]`."""
+    """Return the output of the play operator (backlash) for the input x, shape (n,).
+
+    The first output is `x[0]`. Input and output differ by at most `half_width`.
+    """
     if half_width == 0.0:
         return x
     out = np.empty_like(x)
@@ -149,7 +156,10 @@ def play(x: Floats, half_width: float) -> Floats:
 
 
 def stroke_speeds(position: Floats, dt: Floats) -> Floats:
-    """Return the mean speed of each stroke, from one turning point to the next [m/s]."""
+    """Return the mean speed of each stroke, from one turning point to the next [m/s].
+
+    The incomplete strokes at the start and at the end are omitted.
+    """
     smooth = play(position, STROKE * float(np.ptp(position)))
     step = np.diff(smooth)
     moving = np.flatnonzero(step)
@@ -159,22 +169,22 @@ def stroke_speeds(position: Floats, dt: Floats) -> Floats:
 
 
 def measure_lag(position: Floats, force: Floats, dt: Floats) -> ForceLag:
-    """Fit lag and lost motion to a spring without damping.
+    """Estimate lag and lost motion from the position and force of a spring without damping.
 
-    The reference must have negligible damping, for example a steel spring.
+    The damping of the reference must be negligible, as for a steel spring.
 
     Parameters
     ----------
     position, force
-        Displacement from the unloaded spring [m] and force [N], each of shape (n,).
+        Displacement of the spring from its unloaded length [m] and force [N], each of shape (n,).
     dt
         Time since the previous sample [s], shape (n,).
 
     Raises
     ------
     InputError
-        Position or force is zero throughout, the stiffness is negative, or the lag with the
-        smallest residual is close to zero or to `LONGEST`.
+        All positions or all forces are zero, the estimated stiffness is not positive, or the
+        estimated lag without lost motion is close to zero or to `LONGEST`.
     """
     from scipy.optimize import least_squares, minimize_scalar
 
@@ -232,18 +242,20 @@ def measure_lag(position: Floats, force: Floats, dt: Floats) -> ForceLag:
 
 
 def not_separated(record: SpringRecord, alone: float, equal: float) -> ForceLag:
-    """Return the result for a record of one speed.
+    """Return the result for a record from which lag and lost motion cannot be separated.
 
-    The upper bound of the lag assumes no lost motion, and that of the lost motion assumes no lag.
+    The upper bound of the lag is computed without lost motion. The upper bound of the lost motion
+    is computed without lag.
 
     Parameters
     ----------
     record
         The record.
     alone
-        Lag that explains the record without lost motion [s].
+        Estimated lag without lost motion [s].
     equal
-        Lost motion that causes about the same delay [m]; 0 if the record has no stroke.
+        Lost motion that causes about the same delay as this lag [m]; 0 if the record has no
+        complete stroke.
     """
     from scipy.optimize import minimize_scalar
 
@@ -262,14 +274,14 @@ def not_separated(record: SpringRecord, alone: float, equal: float) -> ForceLag:
 
 
 def half_widths(fit: SpringFit, slopes: list[Floats]) -> list[float]:
-    """Return the half widths of the 95 % intervals of parameters.
+    """Return the half width of the 95 % confidence interval of each estimated parameter.
 
     Parameters
     ----------
     fit
-        Fit with the parameters.
+        Fit with the estimated parameters.
     slopes
-        Derivative of the residual by each parameter, each of the shape of the residual.
+        Derivative of the residual with respect to each parameter, each of shape (m,).
     """
     jacobian = np.stack(slopes, axis=1)
     variance = fit.squared * len(fit.residual) / max(fit.independent, 1.0)

@@ -1,4 +1,4 @@
-"""A rig whose commands can be paused."""
+"""A rig whose commands can be paused, to test the watchdogs of its drives."""
 
 from __future__ import annotations
 
@@ -9,19 +9,19 @@ from drivers.wired_rig import WiredRig
 
 
 class PausableRig(Rig):
-    """An opened rig whose commands can be paused, so that the drives' watchdogs act.
+    """An open rig whose commands can be paused, so that the watchdogs stop the drives.
 
     Parameters
     ----------
     rig
-        The rig, opened.
+        The rig, already open.
     """
 
     def __init__(self, rig: WiredRig) -> None:
         self.paused = False
-        """Whether no commands are sent, and errors of the drives are not reported."""
+        """Whether commands are not sent, and errors of the drives are not reported."""
         self.applied = STANDSTILL
-        """Command that the drives applied last."""
+        """Latest command that the drives have applied."""
         drives = dict(rig.file.sections.drives.items())
         self._rig = rig
         self._drives = {name: rig.devices[drive.device] for name, drive in drives.items()}
@@ -29,13 +29,13 @@ class PausableRig(Rig):
         self._others = [device for device in rig.devices.values() if device not in moving]
 
     def open(self) -> None:
-        """Do nothing, because the rig is open."""
+        """Do nothing, because the rig is already open."""
 
     def close(self) -> None:
         """Do nothing: the caller that opened the rig closes it."""
 
     def read(self) -> Measurement:
-        """Return the measurement of the rig; while paused, without errors of the drives."""
+        """Return the measurement of the rig. While paused, it omits the errors of the drives."""
         measurement = self._rig.read()
         if not self.paused:
             return measurement
@@ -43,11 +43,11 @@ class PausableRig(Rig):
         return measurement._replace(drive_error=next(errors, ""))
 
     def stopped(self) -> Iterator[str]:
-        """Return the names of the drives that report an error."""
+        """Yield the name of each drive whose device reports an error."""
         return (name for name, device in self._drives.items() if device.error)
 
     def enable(self) -> bool:
-        """Enable the drives; return whether they are ready for commands."""
+        """Request that the drives go into operation; return whether all are in operation."""
         return self._rig.enable()
 
     def rearm(self) -> None:
@@ -55,10 +55,10 @@ class PausableRig(Rig):
         self._rig.rearm()
 
     def write(self, command: Command) -> Command:
-        """Command the drives unless paused; return the applied command."""
+        """Command the drives, unless paused; return the applied command, zero while paused."""
         self.applied = STANDSTILL if self.paused else self._rig.write(command)
         return self.applied
 
     def idle(self) -> None:
-        """Disable the drives."""
+        """Take the drives out of operation."""
         self._rig.idle()

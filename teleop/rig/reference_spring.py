@@ -1,4 +1,4 @@
-"""A simulated reference spring, on which the simulated force channel and slave are measured."""
+"""Measures the lag and the lost motion of the simulated rig on a simulated reference spring."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from teleop.trial.settings import TrialSettings
 SPRING = 5000.0
 """Stiffness of the spring [N/m]."""
 SPRING_DEPTH = 5e-3
-"""How far it is compressed [m]."""
+"""Compression of the spring [m]."""
 
 
 def measure_simulated_lag(cube: CubeName, seed: int = 0) -> tuple[ForceLag, Setup]:
-    """Return lag and lost motion of the simulated rig, from a spring, and its true set-up.
+    """Return the measured lag and lost motion of the simulated rig, and the simulated set-up.
 
     Parameters
     ----------
     cube
-        Cube whose trials have this rig.
+        Name of the cube with which the rig is used. In the measurement, a spring replaces it.
     seed
-        Seed of the sensor noise.
+        Seed of the simulated sensor noise.
     """
     setup = replace(
         paper_setup("autonomous", cube), cube=Cube(SPRING, 0.0, 1e-9), depth=SPRING_DEPTH

@@ -1,4 +1,4 @@
-"""The contact datum, found by a trial in which the slave moves forward until contact."""
+"""Finds the contact datum by a trial in which the slave moves forward until contact."""
 
 from __future__ import annotations
 
@@ -30,25 +30,25 @@ SPEED = 1e-3
 REACH = 4e-3
 """Greatest travel of the approach [m]."""
 SOFT_FORCE = 5.0
-"""Soft limit of the contact force during the approach [N]."""
+"""Largest soft limit of the contact force during the approach [N]."""
 AWAY = 2e-3
 """Distance from the cube at which the simulated slave starts [m]."""
 TOUCH = 0.5
 """Smallest contact force that counts as contact [N].
 
-The threshold is ten times the noise if that is larger.
+If ten times the standard deviation of the noise is larger, that value is used instead.
 """
 
 
 class Touch(Condition):
-    """Moves forward at a constant speed until contact, then backward.
+    """Control condition: moves forward at a constant speed until contact, then backward.
 
     Parameters
     ----------
     force
-        Force on the admittance that gives the speed [N].
+        Force on the admittance that causes the wanted speed [N].
     threshold
-        Contact force that counts as contact [N].
+        Contact force from which on there is contact [N].
     retreat
         Distance of the motion backward [m].
     """
@@ -58,7 +58,7 @@ class Touch(Condition):
         self._touched = math.nan
 
     def drive_force(self, t: float, measurement: Measurement) -> float:
-        """Return a force forward until contact, then one backward."""
+        """Return the force on the admittance [N]: forward until contact, then backward."""
         if math.isnan(self._touched):
             if measurement.contact_force < self._threshold:
                 return self._force
@@ -75,22 +75,22 @@ def touch(
     seed: int,
     record: Path | None = None,
 ) -> float:
-    """Move the slave until contact, and return its encoder reading where contact begins [m].
+    """Move the slave until contact, and return the encoder reading at which contact begins [m].
 
     Parameters
     ----------
     zero
         Readings of the sensors without load.
     rig
-        The rig of devices; None for the simulated rig, whose slave starts away from the cube.
+        Rig file of the rig; None for the simulated rig, whose slave starts away from the cube.
     cube
-        The cube on the simulated rig.
+        Name of the cube on the simulated rig.
     sensors
         Imperfections of the simulated sensors.
     seed
         Seed of the simulated noise.
     record
-        MCAP file to record to.
+        MCAP file for the recording of the trial; None for no file.
 
     Raises
     ------
@@ -129,7 +129,10 @@ def touch(
 
 
 def touch_limits(limits: Limits) -> Limits:
-    """Return narrow limits relative to the start position, because the datum is not yet known."""
+    """Return tight limits for the approach, from the limits of the rig.
+
+    The position limits are relative to the start position, because the datum is not yet known.
+    """
     return replace(
         limits,
         soft_position=(-AWAY, REACH),
@@ -148,14 +151,15 @@ def rig_away_from_cube(
 
 
 def contact_position(recording: Recording) -> float:
-    """Return the position at which contact begins in a recorded approach [m].
+    """Return the position at which contact begins in the recording of an approach [m].
 
-    It is fitted to a force that is zero before contact and increases linearly after it.
+    The position is a parameter of a least-squares fit. The fitted force is zero before contact,
+    and proportional to the displacement after contact.
 
     Raises
     ------
     InputError
-        There was no contact.
+        There was no contact during the approach.
     """
     deepest = int(np.argmax(recording["slave_position"])) if len(recording) else -1
     x, f = (recording[name][: deepest + 1] for name in ("slave_position", "contact_force"))
@@ -168,7 +172,9 @@ def contact_position(recording: Recording) -> float:
 
 
 def squared_residuals(x: Floats, f: Floats, start: float) -> float:
-    """Return the sum of squared residuals of a fitted spring with contact at `start` [N^2].
+    """Return the sum of squared residuals of the fit of a spring that begins at `start` [N^2].
+
+    The stiffness of the spring is fitted.
 
     Parameters
     ----------
@@ -184,7 +190,7 @@ def squared_residuals(x: Floats, f: Floats, start: float) -> float:
 
 
 def dated_tare(zero: ForceZero, position: float, rig: str) -> Tare:
-    """Return the tare of a rig with the present date.
+    """Return the tare of a rig, with the present date and time.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Force zero of a rig at rest, with idle drives and without load."""
+"""Measures the zero offsets of the force sensors, on a rig at rest and without load."""
 
 from __future__ import annotations
 
@@ -12,34 +12,42 @@ from teleop.control.tare import LARGEST_ZERO
 from teleop.errors import InputError
 
 LISTENING = 0.5
-"""Time over which the force is averaged [s]."""
+"""Time over which the forces are averaged [s]."""
 REST = 5e-5
-"""Largest measured motion of a slave at rest during that time [m]."""
+"""Largest range of the measured position of a slave at rest during this time [m]."""
 MAX_NOISE = 0.5
-"""Largest standard deviation of a force that is only noise [N]."""
+"""Largest standard deviation of the noise of a force sensor without load [N]."""
 
 
 @dataclass(frozen=True)
 class ForceZero:
-    """Readings of the sensors without load."""
+    """Readings of the sensors of a rig at rest and without load."""
 
     master: float
-    """Mean of the master force [N]."""
+    """Mean of the measured master force [N]."""
     contact: float
-    """Mean of the contact force [N]."""
+    """Mean of the measured contact force [N]."""
     noise: float
-    """Standard deviation of the contact force [N]."""
+    """Standard deviation of the measured contact force [N]."""
     position: float
-    """Mean reading of the slave's encoder [m]."""
+    """Mean of the readings of the slave's encoder [m]."""
 
 
 def force_zero(rig: Rig, clock: Clock) -> ForceZero:
-    """Measure the force zero of an opened rig whose drives are idle.
+    """Measure the zero offsets of the force sensors.
+
+    Parameters
+    ----------
+    rig
+        The rig, already open. Its drives are out of operation.
+    clock
+        Clock of the loop; the rig is read once per tick.
 
     Raises
     ------
     InputError
-        The slave moves, or a force is too large or varies too much to be the zero of a sensor.
+        The slave moves, or the mean or the variation of a force is too large for a sensor without
+        load.
     """
     samples: list[Measurement] = []
     for _ in range(round(LISTENING * clock.rate)):

@@ -1,4 +1,4 @@
-"""Safety: limits, channel checks, and the supervisor that limits the desired command."""
+"""Safety: limits, checks of the channels, and the supervisor that limits the desired command."""
 
 from teleop.safety.channels import ChannelState, check_channel
 from teleop.safety.events import Event, Fault, Mode, describe, stops_immediately

@@ -1,4 +1,4 @@
-"""The check of one channel: age, range, impossible jump, frozen value."""
+"""Check of one channel: range and age of its samples, impossible jumps, frozen values."""
 
 from __future__ import annotations
 
@@ -9,41 +9,41 @@ from teleop.safety.events import Fault
 from teleop.safety.limits import ChannelLimits
 
 MIN_INTERVAL = 1e-3
-"""Shortest interval over which the rate of change is checked [s].
+"""Shortest time between two samples that is used to check the rate of change [s].
 
-Over a shorter interval, measurement noise alone would exceed `max_rate`.
+With a shorter time, measurement noise alone could exceed `max_rate`.
 """
 SAME_SAMPLE = 1e-6
-"""Sampling times that differ by less [s] belong to one sample that was read twice.
+"""Largest difference of two sampling times of one sample that was read twice [s].
 
-A sample that is read twice does not count as frozen.
+A value that does not change because its sample was read twice does not count as frozen.
 """
 
 
 class ChannelState(NamedTuple):
-    """Data that the check of one channel stores from one tick to the next."""
+    """State of the check of one channel, which is passed from one tick to the next."""
 
     value: float = math.nan
-    """Last value, in the channel's SI unit; NaN before the first."""
+    """Latest value, in the channel's SI unit; NaN before the first."""
     sampled: float = math.nan
-    """Sampling time of the last sample [s]."""
+    """Sampling time of the latest sample [s]."""
     changed: float = math.nan
-    """Time of the tick at which the value last changed [s]."""
+    """Time of the latest tick at which the value changed [s]."""
     travel: float = 0.0
-    """Commanded change of the value since then, in the channel's SI unit."""
+    """Sum of the commanded changes of the value since that tick, in the channel's SI unit."""
 
 
 class DetectedFault(NamedTuple):
-    """A fault that was detected, with its source and the values that show it."""
+    """A fault that was detected, with its source, the measured value and the exceeded limit."""
 
     fault: Fault
     """Kind of fault."""
     source: str
     """Channel or part with the fault, or a text that describes the fault."""
     value: float
-    """Measured value, in SI units; NaN if there is none."""
+    """Measured value, in SI units; NaN if the fault has no value."""
     limit: float
-    """Limit that the value exceeds, in SI units; NaN if there is none."""
+    """Limit that the value exceeds, in SI units; NaN if the fault has no limit."""
     since: float
     """Time since which the fault has been present [s]."""
 
@@ -70,14 +70,15 @@ def check_channel(
     now
         Time of the tick [s].
     travel
-        Commanded change of the value since the previous tick, in the channel's SI unit.
+        Magnitude of the commanded change of the value since the previous tick, in the channel's
+        SI unit.
     limits
         Limits of the channel.
 
     Returns
     -------
     state
-        State of the check after this tick.
+        State of the check after this tick; unchanged if there is a fault.
     fault
         The fault that was detected, or None.
     """

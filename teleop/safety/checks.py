@@ -1,4 +1,4 @@
-"""The checks that the supervisor makes at each tick."""
+"""The checks that the safety supervisor makes at each tick."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from teleop.safety.state import Request, Supervision
 
 CONTACT_FORCE = CHANNELS.index("contact_force")
 GAIN_ERROR = 0.05
-"""Gain error of a drive that is tolerated, as a fraction of the commanded travel."""
+"""Allowed gain error of a drive, as a fraction of the commanded travel."""
 AVERAGING_TIME = 1.0
-"""Time over which skipped periods and the drift of the rig's clock are averaged [s]."""
+"""Averaging time of the fraction of skipped periods and of the drift of the rig's clock [s]."""
 
 
 def check_channels(
     state: Supervision, measurement: Measurement, dt: float, limits: Limits
 ) -> tuple[tuple[ChannelState, ...], list[DetectedFault]]:
-    """Check every channel.
+    """Check the samples of every channel against the limits of the channel.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ def check_channels(
     Returns
     -------
     channel_states
-        State of each channel's check, in the order of `CHANNELS`.
+        State of the check of each channel after this tick, in the order of `CHANNELS`.
     faults
         The faults that were detected.
     """
@@ -68,7 +68,7 @@ def check_motion(
     drift: float,
     limits: Limits,
 ) -> list[DetectedFault]:
-    """Check for the faults that stop a moving slave without a ramp.
+    """Return the detected faults that stop a moving slave immediately, without a ramp.
 
     Parameters
     ----------
@@ -77,11 +77,11 @@ def check_motion(
     dt
         Time since the previous tick [s].
     following_error
-        Following error of the slave [m].
+        Following error of the slave: commanded minus measured travel [m].
     skipped_fraction
         Fraction of periods that the loop has skipped, averaged over about `AVERAGING_TIME`.
     drift
-        Time by which the rig's clock is behind the loop's [s].
+        Time by which the rig's clock is behind the clock of the loop [s].
     limits
         Limits of rig and channels.
     """
@@ -92,7 +92,7 @@ def check_motion(
 
 
 def check_rig(measurement: Measurement) -> list[DetectedFault]:
-    """Check for an emergency stop and for drive errors that the rig reports."""
+    """Return a fault for an emergency stop, and for a drive error that the rig reports."""
     faults, now = [], measurement.time
     if measurement.emergency_stop:
         faults.append(DetectedFault(Fault.EMERGENCY_STOP, "input", math.nan, math.nan, now))
@@ -106,7 +106,21 @@ def check_rig(measurement: Measurement) -> list[DetectedFault]:
 def check_loop(
     now: float, dt: float, skipped_fraction: float, drift: float, limits: Limits
 ) -> list[DetectedFault]:
-    """Check the timing of the loop and of the measurements."""
+    """Return the faults in the timing of the loop and of the measurements.
+
+    Parameters
+    ----------
+    now
+        Time of this measurement [s].
+    dt
+        Time since the previous measurement [s].
+    skipped_fraction
+        Fraction of periods that the loop has skipped, averaged over about `AVERAGING_TIME`.
+    drift
+        Time by which the rig's clock is behind the clock of the loop [s].
+    limits
+        Limits of rig and channels.
+    """
     faults = []
     if not dt >= 0.0:
         source = f"the rig's time went from {now - dt} s to {now} s: expected it to increase"
@@ -134,9 +148,18 @@ def check_loop(
 def check_limits(
     measurement: Measurement, following_error: float, limits: Limits
 ) -> list[DetectedFault]:
-    """Check contact force and motion of the slave against the hard limits.
+    """Return a fault for each hard limit that the contact force or the motion of the slave exceeds.
 
-    Samples that are infinite or NaN are skipped here: `check_channels` detects them.
+    Values that are infinite or NaN are not checked here, because `check_channels` detects them.
+
+    Parameters
+    ----------
+    measurement
+        Measurement of this tick.
+    following_error
+        Following error of the slave: commanded minus measured travel [m].
+    limits
+        Limits of rig and channels.
     """
     faults = []
     now, x, f = measurement.time, measurement.slave_position, measurement.contact_force
@@ -158,7 +181,7 @@ def check_limits(
 
 
 def check_command(desired: Command, now: float) -> list[DetectedFault]:
-    """Check that the desired command is finite."""
+    """Return a fault if a velocity of the desired command is infinite or NaN."""
     if math.isfinite(desired[0]) and math.isfinite(desired[1]):
         return []
     source = f"the desired velocities are {desired[0]} and {desired[1]} m/s"
@@ -166,7 +189,10 @@ def check_command(desired: Command, now: float) -> list[DetectedFault]:
 
 
 def check_rest(measurement: Measurement, limits: Limits) -> DetectedFault | None:
-    """Check that slave and handle are at rest, which is required to arm the drives."""
+    """Return a fault if the slave moves or a force acts on the handle; None if both are at rest.
+
+    The drives may be armed only at rest.
+    """
     now, speed, handle = measurement.time, measurement.slave_velocity, measurement.master_force
     if abs(speed) > limits.rest_velocity:
         return DetectedFault(Fault.NOT_AT_REST, "slave_velocity", speed, limits.rest_velocity, now)
@@ -180,11 +206,23 @@ def check_rest(measurement: Measurement, limits: Limits) -> DetectedFault | None
 def update_following_error(
     state: Supervision, measurement: Measurement, dt: float, limits: Limits
 ) -> float:
-    """Return the following error of the slave [m].
+    """Return the following error of the slave after this tick [m].
 
-    This is commanded travel minus measured travel, less the part that the compliance and the
-    gain error of the drive explain. A time step for which `check_loop` detects a fault is skipped,
-    because the command during it is not known.
+    The following error is the commanded travel minus the measured travel. The travel that the
+    compliance of the drive and an allowed gain error (`GAIN_ERROR`) can cause is subtracted. The
+    error does not change at a tick with a time step for which `check_loop` detects a fault, because
+    the command during this time is not known.
+
+    Parameters
+    ----------
+    state
+        State of the supervisor after the previous tick.
+    measurement
+        Measurement of this tick.
+    dt
+        Time since the previous tick [s].
+    limits
+        Limits of rig and channels.
     """
     if math.isnan(state.position):
         return 0.0
@@ -200,17 +238,17 @@ def update_following_error(
 
 
 def update_skipped_fraction(state: Supervision, request: Request, dt: float) -> float:
-    """Return the fraction of skipped periods, averaged over about `AVERAGING_TIME`."""
+    """Return the fraction of periods that the loop skips, averaged over `AVERAGING_TIME`."""
     fraction = request.skipped / (request.skipped + 1.0)
     weight = min(max(dt, 0.0) / AVERAGING_TIME, 1.0)
     return state.skipped_fraction + (fraction - state.skipped_fraction) * weight
 
 
 def update_clock_drift(state: Supervision, request: Request, dt: float, limits: Limits) -> float:
-    """Return the delay of the rig's clock behind the loop's, over about `AVERAGING_TIME` [s].
+    """Return how far the rig's clock fell behind the loop's within about `AVERAGING_TIME` [s].
 
-    A jump forward of the rig's clock counts at most `max_gap`, so that it cannot hide a clock
-    that stands still afterwards.
+    If the rig's clock jumps forward, the result is at least -`max_gap`. A clock that stops after
+    such a jump is therefore still detected.
     """
     if state.mode is DISCONNECTED:
         return 0.0

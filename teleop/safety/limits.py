@@ -1,4 +1,4 @@
-"""Limits of each channel's samples and of the telemanipulator's motion and force."""
+"""Limits of the samples of each channel, and of the motion and force of the telemanipulator."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from drivers import CHANNELS
 
 @dataclass(frozen=True)
 class ChannelLimits:
-    """Limits of a channel's samples, in its SI unit.
+    """Limits of the samples of a channel, in the channel's SI unit.
 
-    A sample outside these limits is a fault.
+    A sample that exceeds a limit is a fault.
 
     Raises
     ------
     ValueError
-        The range is empty or not finite, or a bound is not positive.
+        The range is empty or not finite, or another limit is not positive.
     """
 
     low: float
@@ -26,15 +26,15 @@ class ChannelLimits:
     high: float
     """Upper end of the sensor's range."""
     max_rate: float = math.inf
-    """Greatest rate of change that is possible [unit/s]."""
+    """Greatest rate of change that is physically possible [unit/s]."""
     max_age: float = 0.02
     """Greatest age of a sample [s]."""
     frozen_time: float = math.inf
     """Longest time for which a working sensor repeats exactly the same value [s]."""
     frozen_travel: float = math.inf
-    """Greatest change that may be commanded while the value does not change [unit]."""
+    """Greatest commanded change during which the measured value may stay the same [unit]."""
     required: bool = True
-    """Whether the rig must have the channel. If not, it may be NaN from the start on."""
+    """Whether the rig must have the channel. If not, its value may be NaN from the start on."""
 
     def __post_init__(self) -> None:
         if not -math.inf < self.low < self.high < math.inf:
@@ -44,17 +44,17 @@ class ChannelLimits:
                 raise ValueError(f"{name} must be positive, got {getattr(self, name)}")
 
     def shifted(self, zero: float) -> ChannelLimits:
-        """Return the limits for samples from which a zero is subtracted.
+        """Return the limits for samples from which a zero offset is subtracted.
 
         Parameters
         ----------
         zero
-            Value that is subtracted from each sample, in the channel's SI unit.
+            Zero offset of the sensor, in the channel's SI unit.
 
         Raises
         ------
         ValueError
-            The zero is outside the sensor's range.
+            The zero offset is outside the range of the sensor.
         """
         if not self.low <= zero <= self.high:
             raise ValueError(
@@ -65,7 +65,7 @@ class ChannelLimits:
 
 
 def default_channel_limits() -> dict[str, ChannelLimits]:
-    """Return limits for a linear laboratory actuator with a contact force sensor of 1 kN."""
+    """Return the limits of each channel for a linear actuator with a 1 kN force sensor."""
     return {
         "master_force": ChannelLimits(-200.0, 200.0, max_rate=2e4, frozen_time=0.05),
         "master_position": ChannelLimits(
@@ -83,13 +83,14 @@ def default_channel_limits() -> dict[str, ChannelLimits]:
 class Limits:
     """Limits of the telemanipulator.
 
-    Soft limits reduce the command; motion away from the limit stays possible. Beyond a hard
-    limit the supervisor enters the fault mode and stops the drives.
+    Soft limits reduce the command; motion away from a soft limit remains possible. If a hard
+    limit is exceeded, the safety supervisor enters the mode fault and stops the drives.
 
     Raises
     ------
     ValueError
-        A limit is not positive, a hard limit lies inside its soft limit, or a channel is missing.
+        A limit is not positive, a hard limit is tighter than its soft limit, or the limits of a
+        channel are missing.
     """
 
     max_velocity: float = 0.2
@@ -98,23 +99,26 @@ class Limits:
     The hard limit of the measured speed is twice this value.
     """
     max_acceleration: float = 10.0
-    """Soft limit: greatest commanded acceleration of the slave [m/s^2], also of every ramp."""
+    """Soft limit: greatest commanded acceleration and deceleration of the slave [m/s^2].
+
+    The ramps of a stop have this deceleration.
+    """
     max_master_velocity: float = 0.5
     """Soft limit: greatest commanded speed of the master [m/s]."""
     max_master_acceleration: float = 25.0
     """Soft limit: greatest commanded acceleration of the master [m/s^2]."""
     soft_position: tuple[float, float] = (-20e-3, 20e-3)
-    """Soft limits of the slave's position, lower and upper [m]; the slave brakes before them."""
+    """Soft limits of the slave's position, lower and upper [m]; the slave stops at these limits."""
     hard_position: tuple[float, float] = (-25e-3, 25e-3)
     """Hard limits of the slave's position, lower and upper [m]."""
     soft_force: float = 60.0
-    """Magnitude of the contact force above which the slave does not press further [N]."""
+    """Soft limit: contact force, in magnitude, above which the slave does not press further [N]."""
     hard_force: float = 80.0
-    """Greatest magnitude of the contact force [N]."""
+    """Hard limit of the magnitude of the contact force [N]."""
     following_error: float = 2e-3
-    """Greatest difference between commanded and measured travel of the slave [m]."""
+    """Hard limit of the difference between commanded and measured travel of the slave [m]."""
     drive_compliance: float = 0.0
-    """Compliance of the slave's drive under the contact force [m/N]."""
+    """Compliance of the slave's drive: its displacement per contact force [m/N]."""
     rest_velocity: float = 2e-3
     """Greatest speed of the slave that counts as rest [m/s]."""
     rest_master_force: float = 5.0
@@ -122,9 +126,9 @@ class Limits:
     preflight: float = 0.05
     """Time for which all checks must pass before the mode becomes ready [s]."""
     start_ramp: float = 0.1
-    """Time in which the velocity limits rise from zero after arming [s]."""
+    """Time after arming in which the velocity limits increase from zero to their values [s]."""
     max_gap: float = 0.08
-    """Longest time between two ticks [s]; less than the drives' watchdogs."""
+    """Longest time between two ticks [s]; shorter than the watchdog times of the drives."""
     max_skipped_fraction: float = 0.25
     """Greatest fraction of periods that the loop may skip, averaged over about one second."""
     channels: dict[str, ChannelLimits] = field(default_factory=default_channel_limits)
@@ -154,20 +158,21 @@ class Limits:
             raise ValueError(f"expected limits for the channels {', '.join(CHANNELS)}")
 
     def shifted(self, zeros: Mapping[str, float]) -> Limits:
-        """Return the limits for measurements from which zeros are subtracted.
+        """Return the limits for measurements from which zero offsets are subtracted.
 
-        The ranges of the sensors are shifted, so that each sample is still compared with the
-        range of the sensor itself. All other limits are relative to the zeros.
+        The range of each channel is shifted by its zero offset, so that the raw sample is still
+        compared with the range of the sensor. All other limits are relative to the zero offsets,
+        and do not change.
 
         Parameters
         ----------
         zeros
-            Value that is subtracted from each channel, in its SI unit, by the channel's name.
+            Zero offset of each channel, in the channel's SI unit, by the name of the channel.
 
         Raises
         ------
         ValueError
-            A zero is outside its sensor's range; the message names the channel.
+            A zero offset is outside the range of its sensor; the message names the channel.
         """
         channels = dict(self.channels)
         for name, zero in zeros.items():

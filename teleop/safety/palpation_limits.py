@@ -1,4 +1,4 @@
-"""Limits for a palpation, scaled from its depth and from the cube."""
+"""Limits for a palpation on the simulated rig, computed from its depth and from the cube."""
 
 from __future__ import annotations
 
@@ -8,23 +8,23 @@ from sim_backend import RIGID, Cube, Transmission
 from teleop.safety.limits import Limits, default_channel_limits
 
 SOFT, HARD = 1.5, 1.8
-"""Depth of the soft and hard position limits, as multiples of the palpation depth.
+"""Soft and hard upper position limit, as multiples of the palpation depth.
 
-The force limits are the cube's forces at these depths.
+The force limits are the forces of the cube at these positions.
 """
 SPEED = 14.0
-"""Greatest speed, in depths per second; a sine of 2 Hz needs 6.3."""
+"""Greatest speed, in palpation depths per second. A palpation with a sine of 2 Hz needs 6.3."""
 STOPPING = 0.015
-"""Time in which the slave brakes from the greatest speed to zero [s]."""
+"""Time in which the slave can brake from the greatest speed to zero [s]."""
 ACCELERATION = 26.0
-"""Greatest acceleration, as a multiple of depth times frequency squared; a sine needs 19.7."""
+"""Greatest acceleration, as a multiple of depth times frequency squared. A sine needs 19.7."""
 FOLLOWING, FROZEN = 0.15, 0.03
-"""Greatest following error, and commanded travel after which an unchanged encoder counts as frozen.
+"""Greatest following error, and greatest commanded travel while the encoder does not change.
 
-Both are fractions of the depth.
+Both are fractions of the palpation depth.
 """
 FROZEN_SPEED = 0.1
-"""Commanded change of velocity after which an unchanged velocity channel counts as frozen.
+"""Greatest commanded change of velocity while the velocity channel does not change.
 
 It is a fraction of the greatest speed.
 """
@@ -47,14 +47,14 @@ def palpation_limits(
     depth
         Intended depth of the palpation [m].
     scale
-        Ratio of slave motion to master motion.
+        Ratio of the motion of the slave to the motion of the master.
     fastest
         Highest frequency of the excitation [Hz].
     compliance
-        Of the slave's drive [m/N].
+        Compliance of the slave's drive [m/N].
     transmission
-        Between the drive and the cube. It gives way under force, and the contact force does not
-        show its friction.
+        Transmission between the drive and the cube, with its compliance and friction. The contact
+        force does not include this friction.
     """
     velocity = max(SPEED, 5.0 * fastest) * depth
     acceleration = max(velocity / STOPPING, ACCELERATION * fastest**2 * depth)

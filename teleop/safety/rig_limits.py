@@ -1,4 +1,4 @@
-"""Limits from a rig file, converted to SI units."""
+"""Conversion of the limits in a rig file to SI units."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ def rig_limits(rig: RigSections) -> Limits:
     Raises
     ------
     ValueError
-        A hard limit lies inside its soft limit, or a range is empty.
+        A hard limit is tighter than its soft limit, or the range of a channel is empty. The
+        message names the section of the rig file.
     """
     given = rig.limits
     channels = {name: optional_limits(limits) for name, limits in default_channel_limits().items()}
@@ -44,7 +45,7 @@ def rig_limits(rig: RigSections) -> Limits:
 
 
 def optional_limits(limits: ChannelLimits) -> ChannelLimits:
-    """Return the limits of a channel that the rig does not have, and that is always NaN."""
+    """Return limits for a channel that the rig does not have, whose value is always NaN."""
     return ChannelLimits(limits.low, limits.high, required=False)
 
 
@@ -54,7 +55,7 @@ def channel_limits(channel: ForceSettings | PositionSettings | VelocitySettings)
     Raises
     ------
     ValueError
-        The range is empty, or a bound is not positive.
+        The range is empty, or another limit is not positive.
     """
     common: dict[str, Any] = {"max_age": channel.max_age_ms * 1e-3}
     match channel:
@@ -74,10 +75,10 @@ def channel_limits(channel: ForceSettings | PositionSettings | VelocitySettings)
 
 
 def optional_to_metres(value: float | None) -> float | None:
-    """Convert a value from mm to m; None stays None."""
+    """Convert a value from mm to m; return None for None."""
     return None if value is None else value * 1e-3
 
 
 def to_metres(ends: tuple[float, float]) -> tuple[float, float]:
-    """Convert a range from mm to m."""
+    """Convert the two ends of a range from mm to m."""
     return ends[0] * 1e-3, ends[1] * 1e-3

@@ -1,4 +1,4 @@
-"""The soft limits reduce a command; motion away from a limit stays possible."""
+"""Soft limits: they reduce the desired command; motion away from a limit remains possible."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from teleop.safety.limits import Limits
 from teleop.safety.state import Supervision
 
 VELOCITY, ACCELERATION, POSITION, FORCE = 1, 2, 4, 8
-"""Flags of the soft limits that reduced a command."""
+"""Flag of each soft limit. The sum of flags states which limits reduced a command."""
 
 
 def ramp_down(command: Command, dt: float, limits: Limits) -> Command:
-    """Return the command of the next tick on the ramp to zero.
+    """Return the next command of a ramp on which both velocities decrease to zero.
 
     Parameters
     ----------
@@ -22,24 +22,24 @@ def ramp_down(command: Command, dt: float, limits: Limits) -> Command:
     dt
         Time since the previous tick [s].
     limits
-        Limits, of which the greatest accelerations are used.
+        Limits, of which the two greatest accelerations are used.
     """
     return limit_acceleration(STANDSTILL, command, dt, limits)
 
 
 def limit_acceleration(wanted: Command, last: Command, dt: float, limits: Limits) -> Command:
-    """Return the command nearest to the wanted one that the greatest accelerations allow.
+    """Return the command nearest to the wanted command that the greatest accelerations allow.
 
     Parameters
     ----------
     wanted
-        Command to approach.
+        Wanted command.
     last
         Command of the previous tick.
     dt
         Time since the previous tick [s].
     limits
-        Limits, of which the greatest accelerations are used.
+        Limits, of which the two greatest accelerations are used.
     """
     master, slave = limits.max_master_acceleration * dt, limits.max_acceleration * dt
     return Command(
@@ -58,10 +58,11 @@ def limit_command(
 ) -> tuple[Command, int]:
     """Apply the soft limits to the desired command.
 
-    Master and slave are slowed by the same factor, so that the operator's hand feels the limit
-    of the slave. Towards a soft position limit, the speed is at most that from which half of the
-    greatest deceleration stops the slave at the limit. Against a contact force above the soft
-    force limit the slave does not move.
+    The velocities of master and slave are reduced by the same factor, so that the operator feels
+    the limit of the slave. In the direction of a soft position limit at distance d, the speed is
+    at most sqrt(a d), where a is the greatest acceleration. A deceleration of a / 2 then stops the
+    slave at the limit. If the contact force exceeds the soft force limit, the slave does not move
+    against this force.
 
     Parameters
     ----------
@@ -81,9 +82,9 @@ def limit_command(
     Returns
     -------
     command
-        Command within the soft limits.
+        Command that the soft limits allow.
     flags
-        Flags of the soft limits that reduced the command.
+        Sum of the flags of the soft limits that reduced the command.
     """
     master, slave = desired
     ramp = min(active / limits.start_ramp, 1.0)

@@ -1,4 +1,4 @@
-"""Input and output of the supervisor at each tick."""
+"""Input, output and state of the safety supervisor at each tick."""
 
 from __future__ import annotations
 
@@ -11,77 +11,80 @@ from teleop.safety.events import ACTIVE, STOPPING, Event, Mode, stops_immediatel
 
 
 class Request(NamedTuple):
-    """Input of the supervisor at a tick: requests of the person, and data from the loop."""
+    """Input of the supervisor at a tick: requests of a person, and data from the loop."""
 
     arm: bool = False
-    """Whether to arm the drives, which changes the mode from ready to active."""
+    """Whether to arm the drives. Arming changes the mode from ready to active."""
     stop: str = ""
-    """Reason for a stop with a ramp; empty to continue."""
+    """Reason for a stop with a ramp; empty if no stop is requested."""
     halt: bool = False
-    """Whether to stop without a ramp."""
+    """Whether a stop without a ramp is requested."""
     faults: tuple[DetectedFault, ...] = ()
-    """Faults detected outside the supervisor: exceptions, the emergency-stop key."""
+    """Faults detected outside the supervisor, for example exceptions and the emergency-stop key."""
     skipped: int = 0
     """Number of whole periods that the loop skipped before this tick."""
     elapsed: float = 0.0
-    """Time since the previous tick by the loop's own clock [s]."""
+    """Time since the previous tick on the clock of the loop [s]."""
 
 
 NO_REQUEST = Request()
-"""A tick without any request."""
+"""Input of the supervisor at a tick without a request."""
 
 
 class Supervision(NamedTuple):
-    """State of the supervisor, which is passed from one tick to the next."""
+    """State of the safety supervisor after a tick, which is its input at the next tick."""
 
     mode: Mode = Mode.DISCONNECTED
     """Mode after the tick."""
     since: float = math.nan
-    """Time at which the mode was entered [s]."""
+    """Time at which the mode was entered [s].
+
+    Before arming, it is the latest time at which the rig was not at rest, if that is later.
+    """
     time: float = math.nan
     """Time of the tick [s]."""
     applied: Command = STANDSTILL
-    """Command of the tick."""
+    """Command that was applied at the tick."""
     velocity_change: float = 0.0
     """Magnitude of the change of the slave's commanded velocity at the tick [m/s]."""
     position: float = math.nan
-    """Position of the slave [m]."""
+    """Measured position of the slave [m]."""
     following_error: float = 0.0
     """Following error: commanded travel minus measured travel of the slave [m].
 
-    The part that the drive's compliance and gain error explain is subtracted.
+    The travel that the compliance and an allowed gain error of the drive can cause is subtracted.
     """
     skipped_fraction: float = 0.0
     """Fraction of periods that the loop has skipped, averaged over about one second."""
     drift: float = 0.0
-    """Delay of the rig's clock behind the loop's, over about the last second [s]."""
+    """Time by which the rig's clock fell behind the loop's within about the last second [s]."""
     channel_states: tuple[ChannelState, ...] = (ChannelState(),) * len(CHANNELS)
-    """State of each channel's check, in the order of `CHANNELS`."""
+    """State of the check of each channel, in the order of `CHANNELS`."""
     causes: tuple[DetectedFault, ...] = ()
-    """The first fault, then each other kind of fault since; empty unless in fault mode."""
+    """The first fault, and the first fault of each other kind since; empty unless in mode fault."""
 
     @property
     def immediate(self) -> bool:
-        """Whether any of the causes stops the drives without a ramp."""
+        """Whether one of the faults in `causes` stops the drives without a ramp."""
         return any(stops_immediately(cause.fault) for cause in self.causes)
 
 
 class Verdict(NamedTuple):
-    """Decision of the supervisor at a tick."""
+    """Output of the safety supervisor at a tick."""
 
     state: Supervision
     """State of the supervisor after this tick."""
     command: Command
-    """The command to apply."""
+    """The command to apply to the drives."""
     limited: int = 0
-    """Flags of the soft limits that reduced the command."""
+    """Sum of the flags of the soft limits that reduced the command."""
     events: tuple[Event, ...] = ()
     """Changes of mode and faults of this tick."""
     arm: bool = False
-    """Whether the drives may be enabled now; `activate` returns the verdict when they are."""
+    """Whether the drives may be enabled now. Call `activate` when they are in operation."""
 
     @property
     def enabled(self) -> bool:
-        """Whether the drives have to be enabled."""
+        """Whether the drives have to be in operation."""
         mode = self.state.mode
         return mode is ACTIVE or mode is STOPPING or self.command != STANDSTILL

@@ -1,10 +1,10 @@
-"""The safety supervisor: one pure function from the desired command to the applied one.
+"""The safety supervisor: a pure function that computes the applied from the desired command.
 
     supervise(state, measurement, desired, request, limits) -> state, command, events
 
-The function opens no file, reads no clock and has no memory of its own. Everything that lasts
-longer than a tick, including faults, is in the state, which the loop passes back at the next tick.
-Every behaviour in docs/safety.md is therefore tested without a rig.
+The function opens no file, reads no clock and stores no data. All data that are needed at the next
+tick, including faults, are part of the returned state, which the loop passes to the function at
+the next tick. Every behaviour in docs/safety.md can therefore be tested without a rig.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ def supervise(
     request: Request,
     limits: Limits,
 ) -> Verdict:
-    """Check a tick and return the command to apply.
+    """Check the data of a tick, and return the command to apply, the mode and the events.
 
     Parameters
     ----------
@@ -57,9 +57,9 @@ def supervise(
     measurement
         Measurement of the rig.
     desired
-        Command of the control condition; used in active mode only.
+        Command of the control condition; used in mode active only.
     request
-        Requests of the person and input of the loop.
+        Requests of a person, and data from the loop.
     limits
         Limits of rig and channels.
     """
@@ -148,12 +148,14 @@ def supervise(
 
 
 def activate(verdict: Verdict) -> Verdict:
-    """Return the verdict for the same tick with the mode active, after the drives were enabled.
+    """Return the output of the supervisor for the same tick, with the mode active.
+
+    Called when all drives are in operation.
 
     Parameters
     ----------
     verdict
-        Verdict that allows the drives to be armed.
+        Output of the supervisor at this tick, with `arm` True.
     """
     now = verdict.state.time
     state = verdict.state._replace(mode=ACTIVE, since=now, following_error=0.0)
@@ -163,15 +165,16 @@ def activate(verdict: Verdict) -> Verdict:
 def stop_for_faults(
     state: Supervision, faults: Iterable[DetectedFault], dt: float, halt: bool, limits: Limits
 ) -> Verdict:
-    """Return the verdict in fault mode: ramp to zero, or stop immediately if a fault requires it.
+    """Return the output of the supervisor in mode fault.
 
-    Each kind of fault is stored and reported once. Faults that are detected at the same tick are
-    ordered by severity, the most severe first.
+    The command decreases to zero on a ramp. If a fault requires an immediate stop, the command is
+    zero. Each kind of fault is stored and reported once. Faults that are detected at the same tick
+    are ordered by severity, the most severe first.
 
     Parameters
     ----------
     state
-        State of the supervisor, in fault mode.
+        State of the supervisor, in mode fault.
     faults
         Faults that were detected at this tick.
     dt
@@ -195,9 +198,9 @@ def stop_for_faults(
 
 
 def rearm(state: Supervision) -> Supervision:
-    """Return the initial state, so that the checks before arming are made again.
+    """Return the initial state of the supervisor, after a person has re-armed the rig.
 
-    Called when a person re-arms the rig after a fault.
+    All checks before arming are then made again.
 
     Raises
     ------

@@ -11,10 +11,11 @@ from teleop.safety.limits import Limits
 
 @dataclass(frozen=True)
 class TightenedLimits:
-    """Limits that replace those of the rig; each must be at least as tight. None keeps it.
+    """Limits of a trial that replace limits of the rig; None keeps the limit of the rig.
 
-    Only limits of which a smaller value is always safer are included. A lower acceleration, for
-    example, makes every stop longer.
+    Each limit must be at least as tight as the limit of the rig. Only limits for which a smaller
+    value is always safer are included. The greatest acceleration, for example, is not included,
+    because a smaller acceleration makes every stop longer.
     """
 
     max_velocity: float | None = None
@@ -22,15 +23,15 @@ class TightenedLimits:
     max_master_velocity: float | None = None
     """Greatest commanded speed of the master [m/s]."""
     soft_position: tuple[float, float] | None = None
-    """Soft limits of the slave's position, lower and upper [m]; the slave brakes before them."""
+    """Soft limits of the slave's position, lower and upper [m]; the slave stops at these limits."""
     hard_position: tuple[float, float] | None = None
     """Hard limits of the slave's position, lower and upper [m]."""
     soft_force: float | None = None
-    """Magnitude of the contact force above which the slave does not press further [N]."""
+    """Soft limit: contact force, in magnitude, above which the slave does not press further [N]."""
     hard_force: float | None = None
-    """Greatest magnitude of the contact force [N]."""
+    """Hard limit of the magnitude of the contact force [N]."""
     following_error: float | None = None
-    """Greatest difference between commanded and measured travel of the slave [m]."""
+    """Hard limit of the difference between commanded and measured travel of the slave [m]."""
     rest_master_force: float | None = None
     """Greatest force on the handle at which the drives may be armed [N]."""
 
@@ -41,17 +42,20 @@ class TightenedLimits:
         return {name: value for name, value in values.items() if value is not None}
 
     def applied(self, limits: Limits) -> Limits:
-        """Return limits with these in place of their own.
+        """Return the limits of the rig, in which the limits here replace those of the rig.
 
         Raises
         ------
         ValueError
-            The result is not consistent, see `Limits`.
+            The resulting limits are not consistent, see `Limits`.
         """
         return replace(limits, **self.stated)
 
     def looser(self, limits: Limits) -> Iterator[tuple[str, Any, Any]]:
-        """Yield name, value and present value of each limit that is looser than the present one."""
+        """Yield each limit of this object that is looser than the limit of the rig.
+
+        Each item consists of the name, the value here and the value of the rig.
+        """
         for name, value in self.stated.items():
             present = getattr(limits, name)
             if name.endswith("_position"):
@@ -63,3 +67,4 @@ class TightenedLimits:
 
 
 NOT_TIGHTENED = TightenedLimits()
+"""Limits of a trial that keeps all limits of its rig."""
