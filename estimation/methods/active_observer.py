@@ -34,12 +34,12 @@ class ActiveObserver(RandomWalkKalman):
     model
         Model that defines the regressors, except the constant regressor of p.
     correlation
-        Samples per independent noise sample, see `LinearGainEstimator`.
+        Number of samples per independent sample of the force noise, see `LinearGainEstimator`.
 
     Raises
     ------
     ValueError
-        A parameter is out of its range.
+        An argument is out of its range.
     """
 
     constant = True

@@ -27,7 +27,7 @@ GUESS = 1.0
 
 @dataclass(frozen=True, slots=True)
 class GradientParameters(LinearGainParameters):
-    """Parameters of `step`."""
+    """Constant settings of the function `step`."""
 
     rk4: bool
     """Whether (8) is integrated by Runge-Kutta 4 where it is stable."""
@@ -37,7 +37,7 @@ class GradientParameters(LinearGainParameters):
 
 @dataclass(slots=True)
 class GradientState(LinearGainState):
-    """State of `step`."""
+    """Variables that the function `step` updates."""
 
     beyond_rk4: int
     """Number of samples for which RK4 was unstable."""
@@ -87,7 +87,7 @@ class AdaptiveIdentification(LinearGainEstimator):
     model
         Model that defines the regressors.
     correlation
-        Samples per independent noise sample, see `LinearGainEstimator`.
+        Number of samples per independent sample of the force noise, see `LinearGainEstimator`.
 
     Raises
     ------

@@ -21,12 +21,12 @@ LONGEST = 1_000_000
 
 @dataclass(frozen=True, slots=True)
 class WindowParameters:
-    """Parameters of `step`."""
+    """Constant settings of the function `step`."""
 
     samples: int
     """Number of samples in a full window."""
     correlation: float
-    """Samples per independent noise sample, >= 1."""
+    """Number of samples per independent sample of the force noise, >= 1."""
     window: float
     """Length of the window [s]. A longer gap in the data empties the window."""
 
@@ -213,7 +213,7 @@ class BatchWindow(Estimator):
     model
         Model that defines the regressors.
     correlation
-        Samples per independent noise sample, see `LinearGainEstimator`.
+        Number of samples per independent sample of the force noise, see `LinearGainEstimator`.
 
     Raises
     ------

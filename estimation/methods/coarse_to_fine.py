@@ -33,7 +33,7 @@ COARSEST = 1e100
 
 @dataclass(frozen=True, slots=True)
 class CoarseToFineParameters:
-    """Parameters of `step`."""
+    """Constant settings of the function `step`."""
 
     twice_lambda: float
     """Rate at which the weight of a sample decays [1/s]."""
@@ -42,7 +42,7 @@ class CoarseToFineParameters:
     patience: float
     """Time away from the edge after which the spacing is halved [s]."""
     correlation: float
-    """Samples per independent noise sample, >= 1."""
+    """Number of samples per independent sample of the force noise, >= 1."""
     finest_b: float
     """Smallest spacing of b [N s/m]."""
     finest_k: float
@@ -51,7 +51,7 @@ class CoarseToFineParameters:
 
 @dataclass(slots=True)
 class CoarseToFineState(MonitoringState):
-    """State of `step`."""
+    """Variables that the function `step` updates."""
 
     b: MovingAxis
     k: MovingAxis
@@ -152,12 +152,12 @@ class CoarseToFine(Estimator):
     half
         Number of candidates on either side of the middle one, along each axis.
     correlation
-        Samples per independent noise sample, see `LinearGainEstimator`.
+        Number of samples per independent sample of the force noise, see `LinearGainEstimator`.
 
     Raises
     ------
     ValueError
-        A parameter is out of its range.
+        An argument is out of its range.
     """
 
     step = staticmethod(step)

@@ -16,7 +16,7 @@ LARGEST = 10.0
 
 @dataclass(frozen=True, slots=True)
 class CompositeParameters:
-    """Parameters of `step`."""
+    """Constant settings of the function `step`."""
 
     bandwidth: float
     """Bandwidth of the filter [1/s]."""
@@ -187,7 +187,7 @@ class CompositeAdaptive(Estimator):
     Raises
     ------
     ValueError
-        A parameter is out of its range.
+        An argument is out of its range.
     """
 
     step = staticmethod(step)

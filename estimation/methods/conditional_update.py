@@ -19,7 +19,7 @@ from estimation.step import Regressors
 
 @dataclass(frozen=True, slots=True)
 class ConditionalParameters(FactoredParameters):
-    """Parameters of `step`."""
+    """Constant settings of the function `step`."""
 
     c: float
     """Threshold: a sample is used if z' P z > c (1 - beta)."""
@@ -56,8 +56,8 @@ class ConditionalUpdate(FactoredEstimator):
     forgetting
         The forgetting factor beta, 0 < beta <= 1.
     initial_covariance
-        Diagonal of P0 for each model parameter, b [(N s/m)^2] and k [(N/m)^2] first, per N^2
-        of force variance.
+        Diagonal of P0: the initial variances of b [(N s/m)^2], k [(N/m)^2] and any further
+        parameters of the model, for force noise with a variance of 1 N^2.
     sample_period
         Time [s] over which a weight decreases by the factor beta while samples are used. By
         default it decreases by beta with each used sample, independent of `dt`.
@@ -66,12 +66,12 @@ class ConditionalUpdate(FactoredEstimator):
     model
         Model that defines the regressors.
     correlation
-        Samples per independent noise sample, see `LinearGainEstimator`.
+        Number of samples per independent sample of the force noise, see `LinearGainEstimator`.
 
     Raises
     ------
     ValueError
-        A parameter is out of its range.
+        An argument is out of its range.
     """
 
     step = staticmethod(step)

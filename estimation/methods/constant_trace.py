@@ -20,7 +20,7 @@ from estimation.step import Regressors, below
 
 @dataclass(frozen=True, slots=True)
 class ConstantTraceParameters(FactoredParameters):
-    """Parameters of `step`."""
+    """Constant settings of the function `step`."""
 
     c1: float
     """Trace of the covariance, before c2 is added, in units of P0."""
@@ -71,12 +71,12 @@ class ConstantTrace(FactoredEstimator):
     model
         Model that defines the regressors.
     correlation
-        Samples per independent noise sample, see `LinearGainEstimator`.
+        Number of samples per independent sample of the force noise, see `LinearGainEstimator`.
 
     Raises
     ------
     ValueError
-        A parameter is out of its range.
+        An argument is out of its range.
     """
 
     step = staticmethod(step)

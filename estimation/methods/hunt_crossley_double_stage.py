@@ -31,7 +31,7 @@ LEAST_RELATIVE = 1e-30
 
 @dataclass(frozen=True, slots=True)
 class DoubleStageParameters:
-    """Parameters of `step`."""
+    """Constant settings of the function `step`."""
 
     rate: float
     """1 / memory [1/s]."""
@@ -173,7 +173,7 @@ class DoubleStage(Estimator):
     Raises
     ------
     ValueError
-        A parameter is out of its range.
+        An argument is out of its range.
     """
 
     step = staticmethod(step)

@@ -26,7 +26,7 @@ from estimation.step import B, K, Regressors, State
 
 @dataclass(frozen=True, slots=True)
 class LogarithmicParameters:
-    """Parameters of `step`."""
+    """Constant settings of the function `step`."""
 
     rate: float
     """1 / memory [1/s]."""
@@ -37,7 +37,7 @@ class LogarithmicParameters:
     threshold: float
     """Largest force without contact [N]."""
     correlation: float
-    """Samples per independent noise sample, >= 1."""
+    """Number of samples per independent sample of the force noise, >= 1."""
     log_x0: float
     """ln x0."""
 
@@ -256,12 +256,12 @@ class Logarithmic(Estimator):
         noise. With a larger threshold, weak forces are used only if noise increases them, which
         causes a bias. Samples below it, or with x <= 0, hold the estimate.
     correlation
-        Samples per independent noise sample, see `LinearGainEstimator`.
+        Number of samples per independent sample of the force noise, see `LinearGainEstimator`.
 
     Raises
     ------
     ValueError
-        A parameter is out of its range.
+        An argument is out of its range.
     """
 
     step = staticmethod(step)

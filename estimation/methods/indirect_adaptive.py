@@ -19,7 +19,7 @@ from estimation.step import Regressors, below
 
 @dataclass(frozen=True, slots=True)
 class IndirectParameters(LinearGainParameters):
-    """Parameters of `step`."""
+    """Constant settings of the function `step`."""
 
     rate: float
     """Rate at which the force error decays [1/s]."""
@@ -87,12 +87,12 @@ class IndirectAdaptive(LinearGainEstimator):
     model
         Model that defines the regressors.
     correlation
-        Samples per independent noise sample, see `LinearGainEstimator`.
+        Number of samples per independent sample of the force noise, see `LinearGainEstimator`.
 
     Raises
     ------
     ValueError
-        A parameter is out of its range.
+        An argument is out of its range.
     """
 
     step = staticmethod(step)

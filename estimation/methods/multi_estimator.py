@@ -32,14 +32,14 @@ FASTEST = 1e6
 
 @dataclass(frozen=True, slots=True)
 class MultiEstimatorParameters:
-    """Parameters of `step`."""
+    """Constant settings of the function `step`."""
 
     twice_lambda: float
     """Rate at which the weight of a sample decays [1/s]."""
     b: GridAxis
     k: GridAxis
     correlation: float
-    """Samples per independent noise sample, >= 1."""
+    """Number of samples per independent sample of the force noise, >= 1."""
 
 
 def step(
@@ -79,7 +79,7 @@ class MultiEstimator(Estimator):
     forgetting_rate
         lambda in (11) [1/s], >= 0. The weight of a squared error decays as e^(-2 lambda t).
     correlation
-        Samples per independent noise sample, see `LinearGainEstimator`.
+        Number of samples per independent sample of the force noise, see `LinearGainEstimator`.
     own
         Additional parameters of the step of a subclass, by name.
 

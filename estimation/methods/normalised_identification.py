@@ -26,7 +26,7 @@ LARGEST_SHARE = 0.1
 
 @dataclass(frozen=True, slots=True)
 class NormalisedParameters(LinearGainParameters):
-    """Parameters of `step`."""
+    """Constant settings of the function `step`."""
 
     rate: float
     """Rate at which the parameters converge [1/s]."""
@@ -38,7 +38,7 @@ class NormalisedParameters(LinearGainParameters):
 
 @dataclass(slots=True)
 class NormalisedState(LinearGainState):
-    """State of `step`."""
+    """Variables that the function `step` updates."""
 
     mean_square: Vector
     """Mean square of each regressor, relative to the square of its typical size, (m,)."""
@@ -98,12 +98,12 @@ class NormalisedIdentification(LinearGainEstimator):
     model
         Model that defines the regressors.
     correlation
-        Samples per independent noise sample, see `LinearGainEstimator`.
+        Number of samples per independent sample of the force noise, see `LinearGainEstimator`.
 
     Raises
     ------
     ValueError
-        A parameter is out of its range.
+        An argument is out of its range.
     """
 
     step = staticmethod(step)

@@ -19,12 +19,12 @@ FEWEST = 8
 
 @dataclass(frozen=True, slots=True)
 class SegmentParameters:
-    """Parameters of `step`."""
+    """Constant settings of the function `step`."""
 
     length: float
     """Length of a segment [s]."""
     correlation: float
-    """Samples per independent noise sample, >= 1."""
+    """Number of samples per independent sample of the force noise, >= 1."""
 
 
 @dataclass(slots=True)
@@ -166,7 +166,7 @@ class PooledSegments(Estimator):
         Length of a segment [s], about one period of the motion. The motion in a segment must
         distinguish b and k.
     correlation
-        Samples per independent noise sample, see `LinearGainEstimator`.
+        Number of samples per independent sample of the force noise, see `LinearGainEstimator`.
 
     Raises
     ------

@@ -13,7 +13,7 @@ from estimation.step import Regressors, State, below, zeros
 
 @dataclass(frozen=True, slots=True)
 class ReferenceParameters:
-    """Parameters of `step`."""
+    """Constant settings of the function `step`."""
 
     rate: float
     """Rate at which the force error decays [1/s]."""
@@ -27,7 +27,7 @@ class ReferenceParameters:
 
 @dataclass(slots=True)
 class ReferenceState(State):
-    """State of `step`."""
+    """Variables that the function `step` updates."""
 
     e: float
     """Normalised output error, reference minus model [N]."""
@@ -98,7 +98,7 @@ class ReferenceModel(Estimator):
     Raises
     ------
     ValueError
-        A parameter is out of its range.
+        An argument is out of its range.
     """
 
     step = staticmethod(step)

@@ -18,7 +18,7 @@ DISTINCT = 0.3
 
 @dataclass(frozen=True, slots=True)
 class SpectralParameters:
-    """Parameters of `step`."""
+    """Constant settings of the function `step`."""
 
     angle: float
     """Time constant of the window, as phase angle of the motion [rad]."""
@@ -43,7 +43,7 @@ class Spectrum:
 
 @dataclass(slots=True)
 class SpectralState(State):
-    """State of `step`."""
+    """Variables that the function `step` updates."""
 
     filled: float
     """Sum of the weights in the next three means, from 0 to 1."""
@@ -177,7 +177,7 @@ class SpectralRatio(Estimator):
     Raises
     ------
     ValueError
-        A parameter is out of its range.
+        An argument is out of its range.
     """
 
     step = staticmethod(step)

@@ -23,7 +23,7 @@ LEAST = 1e-100
 
 @dataclass(frozen=True, slots=True)
 class SubspaceParameters(FactoredParameters):
-    """Parameters of `step`."""
+    """Constant settings of the function `step`."""
 
     epsilon: float
     """Smallest z' z of a sample that is used."""
@@ -89,23 +89,23 @@ class SubspaceForgetting(FactoredEstimator):
     forgetting
         The forgetting factor beta, 0 < beta <= 1.
     initial_covariance
-        Diagonal of P0 for each model parameter, b [(N s/m)^2] and k [(N/m)^2] first, per N^2
-        of force variance.
+        Diagonal of P0: the initial variances of b [(N s/m)^2], k [(N/m)^2] and any further
+        parameters of the model, for force noise with a variance of 1 N^2.
     sample_period
-        Time [s] over which the information in the direction of a sample decreases by the factor
-        beta. By default it decreases by beta with each sample, independent of `dt`.
+        Time [s] in which the information in the direction of phi is multiplied by beta.
+        Default: it is multiplied by beta at each sample, independent of `dt`.
     threshold
         Smallest sqrt(phi' P0 phi) of a sample that is used, sqrt(epsilon) in the paper. It is
         the standard deviation of the force predicted with P0, relative to that of the noise.
     model
         Model that defines the regressors.
     correlation
-        Samples per independent noise sample, see `LinearGainEstimator`.
+        Number of samples per independent sample of the force noise, see `LinearGainEstimator`.
 
     Raises
     ------
     ValueError
-        A parameter is out of its range.
+        An argument is out of its range.
     """
 
     step = staticmethod(step)

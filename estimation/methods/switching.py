@@ -25,7 +25,7 @@ from estimation.step import B, K, Regressors
 
 @dataclass(frozen=True, slots=True)
 class SwitchingParameters(MultiEstimatorParameters):
-    """Parameters of `step`."""
+    """Constant settings of the function `step`."""
 
     factor: float
     """1 + h, with the hysteresis h."""
@@ -35,7 +35,7 @@ class SwitchingParameters(MultiEstimatorParameters):
 
 @dataclass(slots=True)
 class SwitchingState(MonitoringState):
-    """State of `step`."""
+    """Variables that the function `step` updates."""
 
     since: float
     """Time since the last switch [s]."""
@@ -102,7 +102,7 @@ class SwitchingMultiEstimator(MultiEstimator):
     Raises
     ------
     ValueError
-        A parameter is out of its range.
+        An argument is out of its range.
     """
 
     step = staticmethod(step)  # type: ignore[assignment]  # it has more parameters

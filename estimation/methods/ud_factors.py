@@ -228,15 +228,15 @@ class FactoredEstimator(LinearGainEstimator):
     forgetting
         The forgetting factor beta, 0 < beta <= 1.
     initial_covariance
-        Diagonal of P0 for each model parameter, b [(N s/m)^2] and k [(N/m)^2] first, per N^2
-        of force variance.
+        Diagonal of P0: the initial variances of b [(N s/m)^2], k [(N/m)^2] and any further
+        parameters of the model, for force noise with a variance of 1 N^2.
     sample_period
-        Time [s] over which a weight decreases by the factor beta. None: it decreases by beta
-        with each sample, independent of `dt`.
+        Time [s] in which the weight of a past sample is multiplied by beta. None: it is
+        multiplied by beta at each sample, independent of `dt`.
     model
         Model that defines the regressors.
     correlation
-        Samples per independent noise sample, see `LinearGainEstimator`.
+        Number of samples per independent sample of the force noise, see `LinearGainEstimator`.
     guess_variance
         Variance of the initial guess. Default: the initial covariance.
     own
@@ -245,7 +245,7 @@ class FactoredEstimator(LinearGainEstimator):
     Raises
     ------
     ValueError
-        A parameter is out of its range.
+        An argument is out of its range.
     """
 
     parameter_type: ClassVar[type[FactoredParameters]] = FactoredParameters
