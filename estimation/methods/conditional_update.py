@@ -22,7 +22,7 @@ class ConditionalParameters(FactoredParameters):
     """Constant settings of the function `step`."""
 
     c: float
-    """Threshold: a sample is used if z' P z > c (1 - beta)."""
+    """Threshold c: a sample is used if z' P z > c (1 - beta), with the scaled regressors z."""
 
 
 def step(
@@ -32,7 +32,10 @@ def step(
     f: float,
     dt: float,
 ) -> None:
-    """Update by recursive least squares if z' P z > c (1 - beta); otherwise hold."""
+    """Update by recursive least squares if z' P z > c (1 - beta); otherwise set `held`.
+
+    z are the scaled regressors (`ud_factors`).
+    """
     beta = forgetting_factor(parameters, state, dt)
     if predicted_variance(parameters, state, phi) > parameters.c * (1.0 - beta):
         update_and_forget(parameters, state, phi, f, dt, beta)
@@ -59,8 +62,8 @@ class ConditionalUpdate(FactoredEstimator):
         Diagonal of P0: the initial variances of b [(N s/m)^2], k [(N/m)^2] and any further
         parameters of the model, for force noise with a variance of 1 N^2.
     sample_period
-        Time [s] over which a weight decreases by the factor beta while samples are used. By
-        default it decreases by beta with each used sample, independent of `dt`.
+        Time [s] in which the weight of a past sample is multiplied by beta while samples are used.
+        Default: it is multiplied by beta at each used sample, independent of `dt`.
     threshold
         Threshold c, >= 0.
     model

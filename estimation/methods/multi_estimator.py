@@ -49,7 +49,7 @@ def step(
     f: float,
     dt: float,
 ) -> None:
-    """Decay the sums, add the sample, and select the candidate with the smallest (11)."""
+    """Add the sample to the sums, and select the candidate with the smallest monitoring signal."""
     v, x = phi
     b_axis, k_axis = parameters.b, parameters.k
     decay_and_add(parameters.twice_lambda, state, v, x, f, dt)
@@ -61,16 +61,18 @@ def step(
 
 
 class MultiEstimator(Estimator):
-    """Candidate of a grid with the smallest monitoring signal, the paper's (10)-(11).
+    """Multi-estimator, (10)-(11) of the paper.
 
-    The signals of all candidates are one quadratic form in (b, k). Its minimum over the grid is
-    found without evaluating all candidates, so the cost does not depend on the size of the grid.
+    The estimate is the candidate (b, k) of a grid with the smallest monitoring signal. The signals
+    of all candidates are one quadratic form in (b, k). Its minimum over the grid is found without
+    evaluating all candidates, so the computing time does not depend on the size of the grid.
 
-    A small term is added to each signal, so that ties are broken in favour of the candidate
-    nearest to (b, k) = (0, 0). The term is `TIE` times the squared distance from this candidate
-    in units of the axes' lengths, times the signal that the grid spans, int f^2 + (b v)^2 +
-    (k x)^2 with the axes' lengths b and k. So a damping that the data do not determine is
-    estimated as zero. The term does not affect candidates that the data distinguish.
+    A small term is added to each signal. Of several candidates with equal signals, the candidate
+    nearest to (b, k) = (0, 0) is selected. The term is the product of `TIE`, the squared distance
+    from this candidate in units of the lengths of the axes, and the signal that the grid spans.
+    That signal is int f^2 + (b v)^2 + (k x)^2, where b and k are the lengths of the axes. So a
+    damping that the data do not determine is estimated as zero. The term does not change the result
+    for candidates that the data distinguish.
 
     Parameters
     ----------
@@ -116,7 +118,7 @@ class MultiEstimator(Estimator):
         return MonitoringState(zero, spans, False, *NO_SUMS)
 
     def monitoring_signal(self, b: Floats | float, k: Floats | float) -> Floats:
-        """Return (11) of the candidates (b, k) [N^2 s]; b and k are broadcast."""
+        """Return the monitoring signal (11) of candidates (b, k) [N^2 s]; b and k are broadcast."""
         s = self.state
         b, k = np.asarray(b, dtype=np.float64), np.asarray(k, dtype=np.float64)
         signal = s.ff + b * (b * s.vv - 2.0 * s.fv) + k * (k * s.xx - 2.0 * s.fx)
@@ -157,8 +159,8 @@ class MultiEstimator(Estimator):
 
         Returns
         -------
-        First and last index for each b, arrays of shape (grid.b.count,); first > last for none.
-        The cost does not depend on the number of values of k.
+        First and last index of k for each b, arrays of shape (grid.b.count,). first > last if there
+        is no k. The computing time does not depend on the number of values of k.
         """
         if not margin >= 0.0:
             raise ValueError(f"margin must be >= 0, got {margin}")
@@ -200,7 +202,10 @@ class MultiEstimator(Estimator):
         }
 
     def note(self, estimates: Estimates) -> str | None:
-        """Return a note if the estimate is, or was in 10 % of the samples, at the grid's edge."""
+        """Return a warning if the estimate is at the edge of the grid, otherwise None.
+
+        A warning is also returned if it was there in at least 10 % of the samples.
+        """
         shares = {
             name: float(np.mean(np.isin(getattr(estimates, name), edges)))
             for name, edges in self.edges().items()

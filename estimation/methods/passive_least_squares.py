@@ -31,11 +31,12 @@ class PassiveState(FactoredState):
     free: Vector
     """Estimate without the constraint, (m,)."""
     P: Matrix
-    """Covariance in units of theta, conditional on the parameters fixed at zero; (m, m)."""
+    """Covariance of theta, given that some parameters are fixed at zero, for noise of variance
+    1 N^2, (m, m)."""
 
 
 def multiply_out(parameters: PassiveParameters, state: PassiveState) -> None:
-    """Compute P = U D U' in units of theta."""
+    """Compute P = U D U', scaled to the units of theta."""
     s, U, D, P = parameters.s, state.U, state.D, state.P
     m = len(D)
     for i in below[m]:
@@ -52,7 +53,10 @@ def multiply_out(parameters: PassiveParameters, state: PassiveState) -> None:
 
 
 def most_negative(parameters: PassiveParameters, state: PassiveState) -> int:
-    """Return the index of the parameter most standard deviations below zero; -1 for none."""
+    """Return the index of the parameter that violates its bound by most standard deviations.
+
+    Only parameters that must not be negative count. The result is -1 if none is negative.
+    """
     theta, P = state.theta, state.P
     found = -1
     most = 0.0
@@ -121,14 +125,15 @@ class PassiveLeastSquares(FactoredEstimator):
 
         sum_n beta^(N-n) (f_n - phi_n' theta)^2 + beta^N theta' P0^-1 theta -> min.
 
-    Their parameters as functions of position and direction, and Coulomb friction, are omitted.
-    The constraint is not in the papers: all parameters except f0 are non-negative.
+    In the papers, parameters depend on position and direction, and there is Coulomb friction. Both
+    are omitted here. The constraint is not in the papers: no parameter except f0 is negative.
 
     The estimate is the passive theta that is nearest to the unconstrained minimum in the metric
-    of the information matrix P^-1. The parameter most standard deviations below zero is set to
-    zero first. For b and k the result is the exact constrained minimum; for more than two
-    parameters it nearly always is. The recursion continues from the unconstrained minimum, and
-    the standard deviations are those of the unconstrained minimum.
+    of the information matrix P^-1. Negative parameters are set to zero one after the other,
+    beginning with the parameter that is most standard deviations below zero. For a model with b
+    and k only, the result is the exact constrained minimum; for more parameters it nearly always
+    is. The recursion continues from the unconstrained minimum. The standard deviations are also
+    those of the unconstrained minimum.
 
     Parameters
     ----------
