@@ -30,7 +30,7 @@ class GradientParameters(LinearGainParameters):
     """Constant settings of the function `step`."""
 
     rk4: bool
-    """Whether (8) is integrated by Runge-Kutta 4 where it is stable."""
+    """Whether the gradient law is integrated by Runge-Kutta 4 (RK4) where RK4 is stable."""
     Gamma: tuple[float, ...]
     """Diagonal of the adaptation gain, (m,)."""
 

@@ -145,7 +145,7 @@ def factorise(state: WindowState) -> bool:
 
 
 def solve(parameters: WindowParameters, state: WindowState) -> None:
-    """Compute theta by back substitution from the last row of L, and its standard deviations.
+    """Compute theta by back substitution from the last row of L, and the standard deviations.
 
     The noise variance is the sum of squared residuals divided by n - m degrees of freedom.
     """

@@ -115,7 +115,7 @@ def follow(
 
 
 def place(axis: MovingAxis, half: float, middle: float, spacing: float) -> None:
-    """Set the middle value of an axis, in units of its spacing, and its spacing."""
+    """Set the spacing of an axis, and the middle value of the axis in units of the spacing."""
     axis.middle = middle
     axis.spacing = spacing
     axis.first = (middle - half) * spacing

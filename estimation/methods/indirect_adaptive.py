@@ -24,7 +24,7 @@ class IndirectParameters(LinearGainParameters):
     rate: float
     """Rate at which the force error decays [1/s]."""
     floor: float
-    """Value of s's at which the rate is halved."""
+    """Value of s's at which the rate is halved, with s_i = phi_i / size_i."""
     per_size: tuple[float, ...]
     """1 / typical size of each regressor, (m,)."""
 

@@ -95,7 +95,7 @@ def begin(state: SegmentState) -> None:
 
 
 def end(parameters: SegmentParameters, state: SegmentState) -> None:
-    """Fit the segment by least squares, and add b and k to their statistics."""
+    """Fit the segment by least squares, and add the result to the statistics of b and k."""
     ff, fv, fx, vv, vx, xx = state.ff, state.fv, state.fx, state.vv, state.vx, state.xx
     determinant = vv * xx - vx * vx
     if determinant > 1e-9 * vv * xx:

@@ -20,7 +20,7 @@ class ReferenceParameters:
     bandwidth: float
     """Bandwidth a of the reference and of the model [1/s]."""
     floor: float
-    """Value of s's at which the rate is halved."""
+    """Value of s's at which the rate is halved, with s_i = phi_i / size_i."""
     per_size: tuple[float, ...]
     """1 / typical size of each regressor, (m,)."""
 

@@ -177,7 +177,7 @@ def add(state: FactoredState, weight: float, columns: int) -> None:
 
 
 def add_variance(state: FactoredState, i: int, weight: float) -> None:
-    """Set P_ii <- P_ii + weight: column i as in `add` with the unit vector y, then the others."""
+    """Add `weight` to the variance P_ii, by the method of `add` with the i-th unit vector as y."""
     D, column, y = state.D, state.U[i], state.y
     former = D[i]
     D[i] = former + weight

@@ -77,7 +77,7 @@ class CanopenNode(EmulatedCanDevice):
 
     @abstractmethod
     def connection_lost(self) -> None:
-        """Do what the application does when the connection to the master, or NMT operation, ends."""
+        """Do what the application does when the master is lost or ends the operational state."""
 
     @abstractmethod
     def reset(self) -> None:
