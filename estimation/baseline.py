@@ -20,9 +20,10 @@ import numpy as np
 from estimation.compiled import Floats
 
 BELOW = 0.6
-"""Highest frequency of a baseline, relative to the lower end of the band of the motion."""
+"""Upper limit of the frequencies in a baseline, relative to the lower end of the band in which the
+force follows the displacement."""
 MOST = 300
-"""Largest number of cosines; it limits the highest frequency in a long record."""
+"""Largest number of cosines. It limits the highest frequency of a baseline in a long record."""
 FEWEST_CYCLES = 3.0
 """Smallest number of periods of the lower end of the band in a record with a baseline."""
 

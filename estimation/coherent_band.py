@@ -45,7 +45,7 @@ ABOVE_NOISE = 10.0
 The noise power is the median power of the upper half of the bins.
 """
 MOST_SAMPLES = 1 << 16
-"""Largest number of samples; blocks of samples of a longer record are averaged first."""
+"""Number of samples above which averages over blocks of samples are used instead of samples."""
 LOWEST, HIGHEST = 0.005, 0.95
 """Fractions of the power below the lower end and below the upper end of the band."""
 
@@ -54,7 +54,7 @@ class CoherentBand(NamedTuple):
     """Frequency band in which the force is coherent with the displacement."""
 
     low: float
-    """Frequency below which 0.5 % of the power of the coherent force rate lies [Hz]."""
+    """Frequency below which 0.5 % of w^2 C S_ff lies [Hz]."""
     centre: float
     """Frequency that divides the integral of w C S_ff into two equal parts [Hz]."""
     high: float

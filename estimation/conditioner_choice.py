@@ -15,7 +15,7 @@ from estimation.model import KELVIN_VOIGT, Model
 CONDITIONERS = ("matched", "svf", "foaw", "difference")
 """Names of the signal conditioners."""
 LONGEST_LAG = 0.5
-"""Longest lag of a force channel that can be compensated [s]."""
+"""Largest time constant of a force channel whose lag can be compensated [s]."""
 
 
 def make_conditioner(

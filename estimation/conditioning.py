@@ -58,7 +58,7 @@ class Regression(NamedTuple):
     """The model's regressors besides v and x, shape (n, regressors - 2)."""
 
     def part(self, samples: slice | NDArray[np.intp]) -> Regression:
-        """Return the regression of some of the samples."""
+        """Return the signals of some of the samples, given by a slice or by indices."""
         return Regression(*(channel[samples] for channel in self))
 
 
@@ -86,7 +86,7 @@ class Conditioner(ABC):
 
     @abstractmethod
     def _condition(self, x: float, f: float, dt: float) -> Conditioned:
-        """Process a sample that has been checked."""
+        """Process a sample as in `update`, which has checked the values."""
 
     def correlation(self, dt: float) -> float:
         """Return the number of samples, `dt` [s] apart, per independent sample of force noise."""
@@ -137,7 +137,7 @@ class FilteredDifference(Conditioner):
 
 
 class FirstOrderAdaptiveWindowing(Conditioner):
-    """Compute velocity by first-order adaptive windowing (FOAW), end-fit.
+    """Compute velocity by first-order adaptive windowing (FOAW), in the end-fit variant.
 
     The velocity is the slope of the line from the oldest to the newest position in a window. The
     window is the longest window in which the distance of every position from this line is at most
@@ -210,7 +210,7 @@ class StateVariableFilter(Conditioner):
 
 
 class MatchedFilter(Conditioner):
-    """Apply the same state-variable filter to position and force.
+    """Apply the same state-variable filter to position and force; compute the velocity from it.
 
     With the filter H, f = b v + k x implies H f = b H v + k H x. So the filter reduces noise
     without bias in b or k. A delay T of v alone would cause a bias: for motion at the angular

@@ -59,7 +59,7 @@ def estimate_arrays(estimates: Mapping[str, Estimates]) -> Iterator[Floats]:
 
 
 def estimators_in(columns: Mapping[str, Floats]) -> list[str]:
-    """Return the names of the estimators whose estimates the table contains."""
+    """Return the names of the estimators that have columns in a table of estimates."""
     return [name[:-2] for name in columns if name.endswith("_b")]
 
 

@@ -107,7 +107,7 @@ class Estimator(ABC):
     """
 
     gated: ClassVar[bool] = True
-    """Whether a bank's gate holds the estimate while there is no contact or no motion."""
+    """Whether the gate of a bank applies, so that theta changes only during contact and motion."""
     constant: ClassVar[bool] = False
     """Whether the step needs a constant regressor 1 after the regressors of the model."""
 
@@ -160,7 +160,7 @@ class Estimator(ABC):
 
     @property
     def units(self) -> tuple[str, ...]:
-        """Unit of each of `names`."""
+        """Units of the estimated quantities, in the order of `names`."""
         return tuple(UNITS[name] for name in self.names)
 
     def note(self, estimates: Estimates) -> str | None:
@@ -256,7 +256,7 @@ class Estimator(ABC):
         )
 
     def step_samples(self, samples: Samples) -> Samples:
-        """Return the samples with all regressors of the step: append 1 if `constant`."""
+        """Return the samples with all regressors of the step: with 1 as last one if `constant`."""
         if not self.constant:
             return samples
         return samples._replace(phi=np.column_stack((samples.phi, np.ones(len(samples.f)))))

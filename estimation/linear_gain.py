@@ -122,7 +122,7 @@ def correct(
 def update_noise(
     state: LinearGainState, error: float, spread: float, gain: float, dt: float
 ) -> None:
-    """Update the noise variance: the mean of error^2 / spread, with the weights gain / spread.
+    """Update the noise variance s: the mean of error^2 / spread, with the weights gain / spread.
 
     `error` is the force error f - phi' theta [N], `gain` is phi' L, and `spread` is
     1 + phi' C phi. The weights decay with the time constant `NOISE_MEMORY`. The weight of a new

@@ -123,7 +123,7 @@ class Unplugged(RigFault):
     """Fault: no measurement can be read from the rig."""
 
     def read(self, measurement: Measurement) -> Measurement:
-        """Raise RigError, as a disconnected board does."""
+        """Raise RigError, as the driver of a disconnected board does."""
         raise RigError("master board: no answer, expected a frame each millisecond")
 
 

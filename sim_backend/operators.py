@@ -119,7 +119,7 @@ class FreePalpation(Operator):
 
 
 class MimickedSine(Operator):
-    """Tracking of a sine of constant frequency and amplitude, with human errors.
+    """Tracking of a sine of constant frequency and amplitude, with the errors of a person.
 
     The amplitude varies slowly by about 10 %, and the phase by about 0.4 rad.
 

@@ -17,7 +17,7 @@ MAX_STEP = 1e-3
 
 @dataclass(frozen=True)
 class PlantParameters:
-    """Parameters of drives and force channels; the defaults are those of laboratory actuators.
+    """Parameters of the drives and the force channels. The defaults are typical laboratory values.
 
     Raises
     ------

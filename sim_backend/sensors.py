@@ -18,9 +18,9 @@ class Sensors:
     """
 
     encoder_resolution: float = 1e-6
-    """Position of one encoder count [m]."""
+    """Distance per encoder count [m]."""
     force_noise: float = 0.02
-    """Standard deviation of a force sample [N]."""
+    """Standard deviation of the noise of a force sample [N]."""
     master_zero: float = 0.0
     """Offset of the handle's force sensor [N]."""
     contact_zero: float = 0.0

@@ -80,7 +80,7 @@ class SimulatedRig(Rig):
         self._time = 0.0
 
     def open(self) -> None:
-        """Start the time of the plant; the drives are idle."""
+        """Set the time of the plant to the present time of the clock. The drives are disabled."""
         self._time = self._now()
 
     def read(self) -> Measurement:

@@ -31,15 +31,15 @@ class BatchData(NamedTuple):
     v: Floats
     """Velocity [m/s]."""
     f: Floats
-    """Smoothed force from the datum [N]."""
+    """Smoothed force, relative to the datum [N]."""
     raw_f: Floats
-    """Force as measured, from the datum [N]."""
+    """Measured force without smoothing, relative to the datum [N]."""
     rows: NDArray[np.intp]
     """Indices of the samples to which the model is fitted, shape (rows,)."""
     inside: NDArray[np.intp]
     """Indices of the samples in contact, shape (inside,)."""
     starts: tuple[int, ...] = (0,)
-    """Index of the first sample of each piece between gaps."""
+    """Index of the first sample of each piece. A piece is a part of the record without gaps."""
     width: float = 0.0
     """Standard deviation of the smoothing kernel [s]."""
     contact: float | None = None

@@ -32,7 +32,7 @@ class GradientParameters(LinearGainParameters):
     rk4: bool
     """Whether the gradient law is integrated by Runge-Kutta 4 (RK4) where RK4 is stable."""
     Gamma: tuple[float, ...]
-    """Diagonal of the adaptation gain, (m,)."""
+    """Diagonal of the adaptation gain Gamma, (m,)."""
 
 
 @dataclass(slots=True)
@@ -40,7 +40,7 @@ class GradientState(LinearGainState):
     """Variables that the function `step` updates."""
 
     beyond_rk4: int
-    """Number of samples for which RK4 was unstable."""
+    """Number of samples for which Runge-Kutta 4 (RK4) was unstable."""
 
 
 def step(

@@ -1,4 +1,4 @@
-"""Ordinary least squares over a sliding window, the reference for other methods (OLS)."""
+"""Ordinary least squares (OLS) over a sliding window. It is the reference for other methods."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from estimation.model import KELVIN_VOIGT, Model
 from estimation.step import Matrix, Regressors, State, Vector, below, diagonal, zeros
 
 SINGULAR = 1e-10
-"""Smallest fraction of a regressor that must be linearly independent of the other regressors."""
+"""Smallest fraction of the sum of squares of a regressor that must be independent of the others."""
 SMALLEST_SQUARES = 1e-60
 """Sum of squares below which a regressor counts as zero."""
 LONGEST = 1_000_000
@@ -46,7 +46,8 @@ class WindowState(State):
     peak: Vector
     """Largest sum of squares of each regressor since `place` was last 0, (m,)."""
     L: Matrix
-    """Factor of sums = L D L': L below the diagonal, D on it, D L' above; (m + 1, m + 1)."""
+    """Factors of sums = L D L': L below the diagonal, D on the diagonal, D L' above the diagonal;
+    (m + 1, m + 1)."""
     column: Vector
     """Work vector of `unit_variance`, (m + 1,)."""
     z: Vector

@@ -70,7 +70,7 @@ def least_candidate(
 
 
 def grid_axis(axis: Axis) -> GridAxis:
-    """Convert an axis to the form that a step needs."""
+    """Return an axis as a dataclass of numbers, which a step can use."""
     last = axis.count - 1
     zero = float(axis.nearest_zero)
     return GridAxis(axis.first, axis.spacing, last, zero, axis.spacing * last, 1.0 / (last * last))

@@ -38,7 +38,7 @@ class CoarseToFineParameters:
     twice_lambda: float
     """Rate at which the weight of a sample decays [1/s]."""
     half: float
-    """Number of candidates on either side of the middle one."""
+    """Number of candidate values on either side of the middle value of an axis."""
     patience: float
     """Time without a best candidate at the edge of the grid after which the spacing is halved [s].
     """

@@ -1,4 +1,4 @@
-"""Recursive least squares with conditional update: only informative samples are used."""
+"""Recursive least squares with conditional update: samples without information are not used."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def step(
 
 
 class ConditionalUpdate(FactoredEstimator):
-    """Recursive least squares that uses only informative samples.
+    """Recursive least squares that uses a sample only if the sample has enough information.
 
     A sample is used if phi' P phi exceeds c (1 - beta). phi' P phi is the variance of the force
     predicted with P, relative to the noise variance. Other samples cause neither an update nor

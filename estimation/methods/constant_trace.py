@@ -51,7 +51,7 @@ def step(
 
 
 class ConstantTrace(FactoredEstimator):
-    """Recursive least squares with a covariance of constant trace, regularised.
+    """Recursive least squares with a regularised covariance of constant trace.
 
     The covariance does not wind up at rest, and does not decrease to zero in motion. After each
     sample it is set to c1 P / tr P + c2 I, in units of P0 (K. J. Astrom and B. Wittenmark,

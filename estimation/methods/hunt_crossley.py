@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 NAMES = ("b", "k", "K", "B", "n")
-"""Names of damping and stiffness at the present displacement, and of K, B and n of the model."""
+"""Names of the estimated quantities: damping b and stiffness k at the present displacement, and K,
+B and n of the model."""
 STIFFNESS, DAMPING, EXPONENT = 2, 3, 4
 """Indices of K, B and n in `theta`."""
 HERTZ = 1.5

@@ -26,7 +26,7 @@ LARGEST = 1e100
 FARTHEST = 20.0
 """Upper limit of ln x/x0."""
 LEAST_RELATIVE = 1e-30
-"""Smallest (K x0^n + B x0^n v) / f of which the logarithm is computed."""
+"""Value of (K x0^n + B x0^n v) / f below which stage 2 does not use the sample."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -36,7 +36,7 @@ def step(
     f: float,
     dt: float,
 ) -> None:
-    """Integrate the normalised gradient law over one period with constant phi and f.
+    """Integrate the normalised gradient law over one sample period with constant phi and f.
 
     With s_i = phi_i / size_i and G = diag(1 / size_i^2),
 

@@ -90,7 +90,7 @@ def step(
 
 
 class RandomWalkKalman(FactoredEstimator):
-    """Kalman filter of an environment whose parameters are random walks.
+    """Kalman filter of the parameters of an environment, with random walks as their model.
 
     The method is based on G. De Gersem, H. Van Brussel, F. Tendick, "Reliable and enhanced
     stiffness perception in soft-tissue telemanipulation", Int. J. Robotics Research 24(10), 2005,

@@ -85,7 +85,7 @@ def decay_and_add(
 
 
 def monitoring_signal(state: MonitoringState, b: float, k: float) -> float:
-    """Return the monitoring signal (11) of a candidate [N^2 s], >= 0 despite rounding errors."""
+    """Return the monitoring signal (11) of the candidate (b, k) [N^2 s]. It is never negative."""
     mu = (
         state.ff
         + b * (b * state.vv - 2.0 * state.fv)

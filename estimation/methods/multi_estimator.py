@@ -150,7 +150,7 @@ class MultiEstimator(Estimator):
         return np.concatenate(rows)
 
     def tied_rows(self, margin: float) -> tuple[Indices, Indices]:
-        """Return the index ranges of k in `ties` for each b.
+        """Return the candidates of `ties` as one range of indices of k for each b.
 
         Parameters
         ----------
@@ -195,7 +195,7 @@ class MultiEstimator(Estimator):
         return tuple(name for name in edges if getattr(self.estimate, name) in edges[name])
 
     def edges(self) -> dict[str, tuple[float, float]]:
-        """Return the first and last value of "b" and of "k", as they appear in estimates."""
+        """Return the first and the last candidate value of "b" and of "k", by name."""
         axes = {"b": self.parameters.b, "k": self.parameters.k}
         return {
             name: (axis.first, axis.first + axis.last * axis.spacing) for name, axis in axes.items()

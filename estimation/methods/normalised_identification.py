@@ -31,7 +31,7 @@ class NormalisedParameters(LinearGainParameters):
     rate: float
     """Rate at which the parameters converge [1/s]."""
     per_memory: float
-    """1 / memory of the mean squares [1/s]."""
+    """1 / time constant of the mean squares [1/s]."""
     per_size: tuple[float, ...]
     """1 / typical size of each regressor, (m,)."""
 

@@ -13,7 +13,7 @@ from estimation.step import Matrix, Regressors, Vector, below, diagonal, zeros
 SIGNED = ("f0",)
 """Parameters that may be negative in a passive environment."""
 ROUNDING = 1e-15
-"""Smallest fraction of a variance that remains after another parameter was fixed."""
+"""Smallest fraction of a variance that remains after another parameter was fixed at zero."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +70,7 @@ def most_negative(parameters: PassiveParameters, state: PassiveState) -> int:
 
 
 def fix_at_zero(state: PassiveState, n: int) -> None:
-    """Fix parameter n at zero, and set the others to their conditional expectation.
+    """Fix parameter n at zero, and set the other parameters to their conditional expectation.
 
     theta <- theta - P e theta_n / P_nn,    P <- P - P e e' P / P_nn,    e the n-th unit vector
     """
@@ -95,7 +95,7 @@ def fix_at_zero(state: PassiveState, n: int) -> None:
 def step(
     parameters: PassiveParameters, state: PassiveState, phi: Regressors, f: float, dt: float
 ) -> None:
-    """Update least squares without constraint, then compute the nearest passive theta."""
+    """Update least squares without constraint; then compute the passive theta nearest to it."""
     theta, free, bounded = state.theta, state.free, parameters.bounded
     indices = below[len(phi)]
     for i in indices:

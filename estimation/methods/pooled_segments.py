@@ -225,7 +225,7 @@ class PooledSegments(Estimator):
 
     @property
     def misfit(self) -> dict[str, float]:
-        """Relative standard deviation between segments of each parameter on which they disagree.
+        """Relative standard deviation between segments, for each parameter that differs, by name.
 
         It is empty if the segments agree on b and k.
         """

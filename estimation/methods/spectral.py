@@ -1,4 +1,4 @@
-"""Damping and stiffness from the frequency response at the motion's frequency (SPM)."""
+"""Damping and stiffness from the frequency response at the frequency of the motion (SPM)."""
 
 from __future__ import annotations
 

@@ -28,7 +28,7 @@ class SwitchingParameters(MultiEstimatorParameters):
     """Constant settings of the function `step`."""
 
     factor: float
-    """1 + h, with the hysteresis h."""
+    """1 + h, where h is the hysteresis."""
     dwell: float
     """Minimum time between switches [s]."""
 

@@ -24,7 +24,7 @@ ERROR_WARNING, BUS_ERROR = 0x04, 0x80
 
 
 class CanWire(Wire):
-    """Base class of CAN buses with emulated devices and a host."""
+    """Base class of wires that are CAN buses with emulated devices."""
 
     def __init__(self, devices: Sequence[EmulatedCanDevice]) -> None:
         self.devices = list(devices)

@@ -108,7 +108,10 @@ class Mechanism:
         self.driven.discard(axis)
 
     def state(self, axis: str, signal: str) -> float:
-        """Return the exact position [m], velocity [m/s] or motor force [N] of an axis."""
+        """Return the true position [m], velocity [m/s] or motor force [N] of an axis.
+
+        `signal` is `position`, `velocity` or `force`. The result is 0 for other signals.
+        """
         plant = self.rig.plant
         body = plant.slave if axis == "slave" else plant.handle
         if signal == "force":
@@ -117,7 +120,7 @@ class Mechanism:
 
 
 class DeviceMount(Mount):
-    """Mount of one device on the mechanism."""
+    """Interface of one emulated device to the simulated telemanipulator."""
 
     def __init__(self, mechanism: Mechanism, rate: float) -> None:
         self.rate = rate
@@ -147,6 +150,6 @@ class DeviceMount(Mount):
             self._mechanism.drive(axis, sign * velocity)
 
     def brake(self, name: str) -> None:
-        """Hold the axis of a drive."""
+        """Disable a drive, and hold its axis."""
         if name in self.axes:
             self._mechanism.brake(self.axes[name][0])

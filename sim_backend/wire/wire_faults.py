@@ -51,7 +51,7 @@ class Random(WireFault):
         self._random = random.Random(seed)
 
     def is_affected(self) -> bool:
-        """Return whether the next frame is affected."""
+        """Return a random decision whether the next frame is affected."""
         return self._random.random() < self._share
 
 

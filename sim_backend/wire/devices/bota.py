@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from drivers.devices.bota import BotaSettings
 
 FASTEST = 51200 / 64
-"""Sample rate with the filter set to 64 conversions [Hz]."""
+"""Largest sample rate [Hz]: one sample per 64 conversions."""
 BACKLOG = 5
 """Largest number of frames that are sent late; older ones are omitted."""
 RANGES = {"fx": 500.0, "fy": 500.0, "fz": 1200.0, "mx": 15.0, "my": 15.0, "mz": 12.0}
@@ -79,7 +79,7 @@ class EmulatedBota(EmulatedSerialDevice):
 
 
 def shifted(byte: int) -> int:
-    """Return the CRC-16/X.25 register after one byte, for the initial value 0."""
+    """Return the register of CRC-16/X.25 after one byte, with the initial value 0."""
     for _ in range(8):
         byte = byte >> 1 ^ 0x8408 * (byte & 1)
     return byte

@@ -27,7 +27,7 @@ COUNTS_PER_SECOND, RPM = 0x00B50300, 0x00B44700
 
 
 class State(Enum):
-    """States of the drive, with their bits in the statusword."""
+    """States of the drive. The value of a state is the bits of the state in the statusword."""
 
     SWITCH_ON_DISABLED = 0b100_0000
     READY_TO_SWITCH_ON = 0b010_0001
@@ -168,7 +168,7 @@ class EmulatedCia402(CanopenNode):
 
     @property
     def _velocity_units(self) -> float:
-        """Units of 60FFh per 1 m/s."""
+        """Value of the object 60FFh (target velocity) for 1 m/s."""
         if self[0x60A9, 0] == RPM:
             return 60.0 * self._turns_per_metre
         return self._counts_per_metre

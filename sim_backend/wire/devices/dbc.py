@@ -42,7 +42,7 @@ class EmulatedDbcDevice(EmulatedCanDevice):
         self._senders = [Sender(message, every) for message in messages]
 
     def receive(self, frame: can.Message, now: float) -> None:
-        """Ignore the frame."""
+        """Do nothing: the device ignores all CAN frames."""
 
     def due(self) -> float:
         """Return the time of the next message [s]."""
