@@ -24,8 +24,9 @@ class Bank(Mapping[str, Estimator]):
     estimators
         The estimators by name, in the order in which they are reported.
     gate
-        While it is closed, estimates are held. Estimators that are not `gated`, such as the
-        paper's, ignore it.
+        Gate that is closed while there is no contact or no motion. The estimates do not change
+        while the gate is closed. The gate has no effect on estimators with `gated` = False, such
+        as those of the paper. None: no gate.
 
     Raises
     ------
@@ -77,7 +78,10 @@ class Bank(Mapping[str, Estimator]):
     def update(
         self, x: float, v: float, f: float, dt: float, further: Sequence[float] = ()
     ) -> dict[str, Estimate]:
-        """Process one sample; arguments and errors as in `Estimator.update`."""
+        """Process one sample with each estimator; return the estimates by name.
+
+        Arguments and errors are those of `Estimator.update`.
+        """
         x, v, f, dt = float(x), float(v), float(f), float(dt)
         further = [float(value) for value in further]
         check_sample(dt, further, x=x, v=v, f=f)
@@ -97,7 +101,10 @@ class Bank(Mapping[str, Estimator]):
         dt: ArrayLike,
         further: ArrayLike | None = None,
     ) -> dict[str, Estimates]:
-        """Process n samples; arguments and errors as in `Estimator.run`."""
+        """Process n samples with each estimator; return the estimates by name.
+
+        Arguments and errors are those of `Estimator.run`.
+        """
         samples = checked_samples(x, v, f, dt, further)
         self._check_further(samples.phi.shape[1] - 2)
         plain = samples._replace(phi=np.ascontiguousarray(samples.phi[:, :2]))

@@ -20,15 +20,18 @@ import numpy as np
 from estimation.compiled import Floats
 
 BELOW = 0.6
-"""Highest frequency of a baseline, relative to the lower end of the band of the motion."""
+"""Upper limit of the frequencies in a baseline, relative to the lower end of the band in which the
+force follows the displacement."""
 MOST = 300
-"""Largest number of cosines; it limits the highest frequency in a long record."""
+"""Largest number of cosines. It limits the highest frequency of a baseline in a long record."""
 FEWEST_CYCLES = 3.0
-"""Least number of cycles, at the lower end of the band, in a record with a baseline."""
+"""Smallest number of periods of the lower end of the band in a record with a baseline."""
 
 
 def baseline_order(low: float, seconds: float) -> int:
-    """Return the number of cosines without the constant; 0 for a record of few cycles.
+    """Return the number m of cosines of a baseline, not counting the constant.
+
+    It is 0 if the record has fewer than `FEWEST_CYCLES` periods of the frequency `low`.
 
     Parameters
     ----------
@@ -43,7 +46,7 @@ def baseline_order(low: float, seconds: float) -> int:
 
 
 def cosines(t: Floats, start: float, seconds: float, order: int) -> Floats:
-    """Return the constant and the cosines as columns, shape (n, 1 + order).
+    """Return the constant 1 and the cosines of a baseline as columns, shape (n, 1 + order).
 
     Parameters
     ----------
@@ -58,7 +61,10 @@ def cosines(t: Floats, start: float, seconds: float, order: int) -> Floats:
 
 
 def without_baseline(values: Floats, t: Floats, order: int) -> Floats:
-    """Subtract the baseline that fits the values best, shape (n,)."""
+    """Return the values minus their least-squares baseline, shape (n,).
+
+    `t` are the times [s], shape (n,), and `order` is the result of `baseline_order`.
+    """
     if order == 0:
         return values
     basis = cosines(t, float(t[0]), float(t[-1] - t[0]), order)

@@ -62,7 +62,9 @@ def checked_samples(
 
 
 def positive_values(name: str, values: Sequence[float], model: Model) -> tuple[float, ...]:
-    """Return a setting that has one positive, finite value for each parameter of the model.
+    """Return the values as a tuple, if there is one positive value per parameter of the model.
+
+    `name` is the name of the setting in the error message.
 
     Raises
     ------
@@ -78,6 +80,6 @@ def positive_values(name: str, values: Sequence[float], model: Model) -> tuple[f
 
 
 def check_correlation(correlation: float) -> None:
-    """Raise ValueError unless the number of samples per independent sample is >= 1."""
+    """Raise ValueError unless the number of samples per independent noise sample is >= 1."""
     if not 1.0 <= correlation < math.inf:
         raise ValueError(f"correlation must be at least 1, got {correlation}")

@@ -1,18 +1,21 @@
-"""The band of frequencies in which a force follows a displacement.
+"""The band of frequencies in which a force and a displacement are coherent.
 
-The highest peak in the spectrum of the displacement need not be the palpation: a slow drift of the
-position, for example in a raster scan, can be larger. The band is therefore computed from the part
-of the force that is coherent with the displacement. Its power spectrum is C(w) S_ff(w), with the
-coherence C and the spectrum S_ff of the force.
+The highest peak in the spectrum of the displacement is not always at the frequency of the
+palpation: a slow drift of the position, for example in a raster scan, can be larger. The band is
+therefore computed from the part of the force that is coherent with the displacement. The power
+spectrum of this part is C(w) S_ff(w), where w is the angular frequency, C the coherence, and S_ff
+the power spectrum of the force.
 
-- The lower end is that of w^2 C S_ff, the power of the force rate, in which a slow baseline is
-  small.
-- The centre and the upper end are those of w C S_ff. This weight is a compromise: the holds of a
-  ramp-and-hold motion dominate C S_ff, and its corners dominate w^2 C S_ff.
+- The lower end of the band is computed from w^2 C S_ff, the power of the time derivative of the
+  force, in which a slow baseline is small.
+- The centre and the upper end are computed from w C S_ff. The factor w is a compromise: in a
+  ramp-and-hold motion, the largest part of C S_ff is that of the holds, and the largest part of
+  w^2 C S_ff is that of the corners.
 
-C is estimated by Thomson's multitaper method. It does not divide the record, of length T, into
-segments; its resolution is 4 / T. A frequency bin is used if two conditions hold: its coherence is
-higher than independent signals reach in one of a million bins, and its force exceeds the noise.
+C is estimated by Thomson's multitaper method. This method does not divide the record into segments.
+For a record of length T, its frequency resolution is 4 / T. A frequency bin is used if its
+coherence is larger than that of independent signals in all but one of a million bins, and if the
+power of the force in the bin is larger than the noise.
 
 References
 ----------
@@ -31,25 +34,29 @@ from estimation.compiled import Floats
 TAPERS = 7
 """Number of tapers; the time-bandwidth product is (TAPERS + 1) / 2."""
 COHERENT = (0.9, 0.5)
-"""Least coherence of a bin that is used; the second value if no bin reaches the first.
+"""Smallest coherence of a bin that is used; the second value if no bin reaches the first.
 
-In a bin, independent signals exceed c with the probability (1 - c)^(TAPERS - 1): 1e-6 and 0.016.
+The estimated coherence of independent signals exceeds c in a bin with the probability
+(1 - c)^(TAPERS - 1), which is 1e-6 and 0.016 for these values.
 """
 ABOVE_NOISE = 10.0
-"""Least power of the force in a bin, relative to the median power in the upper half of the bins."""
+"""Smallest power of the force in a bin that is used, relative to the noise power.
+
+The noise power is the median power of the upper half of the bins.
+"""
 MOST_SAMPLES = 1 << 16
-"""Largest number of samples; blocks of samples of a longer record are averaged first."""
+"""Number of samples above which averages over blocks of samples are used instead of samples."""
 LOWEST, HIGHEST = 0.005, 0.95
-"""Shares of the power below the lower and below the upper end of the band."""
+"""Fractions of the power below the lower end and below the upper end of the band."""
 
 
 class CoherentBand(NamedTuple):
-    """Band of the force that is coherent with the displacement."""
+    """Frequency band in which the force is coherent with the displacement."""
 
     low: float
-    """Frequency below which 0.5 % of the power of the coherent force rate lies [Hz]."""
+    """Frequency below which 0.5 % of w^2 C S_ff lies [Hz]."""
     centre: float
-    """Median frequency of w C S_ff [Hz]."""
+    """Frequency that divides the integral of w C S_ff into two equal parts [Hz]."""
     high: float
     """Frequency below which 95 % of w C S_ff lies, minus the half bandwidth of the tapers [Hz]."""
     coherence: float
@@ -65,12 +72,12 @@ def block_means(values: Floats, length: int) -> Floats:
 
 
 def coherent_band(x: Floats, f: Floats, period: float) -> CoherentBand:
-    """Return the band in which the force follows the displacement.
+    """Return the frequency band in which the force is coherent with the displacement.
 
     Parameters
     ----------
     x, f
-        Displacement [m] and force [N], each of shape (n,), evenly sampled.
+        Displacement [m] and force [N] with a constant sample period, each of shape (n,).
     period
         Sample period [s].
 

@@ -1,4 +1,7 @@
-"""Apply a step to arrays of samples: interpreted, or compiled with numba (the `fast` extra)."""
+"""Apply the step of a method to arrays of samples, interpreted or compiled with numba.
+
+numba is installed with the extra `fast`.
+"""
 
 from __future__ import annotations
 
@@ -22,11 +25,12 @@ from estimation.step import State, Step, below
 Floats = NDArray[np.float64]
 
 MIN_SAMPLES_TO_COMPILE = 20_000
-"""Number of samples above which loading numba takes less time than interpreting."""
+"""Number of samples from which on compiled code is used. For fewer samples, loading numba takes
+longer than the interpreted loop."""
 
 
 class Samples(NamedTuple):
-    """Input of a step, as arrays over n samples."""
+    """Inputs of a step for n samples."""
 
     phi: Floats
     """Regressors, shape (n, regressors)."""
@@ -35,18 +39,18 @@ class Samples(NamedTuple):
     dt: Floats
     """Time since the previous sample [s], shape (n,)."""
     open: NDArray[np.bool_]
-    """Whether the sample is processed; where False, the estimate is held. Shape (n,)."""
+    """True where the sample is processed; where False, the estimate does not change. (n,)."""
 
 
 class Law(NamedTuple):
-    """A step function together with its parameters."""
+    """A step function together with its constant settings."""
 
     step: Step
     parameters: Any
 
 
 def sweep(law: Law, state: State, samples: Samples) -> Floats:
-    """Return the estimate after each sample, and update the state in place.
+    """Apply a step to n samples: return the estimate after each, and update the state in place.
 
     Compiled and interpreted results are identical to the bit: both run the same operations in
     the same order, without fused multiply-add.
@@ -62,7 +66,7 @@ def sweep(law: Law, state: State, samples: Samples) -> Floats:
 
 
 def interpreted_sweep(law: Law, state: State, samples: Samples) -> Floats:
-    """Run `sweep` in the interpreter."""
+    """Do the same as `sweep`, always in the interpreter."""
     step, parameters = interpreted(law.step), law.parameters
     theta, std = state.theta, state.std
     columns = (column.tolist() for column in samples)
@@ -79,7 +83,7 @@ def interpreted_sweep(law: Law, state: State, samples: Samples) -> Floats:
 
 
 def compiled_sweep(law: Law, state: State, samples: Samples) -> Floats:
-    """Run `sweep` as machine code.
+    """Do the same as `sweep`, always as machine code.
 
     Raises
     ------
@@ -95,18 +99,29 @@ def compiled_sweep(law: Law, state: State, samples: Samples) -> Floats:
 
 
 interpreted = cache(own_copy)
-"""Return the interpreted version of a step, cached."""
+"""Function that returns a copy of a step for the interpreter; one copy is made of each step."""
 
 
 @cache
 def compiled(step: Step, regressors: int) -> Callable[..., None]:
-    """Return the loop over a step as machine code: (parameters, state, *samples, table)."""
+    """Return a compiled function that calls a step for each sample.
+
+    Its arguments are those of `_template`: records of one set of parameters and of one state, the
+    arrays of `Samples`, and the table of estimates, which the function fills (see `sweep`).
+
+    Parameters
+    ----------
+    step
+        The step.
+    regressors
+        Number of regressors.
+    """
     import numba
     from numba.np.unsafe.ndarray import to_fixed_tuple
 
     # The key of numba's disk cache does not depend on called functions or on closures. So the
-    # step is a global of a copy of `_template`, and the name of the copy contains a hash of the
-    # source of all modules that the step calls, and of this package, whose constants they import.
+    # step is a global of a copy of `_template`. The name of the copy contains a hash of the source
+    # of this package and of all modules with functions that the step calls.
     modules = {function.__module__ for function in called_functions(step)}
     source = "".join(inspect.getsource(sys.modules[module]) for module in sorted(modules))
     digest = hashlib.sha256((source + package_source()).encode()).hexdigest()[:16]
@@ -123,7 +138,7 @@ def compiled(step: Step, regressors: int) -> Callable[..., None]:
 
 @cache
 def compiled_below() -> object:
-    """Return the replacement of `below` in compiled code, whose item n is `range(n)`."""
+    """Return the object that replaces `step.below` in compiled code; item n is `range(n)`."""
     import operator
 
     from numba.core import types
@@ -131,7 +146,7 @@ def compiled_below() -> object:
     from numba.extending import models, overload, register_model, typeof_impl
 
     class Below:
-        """Replacement of `below`."""
+        """Object that replaces `step.below`."""
 
     class BelowType(types.Type):
         """Numba type of `Below`."""
@@ -163,12 +178,12 @@ _regressors = 2
 
 
 def _step(parameters: Any, state: Any, phi: Any, f: float, dt: float) -> None:
-    """Act as placeholder for the estimator's step in `_template`."""
+    """Placeholder for the step of an estimator; `compiled` replaces it in copies of `_template`."""
     raise NotImplementedError
 
 
 def _to_fixed_tuple(row: Any, length: int) -> Any:
-    """Act as placeholder for numba's function of this name in `_template`."""
+    """Placeholder for `to_fixed_tuple` of numba; `compiled` replaces it."""
     raise NotImplementedError
 
 

@@ -15,7 +15,7 @@ from estimation.model import KELVIN_VOIGT, Model
 CONDITIONERS = ("matched", "svf", "foaw", "difference")
 """Names of the signal conditioners."""
 LONGEST_LAG = 0.5
-"""Longest lag of a force channel that can be compensated [s]."""
+"""Largest time constant of a force channel whose lag can be compensated [s]."""
 
 
 def make_conditioner(
@@ -32,9 +32,9 @@ def make_conditioner(
     name
         One of `CONDITIONERS`.
     bandwidth
-        Bandwidth of its filter [Hz]; not used by FOAW.
+        Bandwidth of the filter [Hz]. `foaw` does not use it.
     resolution
-        Position of one encoder count [m], for FOAW.
+        Distance per encoder count [m]. Only `foaw` uses it.
     force_lag
         Time constant of the force channel [s]. Only the matched filter compensates it.
     model
@@ -44,8 +44,8 @@ def make_conditioner(
     Raises
     ------
     ValueError
-        The name is unknown, a number is out of its range, or this conditioner does not support
-        the lag or the model.
+        The name is unknown, a number is out of its range, or the named conditioner does not
+        support the lag or the model.
     """
     if name not in CONDITIONERS:
         raise ValueError(f"conditioning {name!r}: expected one of {', '.join(CONDITIONERS)}")

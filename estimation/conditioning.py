@@ -1,4 +1,4 @@
-"""Signal conditioning: compute the regressors x and v from measured position and force."""
+"""Signal conditioning: compute regressors and force from the measured position and force."""
 
 from __future__ import annotations
 
@@ -23,11 +23,15 @@ ratio that `identify` uses. A smaller bandwidth leaves less noise.
 `python benchmarks/conditioning.py` compares 10, 20 and 50 Hz.
 """
 SETTLED_FIRST, SETTLED_SECOND = 4.605, 6.638
-"""Settling time to 1 % in time constants: of a first-order lag, and critically damped."""
+"""Time after which the error of a step response is 1 %, in time constants.
+
+The first value is that of a first-order lag, the second that of a critically damped filter of
+second order.
+"""
 
 
 class Conditioned(NamedTuple):
-    """One sample of the regressors and the force."""
+    """Regressors and force of one sample, after the filter."""
 
     x: float
     """Displacement [m]."""
@@ -54,7 +58,7 @@ class Regression(NamedTuple):
     """The model's regressors besides v and x, shape (n, regressors - 2)."""
 
     def part(self, samples: slice | NDArray[np.intp]) -> Regression:
-        """Return the regression of some of the samples."""
+        """Return the signals of some of the samples, given by a slice or by indices."""
         return Regression(*(channel[samples] for channel in self))
 
 
@@ -82,7 +86,7 @@ class Conditioner(ABC):
 
     @abstractmethod
     def _condition(self, x: float, f: float, dt: float) -> Conditioned:
-        """Process a sample that has been checked."""
+        """Process a sample as in `update`, which has checked the values."""
 
     def correlation(self, dt: float) -> float:
         """Return the number of samples, `dt` [s] apart, per independent sample of force noise."""
@@ -107,7 +111,7 @@ class Conditioner(ABC):
 
 
 class FilteredDifference(Conditioner):
-    """Compute velocity as the difference quotient of position, then a first-order low-pass.
+    """Compute velocity as the difference quotient of position, filtered by a first-order low-pass.
 
     Parameters
     ----------
@@ -133,11 +137,12 @@ class FilteredDifference(Conditioner):
 
 
 class FirstOrderAdaptiveWindowing(Conditioner):
-    """Compute velocity by first-order adaptive windowing (FOAW), end-fit.
+    """Compute velocity by first-order adaptive windowing (FOAW), in the end-fit variant.
 
     The velocity is the slope of the line from the oldest to the newest position in a window. The
-    window is the longest one in which all positions are within `resolution` of this line. It is
-    long at rest, for low noise, and short in motion, for a small delay.
+    window is the longest window in which the distance of every position from this line is at most
+    `resolution`. At rest the window is long, which gives low noise. In motion it is short, which
+    gives a small delay.
 
     Parameters
     ----------
@@ -205,14 +210,14 @@ class StateVariableFilter(Conditioner):
 
 
 class MatchedFilter(Conditioner):
-    """Apply the same state-variable filter to position and force.
+    """Apply the same state-variable filter to position and force; compute the velocity from it.
 
     With the filter H, f = b v + k x implies H f = b H v + k H x. So the filter reduces noise
-    without bias in b or k. A method that delays only v by T does cause a bias: for motion at the
-    angular frequency w it gives b / cos(w T) instead of b, and k - b w tan(w T) instead of k.
+    without bias in b or k. A delay T of v alone would cause a bias: for motion at the angular
+    frequency w, the estimates would be b / cos(w T) and k - b w tan(w T).
 
-    A lag of the force channel biases the damping to b - k lag. If `force_lag` is given, position
-    is filtered by the same lag, which removes this bias.
+    If the force channel has a lag, the estimated damping is b - k lag. With `force_lag`, the
+    position is filtered by the same lag, which removes this bias.
 
     Parameters
     ----------

@@ -27,8 +27,9 @@ class Column(NamedTuple):
 def estimate_columns(bank: Mapping[str, Estimator]) -> list[Column]:
     """Return the columns of the estimates of a bank.
 
-    The columns of each estimator are b and k, their standard deviations, whether the estimate is
-    held, the further parameters, and the standard deviations of these.
+    The columns of each estimator are b and k, the standard deviations of b and k, whether the
+    estimate is held, the parameters besides b and k, and the standard deviations of these
+    parameters.
     """
     columns = []
     for name, estimator in bank.items():
@@ -56,7 +57,7 @@ def misfit_in(columns: Mapping[str, Floats], estimator: str) -> Floats:
 
 
 def estimate_row(estimates: Mapping[str, Estimate]) -> list[float]:
-    """Return the values of `estimate_columns` after one sample."""
+    """Return the values of the columns of `estimate_columns` after one sample."""
     row: list[float] = []
     for estimate in estimates.values():
         row += estimate[:5]
@@ -65,7 +66,7 @@ def estimate_row(estimates: Mapping[str, Estimate]) -> list[float]:
 
 
 def estimate_arrays(estimates: Mapping[str, Estimates]) -> Iterator[Floats]:
-    """Yield the values of `estimate_columns`, each an array of shape (n,)."""
+    """Yield the columns of `estimate_columns` as arrays of shape (n,)."""
     for e in estimates.values():
         yield from (e.b, e.k, e.b_std, e.k_std, e.held.astype(float))
         yield from (series.value for series in e.further.values())
@@ -73,7 +74,7 @@ def estimate_arrays(estimates: Mapping[str, Estimates]) -> Iterator[Floats]:
 
 
 def estimators_in(columns: Mapping[str, Floats]) -> list[str]:
-    """Return the names of the estimators whose estimates the table contains."""
+    """Return the names of the estimators that have columns in a table of estimates."""
     return [name[:-2] for name in columns if name.endswith("_b")]
 
 
@@ -95,9 +96,10 @@ def estimates_in(columns: Mapping[str, Floats], estimator: str) -> Estimates:
 
 
 def further_in(columns: Mapping[str, Floats], prefix: str) -> dict[str, Series]:
-    """Return the parameters besides b and k, whose columns begin with the prefix.
+    """Return the estimates of the parameters besides b and k, by name of the parameter.
 
-    The name of a parameter has no underscore. Thus `rls_sift_k3` is not a column of `rls`.
+    The prefix is the name of the estimator with an underscore. The name of a parameter has no
+    underscore, so `rls_sift_k3` is a column of `rls_sift` and not of `rls`.
     """
     names = [name.removeprefix(prefix) for name in columns if name.startswith(prefix)]
     parameters = [name.removesuffix("_std") for name in names if name.endswith("_std")]

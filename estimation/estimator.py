@@ -20,7 +20,7 @@ from estimation.step import B, K, Regressors, State, Step
 UNKNOWN = 1e12
 """A standard deviation of this size or more means that the parameter is not determined."""
 LEVEL_95 = 1.959963984540054
-"""Half width of the 95 % interval of a normal distribution, in standard deviations."""
+"""Half width of the 95 % confidence interval of a normal distribution, in standard deviations."""
 
 
 class Estimate(NamedTuple):
@@ -31,13 +31,13 @@ class Estimate(NamedTuple):
     k: float
     """Stiffness [N/m]."""
     b_std: float
-    """Standard deviation of the damping [N s/m]; NaN if the method gives none."""
+    """Standard deviation of the damping [N s/m]; NaN if the method does not compute it."""
     k_std: float
-    """Standard deviation of the stiffness [N/m]; NaN if the method gives none."""
+    """Standard deviation of the stiffness [N/m]; NaN if the method does not compute it."""
     held: bool
-    """Whether the estimate was held because the sample had no information."""
+    """True if the sample did not change the estimate."""
     further: tuple[float, ...] = ()
-    """Values of the further parameters, followed by their standard deviations."""
+    """Values of the parameters besides b and k, followed by their standard deviations."""
 
 
 def estimate_of(state: State) -> Estimate:
@@ -52,8 +52,9 @@ class Series(NamedTuple):
     """Estimates of one parameter after each sample, arrays of shape (n,)."""
 
     value: Floats
+    """Estimated value."""
     std: Floats
-    """Standard deviation; NaN if the method gives none."""
+    """Standard deviation; NaN if the method does not compute it."""
 
 
 class Estimates(NamedTuple):
@@ -64,13 +65,13 @@ class Estimates(NamedTuple):
     k: Floats
     """Stiffness [N/m]."""
     b_std: Floats
-    """Standard deviation of the damping [N s/m]; NaN if the method gives none."""
+    """Standard deviation of the damping [N s/m]; NaN if the method does not compute it."""
     k_std: Floats
-    """Standard deviation of the stiffness [N/m]; NaN if the method gives none."""
+    """Standard deviation of the stiffness [N/m]; NaN if the method does not compute it."""
     held: NDArray[np.bool_]
-    """Whether the estimate was held."""
+    """True if the sample did not change the estimate."""
     further: Mapping[str, Series] = MappingProxyType({})
-    """Further parameters by name."""
+    """Estimates of the parameters besides b and k, by name."""
 
     def part(self, samples: slice) -> Estimates:
         """Return the estimates of some of the samples."""
@@ -86,16 +87,17 @@ class Estimates(NamedTuple):
 
 
 class Estimator(ABC):
-    """Online estimator of an environment f = phi' theta, such as Kelvin-Voigt f = b v + k x, (1).
+    """Online estimator of the parameters theta of an environment f = phi' theta.
 
-    A subclass defines `step`, the function that processes one sample (`estimation/step.py`), its
-    parameters and its initial state. `update` and `run` both apply this step, so their results
-    are identical to the bit.
+    An example is the Kelvin-Voigt model f = b v + k x, (1) of the paper, with phi = [v, x] and
+    theta = [b, k]. A subclass defines the function `step` that processes one sample
+    (`estimation/step.py`), the constant settings of this function, and the initial state. `update`
+    and `run` both apply `step`, so their results are identical to the bit.
 
     Parameters
     ----------
     parameters
-        Parameters of `step`, a frozen dataclass.
+        Constant settings of `step`, a frozen dataclass.
     initial_state
         State before the first sample.
     model
@@ -105,7 +107,7 @@ class Estimator(ABC):
     """
 
     gated: ClassVar[bool] = True
-    """Whether a bank's gate holds the estimate while there is no contact or no motion."""
+    """Whether the gate of a bank applies, so that theta changes only during contact and motion."""
     constant: ClassVar[bool] = False
     """Whether the step needs a constant regressor 1 after the regressors of the model."""
 
@@ -158,11 +160,11 @@ class Estimator(ABC):
 
     @property
     def units(self) -> tuple[str, ...]:
-        """Unit of each of `names`."""
+        """Units of the estimated quantities, in the order of `names`."""
         return tuple(UNITS[name] for name in self.names)
 
     def note(self, estimates: Estimates) -> str | None:
-        """Return a one-line warning about these estimates of this estimator, None for none."""
+        """Return a one-line warning about these estimates of this estimator, or None."""
         return None
 
     def update(
@@ -192,7 +194,7 @@ class Estimator(ABC):
         return self.advance([v, x, *further], f, dt)
 
     def advance(self, phi: list[float], f: float, dt: float) -> Estimate:
-        """Process one sample of floats, phi = [v, x, ...], already checked by `check_sample`."""
+        """Process one sample phi = [v, x, ...], f [N], dt [s] that `check_sample` has checked."""
         if self.constant:
             phi = [*phi, 1.0]
         state = self.state
@@ -201,7 +203,7 @@ class Estimator(ABC):
         return estimate_of(state)
 
     def hold(self) -> Estimate:
-        """Mark the estimate as held, without a change of its values."""
+        """Return the estimate with `held` = True. No value changes."""
         state = self.state
         state.held = True
         return estimate_of(state)
@@ -254,14 +256,14 @@ class Estimator(ABC):
         )
 
     def step_samples(self, samples: Samples) -> Samples:
-        """Return the samples with all regressors of the step: append 1 if `constant`."""
+        """Return the samples with all regressors of the step: with 1 as last one if `constant`."""
         if not self.constant:
             return samples
         return samples._replace(phi=np.column_stack((samples.phi, np.ones(len(samples.f)))))
 
     @property
     def law(self) -> Law:
-        """The step function together with its parameters."""
+        """The step function together with its constant settings."""
         return Law(type(self).step, self.parameters)
 
     def check_further(self, count: int) -> None:

@@ -15,15 +15,15 @@ class Excitation:
     """Measure of persistent excitation over a sliding window, from 0 to 1.
 
     The measure is the ratio of the smallest to the largest eigenvalue of the mean Gram matrix of
-    the regressors [v / omega, x], both in metres. It is 1 for a sine of the given frequency
-    about zero. It is 0 in a hold, where only stiffness can be identified, and 0 where
-    displacement and velocity are proportional.
+    the regressors [v / omega, x], both in metres. It is 1 for a sinusoidal displacement of the
+    given frequency with mean 0. It is 0 in a hold, where only the stiffness can be identified, and
+    0 if displacement and velocity are proportional throughout the window.
 
     Parameters
     ----------
     frequency
-        omega / 2 pi [Hz], which scales velocity to displacement. The default is one palpation
-        per second.
+        Frequency omega / 2 pi [Hz]; omega scales velocity to displacement. The default is one
+        palpation per second.
     window
         Length of the sliding window [s]; one period by default.
     resolution
@@ -59,7 +59,7 @@ class Excitation:
 
         Returns
         -------
-        The measure over the present window.
+        The measure over the latest window, from 0 to 1.
 
         Raises
         ------
@@ -86,7 +86,9 @@ class Excitation:
 
 
 def dominant_frequency(x: ArrayLike, dt: ArrayLike) -> float:
-    """Return the frequency [Hz] of the largest peak in the spectrum of a motion without drift.
+    """Return the frequency [Hz] of the largest peak in the spectrum of a motion.
+
+    A linear drift is subtracted first.
 
     Parameters
     ----------

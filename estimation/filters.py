@@ -6,10 +6,24 @@ import math
 
 
 class LowPass:
-    """Critically damped second-order low-pass y'' + 2 w y' + w^2 y = w^2 u and its derivative y'.
+    """Critically damped second-order low-pass filter with input u and output y.
 
-    The discretisation is exact for every `dt` if the input is linear between samples. The filter
-    starts in the steady state of the first sample.
+        y'' + 2 w y' + w^2 y = w^2 u,    w = 2 pi bandwidth
+
+    The discretisation is exact for every `dt` if the input is linear between samples. The first
+    sample sets y = u and y' = 0.
+
+    Parameters
+    ----------
+    bandwidth
+        Natural frequency [Hz].
+
+    Attributes
+    ----------
+    y
+        Output.
+    rate
+        Derivative y' of the output [1/s].
     """
 
     def __init__(self, bandwidth: float) -> None:
@@ -22,7 +36,7 @@ class LowPass:
         self.y = self.rate = 0.0
 
     def update(self, u: float, dt: float) -> None:
-        """Advance by `dt` [s], during which the input changes linearly to u."""
+        """Advance by `dt` [s]. During this time the input changes linearly to u."""
         omega = self._omega
         if math.isnan(self._u):
             self._u = self.y = u
@@ -42,7 +56,21 @@ class LowPass:
 
 
 class Lag:
-    """First-order lag tau y' = u - y, exact for an input that is linear between samples."""
+    """First-order lag tau y' = u - y with input u and output y.
+
+    The discretisation is exact for every `dt` if the input is linear between samples. The first
+    sample sets y = u.
+
+    Parameters
+    ----------
+    lag
+        Time constant tau [s], >= 0.
+
+    Raises
+    ------
+    ValueError
+        The time constant is negative or not finite.
+    """
 
     def __init__(self, lag: float) -> None:
         if not 0.0 <= lag < math.inf:
@@ -55,7 +83,7 @@ class Lag:
         self._u = self.y = math.nan
 
     def update(self, u: float, dt: float) -> float:
-        """Advance by `dt` [s], during which the input changes linearly to u; return the output."""
+        """Advance by `dt` [s] with an input that changes linearly to u; return the output."""
         if self._lag == 0.0 or math.isnan(self._u):
             self.y = u
         else:

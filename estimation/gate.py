@@ -14,19 +14,19 @@ from estimation.step import Regressors, State
 
 
 class GateSettings(NamedTuple):
-    """Thresholds above which samples are processed."""
+    """Thresholds of a gate, above which the estimators process a sample."""
 
     force: float
     """Root mean square force [N] above which there is contact."""
     speed: float
     """Root mean square velocity [m/s] above which there is motion."""
     window: float
-    """Time constant [s] of both mean squares."""
+    """Time constant [s] of the mean squares of force and velocity."""
 
 
 @dataclass(frozen=True, slots=True)
 class GateParameters:
-    """Parameters of `step`."""
+    """Constant settings of the function `step`."""
 
     window: float
     """Time constant of the mean squares [s]."""
@@ -38,7 +38,7 @@ class GateParameters:
 
 @dataclass(slots=True)
 class GateState(State):
-    """State of `step`. It has no parameters; `held` is True while the gate is closed."""
+    """Variables that `step` updates: `theta` is empty, `held` is True while the gate is closed."""
 
     v_square: float
     """Mean square of the velocity [m^2/s^2]."""
@@ -49,9 +49,10 @@ class GateState(State):
 def step(
     parameters: GateParameters, state: GateState, phi: Regressors, f: float, dt: float
 ) -> None:
-    """Update the mean squares of velocity and force, and set `held` if either is too small.
+    """Update the mean squares of velocity and force. Set `held` if one is below its threshold.
 
-    Contact ends at the first sample without force, before the mean square has decayed.
+    `held` is also set at a sample whose own force is below the threshold of the force. So the gate
+    closes at the first sample out of contact, before the mean square has decayed.
     """
     v = phi[0]
     share = dt / (parameters.window + dt)
@@ -63,7 +64,7 @@ def step(
 
 
 class Gate:
-    """Gate that is closed without contact or motion, so that estimates are held and do not drift.
+    """Gate that is open only during contact and motion; estimates do not change while it is closed.
 
     Out of contact the force is zero for every motion, and an estimator would converge to zero
     stiffness. At rest the velocity is encoder noise, and an estimator would fit damping to it.

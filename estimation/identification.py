@@ -32,11 +32,11 @@ class Identification:
     t: Floats
     """Time [s], shape (n,)."""
     regression: Regression
-    """Conditioned signals that the estimators processed."""
+    """Filtered signals that the estimators processed."""
     estimates: dict[str, Estimates]
     """Estimates after each sample, by the name of the estimator."""
     bank: Bank
-    """The estimators in their final state."""
+    """The estimators, in their state after the last sample."""
     preset: Preset
     """Settings of the estimators."""
 
@@ -58,7 +58,7 @@ class Identification:
         return pandas.DataFrame(columns, index=pandas.Index(self.t, name="t"))
 
     def plot(self) -> Figure:
-        """Return a figure of stiffness and damping over time with their 95 % intervals."""
+        """Return a figure of stiffness and damping over time with 95 % confidence intervals."""
         from matplotlib.figure import Figure
 
         figure = Figure(figsize=(8.0, 5.0), layout="constrained")
@@ -91,7 +91,7 @@ def identify(
     force_lag: float = 0.0,
     preset: Preset | None = None,
 ) -> Identification:
-    """Condition a recording and run estimators over it.
+    """Filter a recording of position and force, and estimate damping and stiffness from it.
 
     Parameters
     ----------
@@ -109,9 +109,9 @@ def identify(
         Bandwidth of the matched filter [Hz]. Default: ten times the dominant frequency of the
         motion.
     force_lag
-        Lag of the force channel [s], which is compensated.
+        Time constant of the force channel [s]; the filter compensates its lag.
     preset
-        Settings of the estimators. Default: scaled from the data.
+        Settings of the estimators. Default: `scaled_preset` of the filtered signals.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Intervals of all estimators of the form theta <- theta + L (f - phi' theta).
+"""Confidence intervals of all estimators of the form theta <- theta + L (f - phi' theta).
 
 The gain L of such an estimator depends on the regressors, not on the noise. Let the true
 parameters be theta_0, and let the force have white noise of variance s. Then the error e of the
@@ -6,15 +6,15 @@ estimate follows e <- (I - L phi') e + L noise, and its covariance is
 
     s C,    C <- (I - L phi') C (I - L phi')' + L L'.                                   (C)
 
-This is valid for every choice of the gain: forgetting, a bounded trace, a gradient. The Riccati
-covariance P is valid for one method under its own assumptions; C is valid for all (P. S. Maybeck,
-"Stochastic Models, Estimation, and Control", vol. 1, 1979, section 6.8, performance of a filter
-with any gain).
+This is valid for every choice of the gain: with forgetting, with a bounded trace, or of a gradient
+method. The covariance P of a method is the covariance of its error only if the assumptions of that
+method are valid; s C is the covariance for all methods (P. S. Maybeck, "Stochastic Models,
+Estimation, and Control", vol. 1, 1979, section 6.8, performance of a filter with any gain).
 
-The force error then has the variance s (1 + phi' C phi), from which s is estimated. Errors
-dominated by the initial guess, or with a gain near zero, get proportionally less weight in this
-estimate. If the noise is correlated, so that only one of `correlation` samples is independent,
-the covariance is multiplied by `correlation`.
+The force error f - phi' theta then has the variance s (1 + phi' C phi), from which s is estimated.
+A force error has less weight in this estimate if the error of the initial guess dominates, or if
+the gain is near zero. If the noise is correlated, so that only one of `correlation` samples is
+independent, the covariance is multiplied by `correlation`.
 """
 
 from __future__ import annotations
@@ -34,36 +34,36 @@ from estimation.model import KELVIN_VOIGT, Model
 from estimation.step import Matrix, Regressors, State, Vector, below, diagonal, zeros
 
 DIFFUSE = 1e4
-"""Variance of the initial guess of a parameter, in units of the method's initial variance.
+"""Initial variance of a parameter in C, divided by the initial variance that the method uses.
 
-Before the first sample the noise is unknown, and a standard deviation of 1 N is assumed.
+Before the first sample the noise variance s is unknown, and s = 1 N^2 is assumed.
 """
 NOISE_MEMORY = 1.0
 """Time constant [s] of the estimate of the noise variance."""
 CORRELATED = 1.0 - 1e-12
-"""Largest correlation of two parameters; rounding errors may give more."""
+"""Upper limit of the correlation coefficient of two parameters, against rounding errors."""
 LEAST = 1e-100
 """Weight below which a sample does not change the noise variance."""
 
 
 @dataclass(frozen=True, slots=True)
 class LinearGainParameters:
-    """Parameters of `correct`."""
+    """Constant settings of the function `correct`."""
 
     correlation: float
-    """Samples per independent noise sample, >= 1."""
+    """Number of samples per independent sample of the force noise, >= 1."""
 
 
 @dataclass(slots=True)
 class LinearGainState(State):
-    """State that `correct` updates."""
+    """Variables that the function `correct` updates."""
 
     L: Vector
     """Gain, (m,). The method computes it before it calls `correct`."""
     C: Matrix
     """Covariance of theta for a noise variance of 1, (m, m)."""
     C_phi: Vector
-    """C phi, (m,)."""
+    """Product C phi for the latest sample, (m,)."""
     noise: float
     """Variance s of the noise [N^2]."""
     evidence: float
@@ -77,7 +77,11 @@ def correct(
     f: float,
     dt: float,
 ) -> None:
-    """Update theta by L (f - phi' theta), C by (C), and the standard deviations sqrt(s C_ii)."""
+    """Process a sample with the gain L in the state: update theta, C, s and `std`.
+
+    theta changes by L (f - phi' theta), and C by equation (C) of this file. The standard
+    deviation of parameter i is sqrt(correlation s C_ii).
+    """
     theta, std, L, C, C_phi = state.theta, state.std, state.L, state.C, state.C_phi
     indices = below[len(phi)]
     error = f
@@ -118,11 +122,11 @@ def correct(
 def update_noise(
     state: LinearGainState, error: float, spread: float, gain: float, dt: float
 ) -> None:
-    """Update the noise variance: the mean of error^2 / spread, with the weights gain / spread.
+    """Update the noise variance s: the mean of error^2 / spread, with the weights gain / spread.
 
-    `gain` is phi' L and `spread` is 1 + phi' C phi. Weights decay with the time constant
-    `NOISE_MEMORY`. A long `dt` before a sample does not increase its weight, because it is still
-    one error.
+    `error` is the force error f - phi' theta [N], `gain` is phi' L, and `spread` is
+    1 + phi' C phi. The weights decay with the time constant `NOISE_MEMORY`. The weight of a new
+    sample does not depend on the time `dt` since the previous sample.
     """
     certainty = 1.0 / spread
     weight = gain * certainty
@@ -149,17 +153,17 @@ def linear_gain_state(guess_variance: Sequence[float]) -> dict[str, Any]:
 
 
 class LinearGainEstimator(Estimator):
-    """Base class of estimators theta <- theta + L (f - phi' theta), whose step ends in `correct`.
+    """Base class of estimators of the form theta <- theta + L (f - phi' theta).
 
-    The classes of its parameters and of its state are `LinearGainParameters` and
-    `LinearGainState`, or derived from these.
+    The step of such an estimator computes the gain L and then calls `correct`. `parameters` is a
+    `LinearGainParameters` and `state` is a `LinearGainState`, or of a class derived from it.
 
     Parameters
     ----------
     parameters, initial_state, model
         As in `Estimator`. The field `correlation` of the parameters is the number of samples per
-        independent noise sample. It is 1 for white force noise, and r / 2B for noise after a
-        filter of bandwidth B that is sampled at the rate r.
+        independent sample of the force noise. It is 1 for white noise. It is r / 2B if the noise
+        is filtered by a low-pass of noise bandwidth B [Hz] and sampled at the rate r [Hz].
 
     Raises
     ------
@@ -186,7 +190,7 @@ class LinearGainEstimator(Estimator):
 
     @property
     def covariance(self) -> Floats:
-        """Covariance of the estimate for constant parameters, shape (m, m)."""
+        """Covariance of the estimate if the true parameters are constant, shape (m, m)."""
         C = np.array(self.state.C)
         deviations = np.sqrt(np.diag(C))
         most = CORRELATED * np.outer(deviations, deviations)

@@ -15,10 +15,11 @@ LONGEST = 1e3
 
 @dataclass(frozen=True)
 class MethodSettings:
-    """Settings from which each method computes its own parameters.
+    """Settings from which the arguments of each estimator are computed.
 
-    Settings without a description have the units and ranges of the parameters of the same name
-    of `RecursiveLeastSquares`, `AdaptiveIdentification` and `MultiEstimator`.
+    `forgetting`, `sample_period` and `initial_covariance` are those of `RecursiveLeastSquares`.
+    `adaptation_gain` and `ai_method` are `gain` and `method` of `AdaptiveIdentification`. `grid`
+    and `forgetting_rate` are those of `MultiEstimator`.
     """
 
     forgetting: float
@@ -35,11 +36,11 @@ class MethodSettings:
     f_size: float = 10.0
     """Typical force [N]."""
     segment: float = 0.5
-    """Length of the segments that `segments` compares [s], about one period of the motion."""
+    """Length of a segment of the estimator `segments` [s], about one period of the motion."""
     correlation: float = 1.0
-    """Samples per independent noise sample, see `Conditioner.correlation`."""
+    """Number of samples per independent sample of the force noise: `Conditioner.correlation`."""
     model: Model = KELVIN_VOIGT
-    """Model of the methods that support any regressors."""
+    """Model of the estimators that support models other than Kelvin-Voigt."""
 
     @property
     def memory(self) -> float:
@@ -55,5 +56,5 @@ class MethodSettings:
 
     @property
     def covariance(self) -> tuple[float, ...]:
-        """Diagonal of P0 of the methods other than the paper's, per N^2 of force variance."""
+        """Diagonal of P0 for methods that are not in the paper, for noise of variance 1 N^2."""
         return tuple(1e4 / size**2 for size in self.sizes)

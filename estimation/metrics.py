@@ -17,15 +17,15 @@ ACTIVE_STATE = "p"
 
 
 def estimated_force(regression: Regression, estimates: Estimates) -> Floats:
-    """Return the force f_hat = phi' theta_hat [N], (5), with the estimate after each sample."""
+    """Return f_hat = phi' theta_hat [N], (5) of the paper, with the estimate after each sample."""
     return _force(regression, estimates, lambda series: series)
 
 
 def predicted_force(regression: Regression, estimates: Estimates) -> Floats:
     """Return the one-step prediction of the force [N]; zero for the first sample.
 
-    The force of each sample is predicted with the estimate after the previous sample. Its error
-    is not made small by an estimator that follows the noise, unlike the error of (5).
+    The force of each sample is predicted with the estimate after the previous sample. An
+    estimator that follows the noise has a small error of (5), but not of this prediction.
     """
     return _force(regression, estimates, lambda series: np.concatenate(([0.0], series[:-1])))
 
@@ -45,17 +45,19 @@ def _force(
 def force_error(f: ArrayLike, f_hat: ArrayLike) -> float:
     """Return the average force error e_f [N], the mean of |f - f_hat| over the trial.
 
-    The paper defines e_f = sum |f_k - f_hat_k| / nT and gives values in newtons. If T is the
-    sample period, the sum is 1000 times the mean and in N/s. If nT is the number of samples, it
-    is the mean in newtons and of the size of the force noise, as in Table I.
+    The paper defines e_f = sum |f_k - f_hat_k| / nT and gives values in newtons. Here nT is the
+    number of samples, so that e_f is a mean in newtons. It is of the size of the force noise, as
+    in Table I of the paper. If T were the sample period of 1 ms, e_f would be 1000 times the mean,
+    in N/s.
     """
     return float(np.mean(np.abs(np.asarray(f) - np.asarray(f_hat))))
 
 
 def coverage(values: ArrayLike, std: ArrayLike, truth: ArrayLike) -> float:
-    """Return the fraction of samples whose 95 % interval contains the true value.
+    """Return the fraction of samples whose 95 % confidence interval contains the true value.
 
-    Samples without an interval are not counted. The result is NaN if no sample has one.
+    Samples without a finite standard deviation, or with `UNKNOWN` or more, are not counted. The
+    result is NaN if no sample is counted.
 
     Parameters
     ----------
@@ -76,8 +78,9 @@ def rise_time(t: ArrayLike, estimate: ArrayLike) -> float:
     """Return the rise time t_90 - t_10 [s] of an estimate that starts at zero.
 
     t_10 is the first time at which the estimate reaches 10 % of its average over the trial, and
-    t_90 is the first time after t_10 at which it reaches 90 %. The result is NaN if it does not
-    reach 90 %. A rest before the motion does not count, because the estimate is zero then.
+    t_90 is the first time after t_10 at which the estimate reaches 90 % of its average. The result
+    is NaN if the estimate does not reach 90 %. A rest before the motion does not change the rise
+    time, because the estimate is zero during this rest.
 
     Parameters
     ----------

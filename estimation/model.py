@@ -11,7 +11,10 @@ SIZES: dict[str, Callable[[float, float, float], float]] = {
     "k3": lambda x, v, f: x**3,
     "tau": lambda x, v, f: f * v / x,
 }
-"""Typical size of each further regressor, from typical x [m], v [m/s] and f [N]."""
+"""Functions that return a typical size of a regressor from typical x [m], v [m/s] and f [N].
+
+The keys are the names of the parameters besides b and k. The arguments are in the order x, v, f.
+"""
 UNITS = {
     "b": "N s/m",
     "k": "N/m",
@@ -24,31 +27,32 @@ UNITS = {
     "B": "N s/m^(n+1)",
     "n": "-",
 }
-"""Units of all quantities that estimators report."""
+"""Units of all quantities that an estimator may estimate, by name."""
 POWERS_OF_X = ("k3", "n")
-"""Parameters of models that are nonlinear in x, for which x must be measured from the contact."""
+"""Parameters that only models nonlinear in x have. These models need x = 0 at the contact point."""
 REGRESSOR_UNITS = {"f0": "-", "m": "m/s^2", "k3": "m^3", "tau": "N/s"}
-"""Units of the further regressors."""
+"""Units of the regressors besides v and x, by the name of their parameter."""
 
 
 @dataclass(frozen=True)
 class Model:
     """A model f = phi' theta, with phi = [v, x, ...] and theta = [b, k, ...].
 
-    The further regressors are formed from the measured signals before any filter, because
-    H[x^3] is not (H x)^3. `MatchedFilter` does this.
+    Regressors besides v and x, such as x^3, are called further regressors. They must be computed
+    from the measured signals and then filtered, because H[x^3] is not (H x)^3 for a filter H.
+    `MatchedFilter` does this.
 
     Parameters
     ----------
     name
         Name of the model on the command line.
     further
-        Parameters besides b and k, some of
+        Names of the parameters besides b and k. They are some of
 
-        - `f0` [N], the force at x = 0, with the regressor 1;
-        - `m` [kg], the mass that moves with the surface, with the acceleration;
-        - `k3` [N/m^3], stiffening, with x^3;
-        - `tau` [s], relaxation, with minus the time derivative of f.
+        - `f0` [N], the force at x = 0; its regressor is 1;
+        - `m` [kg], the mass that moves with the surface; its regressor is the acceleration;
+        - `k3` [N/m^3], stiffening; its regressor is x^3;
+        - `tau` [s], relaxation time; its regressor is minus the time derivative of f.
 
     Raises
     ------
@@ -80,23 +84,24 @@ class Model:
         return tuple((parameter, REGRESSOR_UNITS[parameter]) for parameter in self.further)
 
     def sizes(self, x: float, v: float, f: float) -> tuple[float, ...]:
-        """Return typical sizes of all regressors, from typical x [m], v [m/s] and f [N]."""
+        """Return a typical size of each regressor, from typical x [m], v [m/s] and f [N]."""
         return (v, x, *(SIZES[parameter](x, v, f) for parameter in self.further))
 
 
 KELVIN_VOIGT = Model("kelvin-voigt")
-"""f = b v + k x, the paper's (1)."""
+"""f = b v + k x, equation (1) of the paper."""
 WITH_DATUM = Model("datum", ("f0",))
-"""f = b v + k x + f0: the contact datum is not known."""
+"""f = b v + k x + f0, for an x that is not measured from the contact point."""
 WITH_INERTIA = Model("inertia", ("m",))
-"""f = b v + k x + m a: second order."""
+"""f = b v + k x + m a, with the acceleration a."""
 STIFFENING = Model("stiffening", ("k3",))
 """f = b v + k x + k3 x^3, where k is the stiffness at zero displacement."""
 STANDARD_LINEAR_SOLID = Model("sls", ("tau",))
-"""f + tau f' = b v + k x: a spring k parallel to a spring k1 in series with a damper b1 = k1 tau.
+"""f + tau f' = b v + k x, with b = k tau + b1.
 
-b is k tau + b1. So b - k tau is the damping of slow motion, and k + b1 / tau is the stiffness of
-fast motion.
+The body is a spring k in parallel with a second branch. The second branch is a spring k1 in series
+with a damper b1 = k1 tau. The damping is b1 = b - k tau in slow motion, and the stiffness is
+k + k1 = k + b1 / tau in fast motion.
 """
 
 MODELS = {

@@ -2,8 +2,9 @@
 
 Several methods call the same functions, for example `correct`, with states of different classes.
 The interpreter and numba both specialise a function to the classes of its arguments in previous
-calls. If the class changes, the interpreter repeats the lookup of each field, and numba confuses a
-record with another one that starts with the same fields. So each step has its own copies.
+calls. If the class changes, the interpreter looks up each field again, which is slow. numba treats
+two record types as the same if one starts with the fields of the other. So each step has its own
+copies.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ def own_copy(
     function
         A function that calls others by global names of its module.
     finish
-        Function that is applied to each copy, for example a compiler.
+        Function that is applied to each copy, for example a compiler. Its result is used.
     replaced
         Pairs of a global constant and its replacement in the copies.
     """
@@ -65,11 +66,11 @@ def names_in(code: CodeType) -> set[str]:
 
 
 def calls(function: Callable[..., Any]) -> dict[str, FunctionType]:
-    """Return the functions that a function calls, by their names in this function."""
+    """Return the functions that a function uses as globals, by their names in this function."""
     used = used_globals(function)
     return {name: value for name, value in used.items() if isinstance(value, FunctionType)}
 
 
 def called_functions(function: Callable[..., Any]) -> set[Callable[..., Any]]:
-    """Return a function and all functions that it calls, directly or indirectly."""
+    """Return the set of a function and all functions that it calls, directly or indirectly."""
     return {function}.union(*(called_functions(value) for value in calls(function).values()))

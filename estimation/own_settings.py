@@ -13,9 +13,9 @@ from estimation.methods.grid import Grid
 
 @dataclass(frozen=True)
 class OwnSettings:
-    """Settings of one estimator; None keeps the value of the preset.
+    """Settings of one estimator that replace those of the preset.
 
-    They have the units and ranges of `MethodSettings`.
+    None keeps the value of the preset. Units and ranges are those of `MethodSettings`.
     """
 
     forgetting: float | None = None
@@ -37,7 +37,7 @@ class OwnSettings:
     f_size: float | None = None
     """Typical force [N]."""
     segment: float | None = None
-    """Length of the segments that `segments` compares [s]."""
+    """Length of a segment of the estimator `segments` [s]."""
 
     @property
     def stated(self) -> dict[str, Any]:
@@ -52,14 +52,14 @@ def with_own_settings(
     shared: MethodSettings,
     own: Mapping[str, OwnSettings],
 ) -> Estimator:
-    """Return an estimator, constructed with its own settings where it has some.
+    """Return a new estimator from the shared settings and the settings of this estimator.
 
     Parameters
     ----------
     name
         Name of the estimator.
     make
-        Its factory.
+        Factory of the estimator.
     shared
         Settings of all estimators.
     own
@@ -76,7 +76,7 @@ def with_own_settings(
     used: set[str] = set()
 
     class Watched(type(shared)):  # type: ignore[misc]
-        """The same settings, which record the names that the factory reads."""
+        """The same settings; each name that the factory reads is added to `used`."""
 
         def __getattribute__(self, attribute: str) -> Any:
             used.add(attribute)

@@ -1,4 +1,4 @@
-"""Settings of a bank: those of the paper, and settings scaled to the data."""
+"""Settings of a bank of estimators: those of the paper, and settings computed from the data."""
 
 from __future__ import annotations
 
@@ -18,22 +18,22 @@ from estimation.own_settings import OwnSettings, with_own_settings
 from estimation.registry import METHODS, PAPER, named_estimators
 
 GATE = GateSettings(force=0.1, speed=2e-3, window=0.02)
-"""Default gate, for palpation by hand."""
+"""Thresholds of the default gate, for palpation by hand."""
 
 
 @dataclass(frozen=True)
 class Preset(MethodSettings):
-    """Settings that the estimators of a bank share; each derives its own parameters from them.
+    """Settings that all estimators of a bank share.
 
     Use `dataclasses.replace(preset, forgetting=0.95)` to change a setting.
     """
 
     gate: GateSettings | None = GATE
-    """Gate that holds estimates, except those of the paper's estimators; None for no gate."""
+    """Thresholds of the gate, which does not apply to the paper's estimators; None for no gate."""
     estimators: tuple[str, ...] = PAPER
-    """Names of the estimators, of `METHODS`."""
+    """Names of the estimators; they are keys of `METHODS`."""
     own: Mapping[str, OwnSettings] = field(default_factory=dict)
-    """Settings of single estimators that differ from the shared ones, by name of the estimator."""
+    """Settings of single estimators that replace the shared settings, by name of the estimator."""
 
     def bank(self) -> Bank:
         """Return a new bank with these settings.
@@ -63,9 +63,16 @@ class Preset(MethodSettings):
 
 
 def paper_preset(cube: str = "soft") -> Preset:
-    """Return the paper's settings: (17), (18), (19), beta = 0.98 at 1 kHz and lambda = 10.
+    """Return the settings of the paper.
 
-    (18) depends on the cube. Settings that the paper does not give are the same for all cubes.
+    These are the equations (17) to (19), the forgetting factor 0.98 per sample at 1 kHz, and the
+    forgetting rate 10 1/s of the multi-estimator. The adaptation gain (18) depends on the cube.
+    All other settings are the same for all cubes.
+
+    Parameters
+    ----------
+    cube
+        `soft`, `medium` or `hard`.
 
     Raises
     ------
@@ -87,12 +94,13 @@ def paper_preset(cube: str = "soft") -> Preset:
 
 
 def scaled_preset(x: ArrayLike, v: ArrayLike, f: ArrayLike, dt: ArrayLike) -> Preset:
-    """Return settings that are scaled from the data, for data of any size and speed.
+    """Return settings computed from the data, for data of any amplitude and speed.
 
-    The memory is half a period of the dominant oscillation, the shortest time that separates
-    damping and stiffness. The multi-estimator has 10^8 candidates. They extend to three times the
-    stiffness and three times the damping that would explain the whole force alone. The gate is
-    open while force and speed exceed 2 % of their root mean squares.
+    The time constant of forgetting is half a period of the dominant oscillation, the shortest time
+    in which damping and stiffness can be distinguished. The grid of the multi-estimator has 10^8
+    candidates, with b up to +-3 f_rms / v_rms and k from 0 to 3 f_rms / x_rms, where rms is the
+    root mean square of the data. The gate is open while force and speed exceed 2 % of f_rms and
+    v_rms.
 
     Parameters
     ----------

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 
 def to_record(values: Any) -> NDArray[np.void]:
-    """Return an array of one record, from a dataclass of numbers, vectors and matrices.
+    """Return an array of one record, shape (1,), with the field values of a dataclass.
 
-    Fields may be such dataclasses themselves.
+    Each field is a number, a vector, a matrix, or another such dataclass.
     """
     record = np.zeros(1, record_type(values))
     _fill(record[0], values)
@@ -39,7 +39,7 @@ def numbers(values: Any) -> NDArray[np.float64]:
 
 
 def record_type(values: Any) -> np.dtype[np.void]:
-    """Return the numpy type of a record with the same names, types and shapes."""
+    """Return the numpy type of a record with the field names, types and shapes of a dataclass."""
     return np.dtype(
         [(field.name, *_type_of(getattr(values, field.name))) for field in fields(values)],
         align=True,

@@ -1,4 +1,6 @@
-"""Parameterisation redundancy: candidates that a motion does not distinguish, Lemmas 1 and 2.
+"""Parameterisation redundancy: candidates (b, k) that a motion does not distinguish.
+
+This is the subject of Lemmas 1 and 2 of the paper.
 
 With theta = (b, k), phi = [v, x] and the plant theta_0, the force error of a candidate is
 (theta - theta_0)' phi, and its monitoring signal (11) is the quadratic form
@@ -28,7 +30,7 @@ from estimation.methods.multi_estimator import MultiEstimator
 
 
 class Candidate(NamedTuple):
-    """Damping `b` [N s/m] and stiffness `k` [N/m] of an estimator of the bank, or of the plant."""
+    """Damping `b` [N s/m] and stiffness `k` [N/m] of a candidate, or of the true environment."""
 
     b: float
     k: float
@@ -38,15 +40,17 @@ class Redundancy(NamedTuple):
     """Motions for which two candidates have the same monitoring signal at all times."""
 
     mirrored: bool
-    """True for every motion: the plant is the midpoint between the candidates, (15)."""
+    """True if the signals are the same for every motion: the plant is the midpoint between the
+    candidates, (15)."""
     rates: tuple[float, ...]
-    """Rates [1/s] for which x(t) = x_0 exp(-rate t) is such a motion: (12), (14) and (16)."""
+    """Rates [1/s] for which the signals are the same in x(t) = x_0 exp(-rate t), (12), (14), (16).
+    """
 
 
 def redundancy(gamma: Candidate, epsilon: Candidate, plant: Candidate) -> Redundancy:
     """Return the motions for which two candidates cannot be distinguished, Lemmas 1 and 2.
 
-    There is no noise.
+    The measurements are assumed to have no noise.
 
     Parameters
     ----------
@@ -69,10 +73,10 @@ def redundancy(gamma: Candidate, epsilon: Candidate, plant: Candidate) -> Redund
 
 
 class Ambiguity(NamedTuple):
-    """Candidates that the data do not distinguish after each sample, arrays of shape (n,)."""
+    """Range of the candidates that the data do not distinguish, arrays over time, shape (n,)."""
 
     candidates: Floats
-    """Number of candidates within the margin of the best one, including it."""
+    """Number of candidates within the margin of the best candidate, including the best one."""
     b_low: Floats
     """Smallest damping among them [N s/m]."""
     b_high: Floats
@@ -102,7 +106,8 @@ def ambiguity(
         Displacement [m], velocity [m/s], force [N] and time since the previous sample [s], each
         of shape (n,).
     margin
-        Fraction of the smallest monitoring signal by which a candidate may exceed it, >= 0.
+        Largest difference from the smallest monitoring signal at which a candidate counts as not
+        distinguished, as a fraction of the smallest signal, >= 0.
     every
         Number of samples per row of the result; the arrays have the shape (n // every,).
     """

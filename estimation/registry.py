@@ -1,4 +1,4 @@
-"""Registry of all methods by name: those of this package and of other installed packages."""
+"""Registry of all estimators by name: those of this package and of other installed packages."""
 
 from __future__ import annotations
 
@@ -40,7 +40,11 @@ Factory = Callable[[MethodSettings], Estimator]
 
 
 def rls(preset: MethodSettings) -> Estimator:
-    """Return the paper's RLS; further parameters start with the variance `preset.covariance`."""
+    """Return the RLS of the paper.
+
+    The initial variances of b and k are those of the paper. `preset.covariance` has the initial
+    variances of the other parameters.
+    """
     return RecursiveLeastSquares(
         preset.forgetting,
         (*preset.initial_covariance, *preset.covariance[2:]),
@@ -52,7 +56,11 @@ def rls(preset: MethodSettings) -> Estimator:
 
 
 def ai(preset: MethodSettings) -> Estimator:
-    """Return the paper's AI; the gain of further parameters follows from `preset.memory`."""
+    """Return the AI of the paper.
+
+    The gains of b and k are those of the paper. The gains of other parameters are computed from
+    `preset.memory`.
+    """
     further = (4.0 / (preset.memory * size**2) for size in preset.sizes[2:])
     return AdaptiveIdentification(
         (*preset.adaptation_gain, *further), preset.ai_method, preset.model, preset.correlation
@@ -60,7 +68,7 @@ def ai(preset: MethodSettings) -> Estimator:
 
 
 def ceiling(preset: MethodSettings) -> tuple[float, ...]:
-    """Return the largest variances of a Kalman filter, per N^2 of force variance."""
+    """Return the largest variances of a Kalman filter, for force noise of variance 1 N^2."""
     return tuple(1.0 / size**2 for size in preset.sizes)
 
 
@@ -162,18 +170,24 @@ BUILT_IN: dict[str, Factory] = {
     ),
     "segments": lambda p: PooledSegments(p.segment, p.correlation),
 }
-"""Factories of the methods of this package, by name."""
+"""Factories of the estimators of this package, by name."""
 
 
 @cache
 def offered() -> dict[str, EntryPoint]:
-    """Return the entry points of other packages by name, without the names in `BUILT_IN`."""
+    """Return the entry points of other packages by name of the estimator.
+
+    Names in `BUILT_IN` are left out.
+    """
     points = entry_points(group=GROUP)
     return {point.name: point for point in points if point.name not in BUILT_IN}
 
 
 class Methods(Mapping[str, Factory]):
-    """Mapping of names to factories; other packages are imported when first used."""
+    """Mapping from the names of estimators to their factories.
+
+    Another package is imported when its factory is first requested.
+    """
 
     def __getitem__(self, name: str) -> Factory:
         """Return the factory of this name.
@@ -207,11 +221,16 @@ class Methods(Mapping[str, Factory]):
 
 
 METHODS = Methods()
-"""All methods by name, those of this package first. `METHODS[name](preset)` is an estimator."""
+"""Factories of all estimators by name. `METHODS[name](preset)` returns a new estimator."""
 
 
 def named_estimators(names: str | Sequence[str]) -> tuple[str, ...]:
-    """Return names of `METHODS`, given as a sequence or separated by commas; `all` for all.
+    """Return a selection of the names in `METHODS`, as a tuple.
+
+    Parameters
+    ----------
+    names
+        Names as a sequence, or as one text separated by commas; `all` for all names.
 
     Raises
     ------

@@ -1,11 +1,12 @@
 """Variances of a least-squares fit that are valid for residuals of unknown autocorrelation.
 
-The error of a linear combination g' theta of the parameters is the sum of u_t = w_t e_t, with the
-residuals e and w = X (X' X)^-1 g. Its variance is the spectrum of u at frequency zero. The
-equal-weighted cosine (EWC) estimator computes it as an average over the first B cosines, and has B
-degrees of freedom. The interval therefore uses Student's t distribution with B degrees of freedom.
-Its coverage is close to 95 %, which that of a Newey-West interval with normal quantiles often is
-not.
+Let X be the regressors, theta the parameters, e the residuals, and g' theta a linear combination of
+the parameters. The error of g' theta is the sum of u_t = w_t e_t over all samples, with
+w = X (X' X)^-1 g. The variance of this sum is n times the spectral density of u at frequency zero,
+for n samples. The equal-weighted cosine (EWC) estimator computes this variance as the mean square
+of the first B cosine coefficients of u. The estimate has B degrees of freedom, so the confidence
+interval uses Student's t distribution with B degrees of freedom. The coverage of this interval is
+close to 95 %. The coverage of a Newey-West interval with normal quantiles often is not.
 
 A fit follows samples of high leverage h, for example the few samples at the begin of a ramp that
 determine the damping, so that their residuals are too small. As in the HC2 estimator the residual e
@@ -56,7 +57,8 @@ class RobustFit(NamedTuple):
     def deviation(self, gradient: Floats) -> float:
         """Return the standard deviation of gradient' theta.
 
-        It is scaled such that 1.96 times its value is the half width of the 95 % interval.
+        It is scaled such that 1.96 times the returned value is the half width of the 95 %
+        confidence interval.
 
         Parameters
         ----------
@@ -76,12 +78,17 @@ class RobustFit(NamedTuple):
 
 
 def cosine_count(freedom: int) -> int:
-    """Return the number B of cosines; `freedom` is the number of samples minus parameters."""
+    """Return the number B of cosines of the EWC estimator of a variance.
+
+    `freedom` is the number of samples minus the number of parameters.
+    """
     return max(FEWEST_COSINES, int(0.41 * max(freedom, 1) ** (2.0 / 3.0)))
 
 
 def robust_fit(regressors: Floats, f: Floats) -> RobustFit:
-    """Fit by least squares; the columns are scaled to equal size first.
+    """Return the least-squares fit of f = X theta.
+
+    The columns of X are scaled to equal size first, which makes the result more accurate.
 
     Parameters
     ----------

@@ -1,8 +1,8 @@
 """Zero-phase smoothing of position, velocity and force with one Gaussian kernel.
 
 If f = b v + k x, then H f = b H v + k H x for every linear filter H. Here H is a Gaussian kernel.
-It has no delay, so that neither b nor k is biased. H v is computed directly from the measured
-position with the derivative of the kernel, which suppresses the noise of differentiation.
+It has no delay, so that neither b nor k is biased. H v is the convolution of the measured position
+with the derivative of the kernel, which has less noise than a difference quotient.
 """
 
 from __future__ import annotations
@@ -23,12 +23,14 @@ def kernel_width(bandwidth: float) -> float:
 
 
 def smooth(values: Floats, width: float) -> Floats:
-    """Smooth values with a Gaussian kernel; they are extrapolated linearly at both ends.
+    """Return the values smoothed with a Gaussian kernel, shape (n,).
+
+    Beyond each end, the values continue as their point reflection at the last value.
 
     Parameters
     ----------
     values
-        Evenly sampled, shape (n,).
+        Samples of a signal at a constant rate, shape (n,).
     width
         Standard deviation of the kernel [samples].
     """
@@ -36,12 +38,12 @@ def smooth(values: Floats, width: float) -> Floats:
 
 
 def slope(values: Floats, width: float, period: float) -> Floats:
-    """Return the derivative of the smoothed values, in their unit per second, shape (n,).
+    """Return the time derivative of the smoothed values, in their unit per second, shape (n,).
 
     Parameters
     ----------
     values
-        Evenly sampled, shape (n,).
+        Samples of a signal at a constant rate, shape (n,).
     width
         Standard deviation of the kernel [samples].
     period

@@ -1,4 +1,4 @@
-"""Definition of a step, the function that implements a method, and of its state.
+"""Definition of a step and of its state. A step is the function that implements a method.
 
 A method is one function
 
@@ -68,14 +68,15 @@ B, K = 0, 1
 
 @dataclass(slots=True)
 class State:
-    """Base class of all states, with the estimate."""
+    """Base class of the states of all methods. It contains the estimate."""
 
     theta: Vector
     """Estimated values, in the order of the estimator's `names`, b and k first; (m,)."""
     std: Vector
-    """Standard deviations of `theta`, (m,); NaN if the method gives none."""
+    """Standard deviations of `theta`, (m,); NaN if the method does not compute it."""
     held: bool
-    """Whether the estimate is held. It is cleared before each step; a step may set it."""
+    """True if the latest sample did not change `theta`. It is set to False before each step; the
+    step may set it to True."""
 
 
 below = tuple(tuple(range(n)) for n in range(65))

@@ -1,10 +1,10 @@
 """Batch fits of a Kelvin-Voigt body with stiffening, measured through a force channel with a lag.
 
-    f = L(b v + k x + k3 x^3),    with L the lag of the force channel
+    f = L(b v + k x + k3 x^3),    with the first-order lag L of the force channel
 
-All signals are filtered by a `MatchedFilter`. Position and its cube are also filtered by the lag,
-so that the regression is exact except for noise. Both filters are linear, so the lag can be
-applied last: the signals are filtered once, and are then fitted for any lag.
+All signals are filtered by a `MatchedFilter`. The position, the velocity and the cube of the
+position are also filtered by L, so that the regression is exact except for noise. Both filters are
+linear, so L can be applied last: the matched filter is applied once, for fits with any lag.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ CHI2_95 = 3.841458820694124
 
 
 class StiffeningFit(NamedTuple):
-    """Result of a fit to all samples."""
+    """Result of a least-squares fit of f = L(b v + k x + k3 x^3), with a given lag L."""
 
     b: float
     """Damping [N s/m]; 0 if it was not fitted."""
@@ -38,7 +38,7 @@ class StiffeningFit(NamedTuple):
 
 
 class Interval(NamedTuple):
-    """A value and the bounds of its 95 % interval."""
+    """A value with the lower and the upper end of an interval, in the unit of the value."""
 
     value: float
     low: float
@@ -46,7 +46,7 @@ class Interval(NamedTuple):
 
 
 class LagProfile(NamedTuple):
-    """Best fit for each of several given lags, arrays of shape (lags,)."""
+    """Least-squares fits for several given lags of the force channel, arrays of shape (lags,)."""
 
     lag: Floats
     """Lag of the force channel [s]."""
@@ -57,14 +57,14 @@ class LagProfile(NamedTuple):
     rms: Floats
     """Root mean square of the filtered residual [N]."""
     independent: float
-    """Number of independent samples among the filtered ones."""
+    """Number of independent samples with the same information as the filtered samples."""
 
     def lag_interval(self) -> Interval:
-        """Return the 95 % likelihood-ratio interval of the lag [s]."""
+        """Return the lag [s] of the best fit, with its 95 % likelihood-ratio interval."""
         return self._interval(self.lag)
 
     def b_interval(self) -> Interval:
-        """Return the range of the damping [N s/m] over the interval of the lag."""
+        """Return the damping [N s/m] of the best fit, with its range over `lag_interval`."""
         return self._interval(self.b)
 
     def _interval(self, values: Floats) -> Interval:
@@ -75,7 +75,7 @@ class LagProfile(NamedTuple):
 
 
 class MatchedSignals:
-    """Filtered position, cube of position, and force, which can be fitted for any lag.
+    """Filtered signals, to which the model can be fitted for any lag of the force channel.
 
     Parameters
     ----------
@@ -133,7 +133,7 @@ class MatchedSignals:
         return StiffeningFit(b, k, k3, float(np.sqrt(np.mean(residual**2))))
 
     def profile(self, lags: ArrayLike, damping: bool = True, stiffening: bool = True) -> LagProfile:
-        """Return the best fit for each of the given lags [s], shape (lags,)."""
+        """Return the fit for each of the given lags [s], shape (lags,); as `fit` for one lag."""
         lag = np.asarray(lags, dtype=np.float64)
         fits = [self.fit(float(value), damping, stiffening) for value in lag]
         b, k, _, rms = np.array(fits).T
@@ -141,7 +141,7 @@ class MatchedSignals:
 
 
 def lagged(signal: Floats, dt: Floats, lag: float) -> Floats:
-    """Return the output of a first-order lag [s] for a signal, shape (n,)."""
+    """Return a signal filtered by a first-order lag with the time constant `lag` [s], (n,)."""
     period = float(dt[0]) if len(dt) else 0.0
     if lag > 0.0 and len(dt) > 1 and np.ptp(dt[1:]) < 1e-9 * period:
         return evenly_lagged(signal, float(dt[1]), lag)

@@ -14,10 +14,14 @@ from estimation.metrics import estimated_force, force_error, predicted_force, ri
 
 
 class EstimatorSummary(NamedTuple):
-    """Summary of one estimator over a record."""
+    """Summary of one estimator over a record.
+
+    `b`, `k`, `e_f` and `one_step_rms` do not include the samples before the first estimate. They
+    are NaN if there is no estimate.
+    """
 
     b: float
-    """Average damping [N s/m] from the first estimate on; so are the next three."""
+    """Average damping [N s/m]."""
     k: float
     """Average stiffness [N/m]."""
     e_f: float
@@ -25,27 +29,27 @@ class EstimatorSummary(NamedTuple):
     one_step_rms: float
     """Root mean square of the force error of the one-step prediction [N]."""
     rise_time_s: float
-    """Rise time of the stiffness [s]; NaN if it never rises."""
+    """Rise time of the stiffness [s], see `rise_time`; NaN if it is not defined."""
     b_end: float
     """Damping at the end [N s/m]."""
     k_end: float
     """Stiffness at the end [N/m]."""
     b_interval: float
-    """Half width of the 95 % interval of the damping at the end [N s/m]; NaN for none."""
+    """Half width of the 95 % confidence interval of `b_end` [N s/m]; NaN for none."""
     k_interval: float
-    """Half width of the 95 % interval of the stiffness at the end [N/m]; NaN for none."""
+    """Half width of the 95 % confidence interval of `k_end` [N/m]; NaN for none."""
     held: float
-    """Share of the samples at which the estimate was held."""
+    """Fraction of the samples that did not change the estimate."""
     further: dict[str, float]
-    """Values of the model's further parameters at the end, by name."""
+    """Values of the model's parameters besides b and k at the end, by name."""
     further_interval: dict[str, float]
-    """Half widths of their 95 % intervals; NaN for none."""
+    """Half widths of the 95 % confidence intervals of `further`, by name; NaN for none."""
     further_unit: dict[str, str]
-    """Units of the further parameters, by name."""
+    """Units of the values in `further`, by name."""
     misfit: float
     """Misfit at the end (`estimation.misfit`); NaN if it is not known."""
     note: str | None
-    """Remark that the estimator makes on its estimates; None for none."""
+    """Warning about the estimates, see `Estimator.note`; None for none."""
 
 
 def summarise(
@@ -57,8 +61,8 @@ def summarise(
 ) -> EstimatorSummary:
     """Return the summary of one estimator.
 
-    Averages leave out the samples at the start at which the estimator holds its initial value.
-    They are NaN if it holds it throughout.
+    The averages do not include the samples at the start that did not change the initial value of
+    the estimate. They are NaN if no sample changed it.
 
     Parameters
     ----------
@@ -69,7 +73,7 @@ def summarise(
     estimates
         The estimates after each sample.
     estimator
-        The estimator in its final state.
+        The estimator, in its state after the last sample.
     misfit
         Its misfit after each sample, shape (n,).
     """
@@ -102,6 +106,10 @@ def summarise(
 
 
 def interval_at_end(estimates: Estimates, std: Floats) -> float:
-    """Return half the width of the 95 % interval at the end; NaN if there is no interval."""
+    """Return the half width of the 95 % confidence interval after the last sample.
+
+    It is NaN if the estimator has no estimate, or no standard deviation below `UNKNOWN`.
+    `std` are the standard deviations of one parameter, shape (n,).
+    """
     known = not estimates.held.all() and std[-1] < UNKNOWN
     return LEVEL_95 * float(std[-1]) if known else math.nan

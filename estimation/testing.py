@@ -1,4 +1,4 @@
-"""Checks that every estimator must pass, for the tests of this package and of other packages.
+"""Checks that every estimator must pass, for tests in this package and in other packages.
 
     from estimation.testing import check_estimator
 
@@ -42,20 +42,20 @@ def columns(estimates: Estimates) -> list[Floats]:
 
 
 def assert_equal(first: list[Floats], second: list[Floats], message: str) -> None:
-    """Raise AssertionError unless all columns are identical to the bit; NaN equals NaN."""
+    """Raise AssertionError(message) unless the columns are identical to the bit; NaN equals NaN."""
     for a, b in zip(first, second, strict=True):
         assert np.array_equal(a, b, equal_nan=True), message
 
 
 def assert_finite(estimator: Estimator, estimates: Estimates) -> None:
-    """Raise AssertionError unless all values are finite and the state has no infinite number."""
+    """Raise AssertionError if an estimate is not finite or a number of the state is infinite."""
     values = [estimates.b, estimates.k, *(s.value for s in estimates.further.values())]
     assert all(np.isfinite(value).all() for value in values), "an estimate is not finite"
     assert not np.isinf(numbers(estimator.state)).any(), "a number of the state is infinite"
 
 
 def check_names_and_units(estimator: Estimator) -> None:
-    """The first names are b and k, and each name has a value, a standard deviation and a unit."""
+    """The first names are b and k. Each name has a value, a standard deviation and a unit."""
     assert estimator.names[:2] == ("b", "k"), f"names are {estimator.names}, expected b, k, ..."
     sizes = {len(part) for part in (estimator.names, estimator.units)}
     sizes |= {len(estimator.state.theta), len(estimator.state.std)}
@@ -96,7 +96,10 @@ def check_compiled_equals_interpreted(estimator: Estimator) -> None:
 
 
 def check_sweeps(estimator: Estimator, samples: Samples) -> None:
-    """Raise AssertionError unless both sweeps have the same results and the same final state."""
+    """Raise AssertionError unless the compiled and the interpreted sweep have the same results.
+
+    The final states must be the same too.
+    """
     fast, slow = deepcopy(estimator), deepcopy(estimator)
     got = compiled_sweep(fast.law, fast.state, samples)
     expected = interpreted_sweep(slow.law, slow.state, samples)
@@ -105,7 +108,7 @@ def check_sweeps(estimator: Estimator, samples: Samples) -> None:
 
 
 def check_pieces_equal_the_whole(estimator: Estimator) -> None:
-    """The estimates of a recording do not depend on the pieces in which it is processed."""
+    """The estimates do not depend on the division of the recording into several calls of `run`."""
     s = palpation(estimator)
     pieces = deepcopy(estimator)
     parts = []
@@ -118,7 +121,7 @@ def check_pieces_equal_the_whole(estimator: Estimator) -> None:
 
 
 def check_finite_for_all_signals(estimator: Estimator) -> None:
-    """Estimates are finite for signals of any size, with zeros, and for any sample period."""
+    """Estimates are finite for signals of any size and any sample period, also with zeros."""
     for seed in range(20):
         rng = np.random.default_rng(seed)
         x, v, f = rng.normal(size=(3, 300)) * 10.0 ** rng.uniform(-6.0, 3.0, (3, 1))
@@ -149,7 +152,7 @@ def check_a_gap_in_the_data(estimator: Estimator) -> None:
 
 
 def check_numbers_of_any_kind(estimator: Estimator) -> None:
-    """Integers and numpy's numbers give the same estimate as Python's floats."""
+    """Python integers and numpy numbers give the same estimate as Python floats."""
     other = deepcopy(estimator)
     further = [1.0] * (estimator.model.regressors - 2)
     for value in (1e-3, 2e-3, 4e-3):
@@ -212,7 +215,7 @@ def check_inputs_are_not_changed_or_shared(estimator: Estimator) -> None:
 
 
 def check_pickle(estimator: Estimator) -> None:
-    """A pickled estimator continues with identical results."""
+    """A copy of an estimator made by pickle continues with identical results."""
     s = palpation(estimator, n=200)
     estimator.run(*s)
     twin = pickle.loads(pickle.dumps(estimator))
@@ -228,7 +231,7 @@ def check_reset(estimator: Estimator) -> None:
 
 
 def check_hold(estimator: Estimator) -> None:
-    """Method `hold` changes only `held`."""
+    """The method `hold` changes only the field `held` of the estimate."""
     estimator.run(*palpation(estimator))
     before = estimator.estimate
     held = estimator.hold()

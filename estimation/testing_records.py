@@ -1,8 +1,8 @@
-"""Synthetic palpation records with known truth, for tests and benchmarks of a method.
+"""Synthetic palpation records with a known true stiffness, for tests and benchmarks of a method.
 
-Each function draws one record of a kind from a random generator: specimen, machine, motion,
-duration, sampling rate and noise differ from draw to draw. The truth of a record is the
-stiffness of the elastic force at half of its range, which is k itself for a linear body.
+Each function returns one random record of a kind: the parameters of the body, the motion, the
+duration, the sampling rate and the noise are drawn from a random generator. The true stiffness is
+the tangent stiffness where the elastic force is at half of its range. For a linear body it is k.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from estimation.compiled import Floats
 
 
 class TrueRecord(NamedTuple):
-    """A record with its truth."""
+    """A record of position and force, with the true parameters of the body."""
 
     t: Floats
     """Time [s], shape (n,)."""
@@ -29,20 +29,24 @@ class TrueRecord(NamedTuple):
     f: Floats
     """Force [N], shape (n,)."""
     k: float
-    """True tangent stiffness at half of the force range [N/m]; NaN where there is none."""
+    """True tangent stiffness at half of the force range [N/m]; NaN if it is not defined."""
     b: float
-    """True damping [N s/m]; NaN where the body is no Kelvin-Voigt body."""
+    """True damping [N s/m]; NaN if it is not defined."""
     contact: float = math.nan
-    """True position of the contact [m]; NaN where the record never leaves contact."""
+    """True position of the contact point [m]; NaN if the motion does not pass this point."""
 
 
 def steps_of_time(rate: float, seconds: float) -> Floats:
-    """Return the times of the samples [s]."""
+    """Return the times of the samples [s], for a sampling rate [Hz] and a duration [s]."""
     return np.arange(round(rate * seconds)) / rate
 
 
 def one_over_f(rng: Generator, n: int, rate: float, size: float, lowest: float = 0.0) -> Floats:
-    """Return noise with a 1/f power spectrum and this standard deviation, shape (n,)."""
+    """Return noise whose power spectrum is proportional to 1/frequency, shape (n,).
+
+    `rate` is the sampling rate [Hz], `size` the standard deviation of the noise. The spectrum is
+    zero up to the frequency `lowest` [Hz].
+    """
     frequency = np.fft.rfftfreq(n, 1.0 / rate)
     amplitude = np.zeros(len(frequency))
     part = frequency > lowest
@@ -53,7 +57,7 @@ def one_over_f(rng: Generator, n: int, rate: float, size: float, lowest: float =
 
 
 def derivative(x: Floats, rate: float) -> Floats:
-    """Return the time derivative of a motion without noise.
+    """Return the time derivative [m/s] of a motion without noise [m], at a sampling rate [Hz].
 
     A central difference of a sine of 3 Hz at 100 Hz is 0.6 % too small, which is more than the
     half width of the interval of b.
@@ -63,14 +67,21 @@ def derivative(x: Floats, rate: float) -> Floats:
 
 
 def measured(rng: Generator, x: Floats, f: Floats, resolution: float) -> tuple[Floats, Floats]:
-    """Return position and force with sensor noise and the encoder's quantisation."""
+    """Return the measured position [m] and force [N], from the true position and force.
+
+    The position is rounded to the resolution of the encoder [m]. The force has sensor noise.
+    """
     size = float(np.ptp(f))
     noise = size * 10.0 ** rng.uniform(-3.0, -2.0)
     return np.round(x / resolution) * resolution, f + rng.normal(0.0, noise, len(f))
 
 
 def smooth_ramps(t: Floats, times: Floats, levels: Floats, rounding: float) -> Floats:
-    """Return a piecewise linear motion whose corners are rounded over a time."""
+    """Return a piecewise linear motion with rounded corners [m] at the sample times t [s], (n,).
+
+    `times` [s] and `levels` [m] are the corners. `rounding` is the length of the Hann window that
+    rounds the corners [s].
+    """
     x = np.interp(t, times, levels)
     n = max(1, round(rounding / (t[1] - t[0])))
     window = np.hanning(n + 2)[1:-1]
@@ -79,12 +90,18 @@ def smooth_ramps(t: Floats, times: Floats, levels: Floats, rounding: float) -> F
 
 
 def specimen(rng: Generator) -> tuple[float, float]:
-    """Return stiffness [N/m] and loss, the share b omega / k at the motion's frequency."""
+    """Return a random stiffness k [N/m] and a random loss factor b omega / k.
+
+    omega is the angular frequency of the motion.
+    """
     return 10.0 ** rng.uniform(2.3, 4.3), rng.uniform(0.03, 0.3)
 
 
 def sinusoid_with_drift(rng: Generator) -> TrueRecord:
-    """Return a sine about a preload on a body that a raster carries along slowly."""
+    """Return a sinusoidal palpation around a preload, with a slow drift of the position.
+
+    Such a drift occurs in a raster scan.
+    """
     rate, seconds = rng.choice([100.0, 200.0, 1000.0]), rng.uniform(8.0, 40.0)
     frequency = rng.uniform(0.5, 3.0)
     k, loss = specimen(rng)
@@ -102,13 +119,16 @@ def sinusoid_with_drift(rng: Generator) -> TrueRecord:
 
 
 def stiffening_force(x: Floats, k: float, k3: float) -> Floats:
-    """Return the force of a body that stiffens, f = k x + k3 x^3, none out of contact."""
+    """Return the elastic force [N] of a stiffening body: k x + k3 x^3 for x > 0, otherwise 0."""
     depth = np.maximum(x, 0.0)
     return k * depth + k3 * depth**3
 
 
 def mid_tangent(k: float, k3: float, lowest: float, highest: float) -> float:
-    """Return the stiffness of such a body at half of its range of elastic force."""
+    """Return the tangent stiffness [N/m] of the body of `stiffening_force` at half of its range.
+
+    The range is that of the elastic force between the positions `lowest` and `highest` [m].
+    """
     grid = np.linspace(lowest, highest, 20001)
     f = stiffening_force(grid, k, k3)
     x = float(np.interp(0.5 * (f[0] + f[-1]), f, grid))
@@ -116,7 +136,7 @@ def mid_tangent(k: float, k3: float, lowest: float, highest: float) -> float:
 
 
 def ramp_hold_release(rng: Generator) -> TrueRecord:
-    """Return ramp, hold and release on a stiffening body, from and to out of contact."""
+    """Return ramp, hold and release on a stiffening body. It begins and ends out of contact."""
     rate = rng.choice([100.0, 500.0, 1000.0])
     depth = 10.0 ** rng.uniform(-3.0, -2.0)
     k, loss = specimen(rng)
@@ -156,7 +176,7 @@ def intermittent_contact(rng: Generator) -> TrueRecord:
 
 
 def sliding_palpation(rng: Generator) -> TrueRecord:
-    """Return palpation while sliding: friction adds a baseline force with a 1/f spectrum."""
+    """Return palpation while sliding: friction adds a force with a 1/frequency spectrum."""
     rate, seconds = rng.choice([100.0, 200.0, 500.0]), rng.uniform(10.0, 40.0)
     frequency = rng.uniform(0.5, 3.0)
     k, loss = specimen(rng)
@@ -176,17 +196,23 @@ def sliding_palpation(rng: Generator) -> TrueRecord:
 
 
 def relaxed(x: Floats, rate: float, time: float) -> Floats:
-    """Return x less its part that has relaxed, of time constant [s], exactly for linear x."""
+    """Return the solution z [m] of z' = x' - z / time with z = 0 at the start, shape (n,).
+
+    z is the stretch of the spring of a Maxwell element with the displacement x. The solution is
+    exact if x is linear between samples. `rate` is the sampling rate [Hz], `time` the time constant
+    of the relaxation [s].
+    """
     decay = math.exp(-1.0 / (rate * time))
     gain = time * rate * (1.0 - decay)
     return np.asarray(lfilter([gain, -gain], [1.0, -decay], x - x[0]))
 
 
 def relaxing_body(rng: Generator) -> TrueRecord:
-    """Return a relaxing body under ramp and hold, steps of ramp and hold, or a sine.
+    """Return a record of a standard linear solid, whose force relaxes.
 
-    The truth is the slope of force over displacement at half of the force of the first loading;
-    of a sine, it is the storage modulus.
+    The motion is one ramp and hold, a series of three, or a sine. The true stiffness of ramps is
+    the slope of force over displacement where the force first exceeds half of its maximum. The
+    true stiffness of a sine is the storage modulus.
     """
     rate = rng.choice([100.0, 500.0])
     depth = 10.0 ** rng.uniform(-3.3, -2.3)
@@ -224,7 +250,7 @@ def relaxing_body(rng: Generator) -> TrueRecord:
 
 
 def free_motion(rng: Generator) -> TrueRecord:
-    """Return motion in air: sensor noise and at most a slow drift."""
+    """Return motion without contact: the force is sensor noise with an offset and a drift."""
     rate, seconds = rng.choice([100.0, 1000.0]), rng.uniform(3.0, 20.0)
     t = steps_of_time(rate, seconds)
     x = 5e-3 * np.sin(2.0 * np.pi * rng.uniform(0.3, 3.0) * t)
@@ -234,7 +260,7 @@ def free_motion(rng: Generator) -> TrueRecord:
 
 
 def rigid_stop(rng: Generator) -> TrueRecord:
-    """Return a tip that bounces on a rigid stop: the force changes and the position does not."""
+    """Return motion against a rigid stop: in contact the force changes at a constant position."""
     rate, seconds = rng.choice([500.0, 2000.0]), rng.uniform(5.0, 15.0)
     t = steps_of_time(rate, seconds)
     frequency = rng.uniform(0.5, 2.0)
@@ -246,7 +272,7 @@ def rigid_stop(rng: Generator) -> TrueRecord:
 
 
 def clipped_sensor(rng: Generator) -> TrueRecord:
-    """Return a sine whose peak force is beyond the range of the sensor."""
+    """Return a sinusoidal palpation whose largest forces are above the range of the sensor."""
     record = sinusoid_with_drift(rng)
     level = float(np.percentile(record.f, rng.uniform(70.0, 92.0)))
     return record._replace(f=np.minimum(record.f, level), k=math.nan, b=math.nan)
@@ -259,10 +285,10 @@ COVERAGE_KINDS: dict[str, Callable[[Generator], TrueRecord]] = {
     "sliding palpation": sliding_palpation,
     "relaxing body": relaxing_body,
 }
-"""Kinds of records with a true stiffness."""
+"""Functions that return a record with a true stiffness, by kind."""
 WITHOUT_STIFFNESS: dict[str, Callable[[Generator], TrueRecord]] = {
     "free motion": free_motion,
     "rigid stop": rigid_stop,
     "clipped sensor": clipped_sensor,
 }
-"""Kinds of records that do not support a stiffness."""
+"""Functions that return a record from which no stiffness can be estimated, by kind."""

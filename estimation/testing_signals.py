@@ -27,7 +27,9 @@ class Signals(NamedTuple):
 
 
 def palpation(estimator: Estimator, n: int = 2000, noise: float = 0.1, seed: int = 0) -> Signals:
-    """Return two sines about a depth on a Kelvin-Voigt body, with noise and uneven sampling.
+    """Return the signals of a palpation of a Kelvin-Voigt body, with noise and uneven sampling.
+
+    The displacement is a sum of two sines around a depth of 5 mm.
 
     Parameters
     ----------
@@ -50,7 +52,10 @@ def palpation(estimator: Estimator, n: int = 2000, noise: float = 0.1, seed: int
 
 
 def further_regressors(estimator: Estimator, x: Floats, v: Floats, f: Floats) -> Floats | None:
-    """Return the regressors of the model besides v and x, shape (n, regressors - 2)."""
+    """Return test values of the model's regressors besides v and x, shape (n, regressors - 2).
+
+    The result is None for a model without such regressors.
+    """
     known = {"f0": np.ones_like(x), "m": 10.0 * v, "k3": x**3, "tau": -10.0 * f}
     columns = [known[parameter] for parameter in estimator.model.further]
     return np.column_stack(columns) if columns else None
@@ -84,7 +89,7 @@ def degenerate(estimator: Estimator) -> Iterator[Signals]:
 
 
 def held_and_gaps(s: Signals) -> Iterator[Signals]:
-    """Yield the signals with an interval at rest, and the signals with time gaps."""
+    """Yield two variants of the signals: one with a time at rest, one with gaps in time."""
     moving = np.ones_like(s.x)
     moving[200:400] = 0.0
     yield Signals(s.x * moving, s.v * moving, s.f * moving, s.dt, s.further)

@@ -1,4 +1,4 @@
-"""Simulated backend: cubes, plant, sensors, operators, and the simulated rig."""
+"""Simulation of the telemanipulator: cubes, plant, sensors, operators, and the simulated rig."""
 
 from sim_backend.cube import Cube
 from sim_backend.faults import FaultyRig

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Cube:
-    """Stiffening Kelvin-Voigt body, f = k1 x + k3 x^3 + b v, in compression and in tension.
+    """Stiffening Kelvin-Voigt body, f = k1 x + k3 x^3 + b v.
 
     Parameters
     ----------
@@ -19,7 +19,8 @@ class Cube:
     b
         Damping [N s/m], > 0.
     glued
-        Whether the cube is glued to the slave's plate. If not, the force is zero out of contact.
+        Whether the cube is glued to the slave's plate. If it is glued, the equation is valid in
+        compression and in tension. If not, the force is zero out of contact and never negative.
 
     Raises
     ------
@@ -46,7 +47,9 @@ class Cube:
         return self.k1 + 3.0 * self.k3 * x * x if self.glued or x > 0.0 else 0.0
 
     def compressed(self, x: float, compliance: float) -> float:
-        """Return the displacement y [m] of the cube in series with a spring, x = y + c f(y, 0).
+        """Return the displacement y [m] of the cube in series with a spring.
+
+        y is the solution of x = y + c f(y, 0), with the force f(y, 0) of the cube at rest.
 
         Parameters
         ----------

@@ -11,7 +11,7 @@ from drivers import STANDSTILL, Command, Measurement, Rig, RigError
 
 
 class RigFault(ABC):  # noqa: B024
-    """Base class of faults, which change measurements and commands; by default, nothing changes."""
+    """Base class of faults, which change measurements or commands. This class changes nothing."""
 
     def read(self, measurement: Measurement) -> Measurement:
         """Return the measurement that the controller receives."""
@@ -23,14 +23,14 @@ class RigFault(ABC):  # noqa: B024
 
 
 def with_channel(measurement: Measurement, channel: str, value: float) -> Measurement:
-    """Return a copy of the measurement with `value` in a channel, in the SI unit of the channel."""
+    """Return a copy of the measurement with another value, in SI units, in one channel."""
     changes: dict[str, Any] = {channel: value}
     return measurement._replace(**changes)
 
 
 @dataclass
 class Replaced(RigFault):
-    """A channel has a constant value."""
+    """Fault: a channel of the measurement has a constant value."""
 
     channel: str
     """Name of the channel."""
@@ -38,13 +38,13 @@ class Replaced(RigFault):
     """Value, in the SI unit of the channel."""
 
     def read(self, measurement: Measurement) -> Measurement:
-        """Replace the sample by the value."""
+        """Return the measurement with the constant value in the channel."""
         return with_channel(measurement, self.channel, self.value)
 
 
 @dataclass
 class Shifted(RigFault):
-    """A channel has an offset and a drift."""
+    """Fault: a channel of the measurement has an additional offset and a drift."""
 
     channel: str
     """Name of the channel."""
@@ -57,7 +57,7 @@ class Shifted(RigFault):
         self._start = math.nan
 
     def read(self, measurement: Measurement) -> Measurement:
-        """Add offset and drift to the sample."""
+        """Return the measurement with offset and drift added to the channel."""
         if math.isnan(self._start):
             self._start = measurement.time
         shift = self.step + self.rate * (measurement.time - self._start)
@@ -66,15 +66,15 @@ class Shifted(RigFault):
 
 
 class Frozen(RigFault):
-    """A channel repeats its value.
+    """Fault: a channel of the measurement keeps the value that it had when the fault began.
 
     Parameters
     ----------
     channel
         Name of the channel.
     ageing
-        Whether the age of the sample increases, as after a cable was disconnected. If not, the
-        sensor sends the same value again and again.
+        Whether the age of the value increases, as after a cable was disconnected. If not, the age
+        is that of a sensor that sends the same value in each sample.
     """
 
     def __init__(self, channel: str, ageing: bool) -> None:
@@ -82,7 +82,7 @@ class Frozen(RigFault):
         self._value = self._start = math.nan
 
     def read(self, measurement: Measurement) -> Measurement:
-        """Replace the sample by the first one."""
+        """Return the measurement with the first value of the channel since the fault began."""
         if math.isnan(self._start):
             self._value, self._start = getattr(measurement, self._channel), measurement.time
         age = measurement.age
@@ -93,7 +93,7 @@ class Frozen(RigFault):
 
 @dataclass
 class Reported(RigFault):
-    """The rig reports a drive error or an open emergency-stop input."""
+    """Fault: the measurement contains a drive error or an open emergency-stop input."""
 
     drive_error: str = ""
     """Text of the drive error; empty for none."""
@@ -101,7 +101,7 @@ class Reported(RigFault):
     """Whether the emergency-stop input is open."""
 
     def read(self, measurement: Measurement) -> Measurement:
-        """Add the report to the sample."""
+        """Return the measurement with the drive error and the state of the emergency-stop input."""
         return measurement._replace(
             drive_error=self.drive_error, emergency_stop=self.emergency_stop
         )
@@ -109,26 +109,26 @@ class Reported(RigFault):
 
 @dataclass
 class Runaway(RigFault):
-    """The slave's drive exceeds the commanded velocity until it is idled."""
+    """Fault: the drive of the slave moves faster than commanded until it is disabled."""
 
     velocity: float
     """Velocity that is added to the command [m/s]."""
 
     def command(self, command: Command) -> Command:
-        """Add the velocity to the command of the slave."""
+        """Return the command with the velocity added to that of the slave."""
         return command._replace(slave_velocity=command.slave_velocity + self.velocity)
 
 
 class Unplugged(RigFault):
-    """The rig cannot be read."""
+    """Fault: no measurement can be read from the rig."""
 
     def read(self, measurement: Measurement) -> Measurement:
-        """Raise RigError, as a disconnected board does."""
+        """Raise RigError, as the driver of a disconnected board does."""
         raise RigError("master board: no answer, expected a frame each millisecond")
 
 
 class FaultyRig(Rig):
-    """A rig in which a fault is active after a call of `inject`.
+    """A rig with a fault, which is active from the call of `inject` on.
 
     Parameters
     ----------
@@ -142,7 +142,7 @@ class FaultyRig(Rig):
         self._enabled = False
 
     def inject(self, fault: RigFault) -> None:
-        """Activate a fault."""
+        """Activate a fault instead of the present fault, if any."""
         self._fault = fault
 
     def open(self) -> None:
@@ -158,19 +158,22 @@ class FaultyRig(Rig):
         self.rig.rearm()
 
     def enable(self) -> bool:
-        """Request operation of the drives."""
+        """Request the rig to enable the drives; return whether they are enabled."""
         self._enabled = self.rig.enable()
         return self._enabled
 
     def write(self, command: Command) -> Command:
-        """Command the drives with the fault; return the command without the fault."""
+        """Send the command, changed by the fault, to the drives; return the unchanged command.
+
+        Before the drives are enabled, a command to stand still is sent and returned.
+        """
         if not self._enabled:
             return self.rig.write(STANDSTILL)
         self.rig.write(self._fault.command(command))
         return command
 
     def idle(self) -> None:
-        """Take the drives out of operation."""
+        """Disable the drives."""
         self._enabled = False
         self.rig.idle()
 

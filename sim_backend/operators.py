@@ -1,4 +1,4 @@
-"""Operators: intended motion of a person's hand during palpation.
+"""Simulated operators: intended motion of a person's hand during palpation.
 
 A person acts on the handle through the impedance of the arm. The motion of the handle therefore
 depends on the intended motion, the arm, and the admittance of the controller.
@@ -32,7 +32,7 @@ REACTION = 0.2
 
 
 class Operator(ABC):
-    """Base class of operators who palpate to a given depth.
+    """Base class of simulated operators who palpate to a given depth.
 
     Parameters
     ----------
@@ -59,10 +59,16 @@ class Operator(ABC):
 
     @abstractmethod
     def movement(self, t: float) -> Intention:
-        """Return the voluntary motion at time t [s] after its start; t must not decrease."""
+        """Return the voluntary motion at t [s] after the first movement began.
+
+        t must not decrease from one call to the next.
+        """
 
     def intention(self, t: float) -> Intention:
-        """Return the intended motion, with tremor, at time t [s]; t must not decrease."""
+        """Return the intended motion, with tremor, at t [s] after the start of the trial.
+
+        t must not decrease from one call to the next.
+        """
         if t < REACTION:
             return Intention(0.0, 0.0)
         t -= REACTION
@@ -76,7 +82,11 @@ class Operator(ABC):
 
 
 class FreePalpation(Operator):
-    """Pokes of about 1 s: inwards, a short dwell, and outwards to a light touch."""
+    """Free palpation by pokes of about 1 s.
+
+    A poke is a movement inwards, a short rest, a movement outwards to about half of the depth, and
+    a short rest.
+    """
 
     def __init__(self, depth: float, seed: int) -> None:
         super().__init__(depth, seed)
@@ -85,7 +95,7 @@ class FreePalpation(Operator):
         self._inwards = False
 
     def movement(self, t: float) -> Intention:
-        """Return a minimum-jerk movement to the next turning point, followed by a dwell."""
+        """Return a minimum-jerk movement to the next turning point, followed by a short rest."""
         while t >= self._start + self._duration + self._dwell:
             self._next(self._start + self._duration + self._dwell)
         share = min((t - self._start) / self._duration, 1.0)
@@ -109,7 +119,7 @@ class FreePalpation(Operator):
 
 
 class MimickedSine(Operator):
-    """Tracking of a sine of constant frequency and amplitude, with human errors.
+    """Tracking of a sine of constant frequency and amplitude, with the errors of a person.
 
     The amplitude varies slowly by about 10 %, and the phase by about 0.4 rad.
 
@@ -122,7 +132,7 @@ class MimickedSine(Operator):
     frequency
         Frequency of the sine [Hz], > 0.
     count_in
-        Time for which the operator waits at a light touch [s], >= 0.
+        Time for which the operator waits at a small depth before the sine begins [s], >= 0.
     """
 
     def __init__(
@@ -142,7 +152,10 @@ class MimickedSine(Operator):
         ]
 
     def movement(self, t: float) -> Intention:
-        """Return a raised cosine from light touch to depth, with varying amplitude and phase."""
+        """Return a raised cosine between a small depth and about the intended depth.
+
+        Its amplitude and phase vary slowly.
+        """
         light, light_rate = (t, 1.0) if t < 1.0 else (1.0, 0.0)
         t = max(t - self._count_in, 0.0)
         omega = 2.0 * math.pi * self._frequency

@@ -1,14 +1,16 @@
-"""The paper's set-up, as calibrated to its Table I: cubes, force channel, lost motion, depths.
+"""Simulation of the set-up of the paper, calibrated to Table I of the paper.
 
-Force channel and slave are the same in all nine trials. The cubes stiffen with depth, the force
-channel has a lag tau, and the slave has lost motion delta. For a motion of amplitude A and angular
-frequency omega, RLS then estimates about
+The set-up consists of cubes, force channel, transmission with lost motion, and depths of palpation.
+The force channel and the slave are the same in all nine trials. The cubes stiffen with depth, the
+force channel has a lag tau, and the slave has lost motion delta. For a motion of amplitude A and
+angular frequency omega to the depth x, RLS then estimates about
 
     k_hat = k1 + k3 x^2
     b_hat = b - k_hat tau - 4 k_hat delta / (pi omega A)
 
-`python -m teleop.studies.paper.calibrate` computes k1, k3, lag and lost motion such that these are
-the RLS rows of Table I. Its documentation lists the assumptions about the other values.
+`python -m teleop.studies.paper.calibrate` computes k1, k3, tau and delta such that k_hat and b_hat
+are the values of RLS in Table I. The documentation of this module lists the assumptions about the
+other values.
 """
 
 from __future__ import annotations
@@ -25,7 +27,7 @@ LOSS_TIME = 1.5e-3
 
 
 def silicone(k1: float, k3: float) -> Cube:
-    """Return a cube of silicone rubber."""
+    """Return a cube of silicone rubber with stiffness k1 [N/m] and stiffening k3 [N/m^3]."""
     return Cube(k1, k3, LOSS_TIME * k1)
 
 
@@ -47,7 +49,7 @@ DEPTH = {
     "mimic": {"soft": 15.5e-3, "medium": 6.5e-3, "hard": 1.3e-3},
     "autonomous": {"soft": 10.3e-3, "medium": 4.3e-3, "hard": 0.86e-3},
 }
-"""Depth of palpation [m] that operator or injector aims for under each condition."""
+"""Intended depth of palpation [m], by condition and cube."""
 
 
 @dataclass(frozen=True)
@@ -65,12 +67,12 @@ class Setup:
     force_lag: float
     """Time constant of the contact force channel [s]."""
     depth: float
-    """Depth of palpation [m] that operator or injector aims for."""
+    """Intended depth of palpation [m]."""
     transmission: Transmission = RIGID
     """Transmission between the encoder and the tip of the slave."""
 
     def tip(self, position: Iterable[float]) -> list[float]:
-        """Return the true positions of the tip for the positions of the encoder, both in [m]."""
+        """Return the true positions of the tip [m], from the positions of the encoder [m]."""
         played, tip = 0.0, []
         for x in position:
             played = self.transmission.play(played, x)
@@ -78,7 +80,10 @@ class Setup:
         return tip
 
     def force(self, x: float) -> float:
-        """Return the static force [N] of cube and transmission in series at displacement x [m]."""
+        """Return the static force [N] of cube and transmission in series.
+
+        x [m] is the displacement of both together, without friction.
+        """
         return self.cube.force(self.cube.compressed(x, self.transmission.compliance), 0.0)
 
     def __post_init__(self) -> None:

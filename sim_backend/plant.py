@@ -11,12 +11,13 @@ from sim_backend.cube import Cube
 from sim_backend.transmission import RIGID, Transmission
 
 MAX_STEP = 1e-3
-"""Longest integration step [s]; with half of it, the sensors read the same values."""
+"""Longest integration step [s]. With half of this step, the readings of the sensors are the same.
+"""
 
 
 @dataclass(frozen=True)
 class PlantParameters:
-    """Parameters of drives and force channels; the defaults are those of laboratory actuators.
+    """Parameters of the drives and the force channels. The defaults are typical laboratory values.
 
     Raises
     ------
@@ -25,7 +26,7 @@ class PlantParameters:
     """
 
     handle_bandwidth: float = 40.0
-    """Bandwidth of the handle's velocity servo [Hz]; the force of the hand does not affect it."""
+    """Bandwidth of the handle's velocity servo [Hz]. The force of the hand has no effect on it."""
     slave_bandwidth: float = 80.0
     """Bandwidth of the proportional part of the slave's velocity servo [Hz]."""
     slave_integral: float = 25.0
@@ -41,7 +42,7 @@ class PlantParameters:
 
     @property
     def slave_compliance(self) -> float:
-        """Position error of the slave's servo per newton of load [m/N]."""
+        """Position error of the slave's servo per newton of constant load [m/N]."""
         corners = self.slave_bandwidth * self.slave_integral
         return 1.0 / (self.slave_mass * (2.0 * math.pi) ** 2 * corners)
 
@@ -52,7 +53,11 @@ class PlantParameters:
 
 
 class Handle:
-    """The master's handle: position [m] and velocity [m/s], x'' = w (u - x')."""
+    """The handle of the master, with a velocity servo: x'' = w (u - x').
+
+    u is the velocity command, and w is 2 pi times the bandwidth [Hz] of the servo. The attributes
+    `x` and `v` are the position [m] and the velocity [m/s].
+    """
 
     def __init__(self, bandwidth: float) -> None:
         self._rate = 2.0 * math.pi * bandwidth
@@ -67,10 +72,12 @@ class Handle:
 
 
 class Slave:
-    """The slave's motor, which moves the tip: position [m] and velocity [m/s].
+    """The motor of the slave, which moves the tip.
 
-    The velocity servo has a proportional and an integral part. The load l is the force of the cube
-    on the tip plus the friction at the tip:
+    The attributes `x` and `v` are the position [m] and the velocity [m/s] of the motor. The
+    velocity servo has a proportional and an integral part. u is the velocity command and e the
+    integral of the velocity error. The load l is the force of the cube on the tip plus the friction
+    at the tip:
 
         m x'' = m (K_p (u - x') + K_i e) - l(x, x'),    e' = u - x'
     """
@@ -93,7 +100,7 @@ class Slave:
         return self._tip_force(self._transmission.play(self._played, self.x), self.x, self.v)
 
     def _tip_force(self, played: float, x: float, v: float) -> float:
-        """Return the force of the cube [N] for the output of the transmission's play operator."""
+        """Return the force of the cube [N]; `played` is the output of the play operator [m]."""
         lost, compliance = self._transmission.lost_motion, self._transmission.compliance
         tip = self.cube.compressed(played, compliance)
         slips = played <= x - lost if v > 0.0 else played >= x + lost
@@ -101,7 +108,10 @@ class Slave:
         return self.cube.force(tip, speed)
 
     def load(self, x: float, v: float) -> float:
-        """Return the load [N] after a linear motion to position x [m] with velocity v [m/s]."""
+        """Return the load [N] at position x [m] and velocity v [m/s] of the motor.
+
+        The motor moves from its present position to x without reversal.
+        """
         compliance = self._transmission.compliance
         if compliance == 0.0:
             return self.cube.force(x, v)
@@ -116,7 +126,7 @@ class Slave:
         )
 
     def move_to(self, x: float, v: float) -> None:
-        """Move the motor linearly to position x [m], and set its velocity to v [m/s]."""
+        """Move the motor to position x [m] without reversal, and set its velocity to v [m/s]."""
         self.x, self.v = x, v
         self._played = self._transmission.play(self._played, x)
 
@@ -143,14 +153,17 @@ class Slave:
 
 
 class ForceChannel:
-    """A force sensor with its amplifier: a first-order lag, tau y' = f - y."""
+    """A force sensor with amplifier: a first-order lag tau y' = f - y.
+
+    The attribute `y` is the output [N], and `lag` is the time constant tau [s].
+    """
 
     def __init__(self, lag: float) -> None:
         self._lag = lag
         self._force = self.y = 0.0
 
     def advance(self, force: float, dt: float) -> None:
-        """Advance by `dt` [s] in which the force changes linearly to `force` [N]; exact."""
+        """Advance by `dt` [s]. The force changes linearly to `force` [N]; the solution is exact."""
         behind = (force - self._force) / dt * self._lag
         decay = math.exp(-dt / self._lag)
         self.y = force - behind + (self.y - self._force + behind) * decay
@@ -173,7 +186,7 @@ class Arm(NamedTuple):
 
 
 class Intention(NamedTuple):
-    """Motion that the operator intends."""
+    """Intended motion of the operator's hand at one time."""
 
     position: float
     """Intended position [m]."""

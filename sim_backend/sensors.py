@@ -18,15 +18,15 @@ class Sensors:
     """
 
     encoder_resolution: float = 1e-6
-    """Position of one encoder count [m]."""
+    """Distance per encoder count [m]."""
     force_noise: float = 0.02
-    """Standard deviation of a force sample [N]."""
+    """Standard deviation of the noise of a force sample [N]."""
     master_zero: float = 0.0
     """Offset of the handle's force sensor [N]."""
     contact_zero: float = 0.0
     """Offset of the contact force sensor [N]."""
     contact_position: float = 0.0
-    """Reading of the slave's encoder at the contact datum [m]."""
+    """Reading of the slave's encoder at the contact point [m]."""
 
     def __post_init__(self) -> None:
         if not 0.0 < self.encoder_resolution < math.inf:
@@ -39,5 +39,8 @@ class Sensors:
         return round(x / self.encoder_resolution) * self.encoder_resolution
 
     def force(self, f: float, noise: random.Random) -> float:
-        """Return the reading of the force sensor at force f [N], without offset."""
+        """Return the reading of a force sensor [N] at force f [N]: with noise, without offset.
+
+        `noise` is the random generator of the noise.
+        """
         return f + noise.gauss(0.0, self.force_noise)

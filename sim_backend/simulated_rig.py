@@ -18,8 +18,8 @@ FRESH = Ages(*(0.0 for _ in CHANNELS))
 class SimulatedRig(Rig):
     """A simulated telemanipulator with the interface of a real rig.
 
-    Each reading advances the plant to the present time of the clock, real or virtual. With a
-    virtual clock, two runs with the same seed are exactly equal, bit by bit.
+    Each call of `read` advances the plant to the present time of the clock, real or virtual. With
+    a virtual clock, two simulations with the same seed are identical to the bit.
 
     Parameters
     ----------
@@ -36,8 +36,8 @@ class SimulatedRig(Rig):
     max_velocity
         Largest velocity of the drives [m/s].
     watchdog
-        Watchdog time [s]. If enabled drives receive no command for longer, they stop, report the
-        error `watchdog`, and must be enabled again.
+        Watchdog time [s]. If enabled drives receive no command for a longer time, they stop, the
+        measurement contains the drive error `watchdog`, and the drives must be enabled again.
     seed
         Seed of the sensor noise.
     start
@@ -80,7 +80,7 @@ class SimulatedRig(Rig):
         self._time = 0.0
 
     def open(self) -> None:
-        """Start the time of the plant; the drives are idle."""
+        """Set the time of the plant to the present time of the clock. The drives are disabled."""
         self._time = self._now()
 
     def read(self) -> Measurement:
@@ -116,15 +116,16 @@ class SimulatedRig(Rig):
         self._error = ""
 
     def enable(self) -> bool:
-        """Enable the drives, and start the time of the operator."""
+        """Enable the drives, and start the motion of the operator; return True."""
         self._enabled, self._error = True, ""
         self._start = self._commanded = self._time
         return True
 
     def write(self, command: Command) -> Command:
-        """Command the drives; velocities are limited to the largest velocity of the drives.
+        """Command the drives; return the applied command.
 
-        Drives that are not enabled do not move.
+        Velocities are limited to the largest velocity of the drives. Drives that are not enabled
+        do not move.
 
         Raises
         ------

@@ -10,15 +10,16 @@ Since g(y) = y + c f_s(y) increases with y, this is equivalent to
 
     g(y) = p = play(x),    phi = (x - p) / c
 
-where play is the play operator of half width delta [1]: p is constant while |x - p| <= delta, and
-otherwise follows x at the distance delta. For a sine of amplitude A, the cube has the describing
-function of the play [2]. Its phase has the same effect as a damping of
+where x is the position of the motor, and play is the play operator of half width delta [1]: p is
+constant while |x - p| <= delta, and otherwise follows x at the distance delta. For a sine of
+amplitude A, the force of the cube has the amplitude and phase of the describing function of the
+play operator [2]. The phase has the same effect as a damping of
 -4 k delta (A - delta) / (pi omega A^2), about -4 k delta / (pi omega A), where k is the stiffness
-of cube and transmission in series.
+of cube and transmission in series, and omega the angular frequency.
 
-The damping force of the cube is computed from the speed of the tip that follows from these
-equations. The stretch of the transmission due to the damping force is neglected. Friction and
-damping always dissipate energy.
+The damping force of the cube is computed from the speed of the tip according to these equations.
+The stretch of the transmission due to the damping force is neglected. Friction and damping always
+dissipate energy.
 
 [1] M. Brokate, J. Sprekels, Hysteresis and Phase Transitions, Springer, 1996, section 2.1.
 [2] A. Gelb, W. E. Vander Velde, Multiple-Input Describing Functions and Nonlinear System Design,
@@ -42,7 +43,8 @@ class Transmission:
     """
 
     lost_motion: float = 0.0
-    """Distance by which the tip lags the motor due to dry friction, in either direction [m]."""
+    """Distance delta by which the tip lags the motor due to dry friction, in either direction [m].
+    """
     compliance: float = 0.0
     """Stretch of the transmission per newton of force on the tip [m/N]."""
 
@@ -59,8 +61,9 @@ class Transmission:
         return self.lost_motion / self.compliance if self.compliance else 0.0
 
     def play(self, p: float, x: float) -> float:
-        """Return the output of the play operator [m] from its last output p and its input x [m]."""
+        """Return the output of the play operator [m] for its last output p and its input x [m]."""
         return min(max(p, x - self.lost_motion), x + self.lost_motion)
 
 
 RIGID = Transmission()
+"""Transmission without compliance and lost motion."""

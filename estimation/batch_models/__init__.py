@@ -1,4 +1,4 @@
-"""Batch fits of models of the environment, each with intervals and goodness of fit."""
+"""Batch fits of models of the environment, with confidence intervals and goodness of fit."""
 
 from __future__ import annotations
 

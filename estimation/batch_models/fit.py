@@ -1,10 +1,11 @@
-"""Data and result of a batch fit: parameters with intervals, and goodness of fit.
+"""Data and result of a batch fit: parameters with confidence intervals, and goodness of fit.
 
-Models are fitted to samples whose position and force are smoothed by the same kernel. The samples
-are far enough apart for their noise to be independent. The information criteria and the
-autocorrelation are computed from the residuals of these samples; R^2 and the root mean square
-residual from the measured force. The intervals are valid for residuals of any autocorrelation
-(`estimation.robust_error`); they use the Jacobian of the model at the fitted parameters.
+Position and force are smoothed by the same kernel. A model is fitted to samples that are far enough
+apart for their noise to be independent. The information criteria and the autocorrelation are
+computed from the residuals of these samples. R^2 and the root mean square residual are computed
+from the measured force of all samples in contact. The confidence intervals use the Jacobian of the
+model at the fitted parameters, and are valid for residuals of any autocorrelation
+(`estimation.robust_error`).
 """
 
 from __future__ import annotations
@@ -30,36 +31,38 @@ class BatchData(NamedTuple):
     v: Floats
     """Velocity [m/s]."""
     f: Floats
-    """Smoothed force from the datum [N]."""
+    """Smoothed force, relative to the datum [N]."""
     raw_f: Floats
-    """Force as measured, from the datum [N]."""
+    """Measured force without smoothing, relative to the datum [N]."""
     rows: NDArray[np.intp]
-    """Indices of the samples that are fitted, shape (rows,)."""
+    """Indices of the samples to which the model is fitted, shape (rows,)."""
     inside: NDArray[np.intp]
-    """Indices of the samples in contact."""
+    """Indices of the samples in contact, shape (inside,)."""
     starts: tuple[int, ...] = (0,)
-    """Index of the first sample of each piece between gaps."""
+    """Index of the first sample of each piece. A piece is a part of the record without gaps."""
     width: float = 0.0
     """Standard deviation of the smoothing kernel [s]."""
     contact: float | None = None
     """Contact point [m]; None if it is not known."""
     unloaded: float = 0.0
-    """Force out of contact, relative to the datum [N]; the sensor's zero if it is not known."""
+    """Force out of contact, relative to the datum [N]. If it is not known, a sensor reading of 0
+    is taken as the force out of contact."""
 
 
 class Parameter(NamedTuple):
-    """An estimated parameter with its 95 % interval."""
+    """An estimated parameter with its 95 % confidence interval."""
 
     value: float
     """Estimate, in `unit`."""
     low: float
-    """Lower end of the interval."""
+    """Lower end of the interval, in `unit`."""
     high: float
-    """Upper end of the interval."""
+    """Upper end of the interval, in `unit`."""
     unit: str
     """Unit of the parameter."""
     identifiable: bool
-    """Whether the value is in its plausible range, and the interval narrow enough."""
+    """True if the value is in its plausible range and the interval does not contain zero. Some
+    parameters may also be zero, see `FittedParameter.may_vanish`."""
 
 
 class BatchFit(NamedTuple):
@@ -70,7 +73,7 @@ class BatchFit(NamedTuple):
     parameters: dict[str, Parameter]
     """Parameters by name."""
     r2: float
-    """Share of the variance of the measured force that the model explains."""
+    """Coefficient of determination R^2 of the measured force."""
     rms: float
     """Root mean square of the residual of the measured force [N]."""
     aic: float
@@ -78,13 +81,13 @@ class BatchFit(NamedTuple):
     bic: float
     """Bayesian information criterion."""
     autocorrelation: float
-    """Correlation of successive residuals of the fitted samples."""
+    """Correlation coefficient of successive residuals of the fitted samples."""
     predicted: Floats
     """Force of the model [N], shape (n,); NaN out of contact."""
 
     @property
     def identifiable(self) -> bool:
-        """Whether all parameters other than offsets are identifiable."""
+        """Whether all parameters except `f1` are identifiable."""
         return all(one.identifiable for name, one in self.parameters.items() if name != "f1")
 
     def summary(self) -> dict[str, object]:
@@ -102,7 +105,7 @@ class BatchFit(NamedTuple):
 
 
 class FittedParameter(NamedTuple):
-    """A fitted parameter without its interval."""
+    """A fitted parameter without confidence interval."""
 
     name: str
     """Name of the parameter."""
@@ -111,17 +114,17 @@ class FittedParameter(NamedTuple):
     unit: str
     """Unit of the parameter."""
     jacobian: Floats
-    """Derivative of the force by the parameter at the fitted samples, shape (rows,)."""
+    """Derivative of the model's force with respect to the parameter, shape (rows,)."""
     plausible: tuple[float, float] = (-math.inf, math.inf)
-    """Range outside of which the parameter is not identifiable."""
+    """Range in which the value must be for the parameter to be identifiable."""
     may_vanish: bool = False
-    """Whether the parameter is identifiable too if its interval contains zero."""
+    """Whether the parameter is also identifiable if its confidence interval contains zero."""
 
 
 def with_intervals(
     name: str, data: BatchData, fitted: list[FittedParameter], predicted: Floats
 ) -> BatchFit:
-    """Compute the intervals and the goodness of fit.
+    """Return a fit with confidence intervals and goodness of fit.
 
     Parameters
     ----------

@@ -1,10 +1,11 @@
-"""Hunt-Crossley with contact point, f = K d^n + B d^n v, d = x - xc.
+"""Fit of the Hunt-Crossley model f = K d^n + B d^n v, d = x - xc, with unknown contact point xc.
 
-For given contact point xc and exponent n the force is linear in K and B. Therefore only xc and n
-are found by search, and K and B by linear least squares (variable projection). The estimates of K
-and n are strongly correlated, and the unit of K depends on n. The search therefore divides d by its
-largest value D: the stiffness K D^n is determined much better than K. If n or xc is at the end of
-its range, the record does not determine it, for example because no sample is near the contact.
+For a given contact point xc and exponent n the force is linear in K and B. Therefore only xc and n
+are found by a nonlinear search, and K and B by linear least squares (variable projection). The
+estimates of K and n are strongly correlated, and the unit of K depends on n. The search therefore
+divides d by its largest value D, because K D^n has a much smaller error than K. If n or xc is at
+the end of its range, the record does not determine this value, for example because no sample is
+near the contact point.
 
 References
 ----------
@@ -28,15 +29,16 @@ from estimation.batch_models.fit import (
 from estimation.compiled import Floats
 
 EXPONENT = (0.5, 5.0)
-"""Range of the exponent in the search."""
+"""Range of the exponent n in the search."""
 PLAUSIBLE = (0.8, 4.5)
-"""Range in which the exponent is identifiable."""
+"""Range in which the exponent n must be to count as identifiable."""
 BEFORE = 2.0
-"""Largest distance of the contact point from the lowest position in contact, in travels."""
+"""Largest distance from the contact point to the smallest fitted position, relative to the range of
+the fitted positions."""
 
 
 def fit_hunt_crossley(data: BatchData) -> BatchFit:
-    """Fit the model of Hunt and Crossley."""
+    """Return the fit of the Hunt-Crossley model, with the parameters K, B, n and xc."""
     x, v, f = (channel[data.rows] for channel in (data.x, data.v, data.f - data.unloaded))
     travel = float(np.ptp(x))
     near = float(x.min()) + 0.02 * travel

@@ -1,7 +1,10 @@
-"""Relaxation in a hold as a Prony series, f(t) = f_inf + sum_j f_j exp(-t / tau_j).
+"""Fit of the force relaxation in a hold by a Prony series.
 
-The Bayesian information criterion selects one or two terms. The time constants are found by search,
-and the forces by linear least squares. A time constant longer than the hold is not identifiable.
+    f(t) = f_inf + sum_j f_j exp(-t / tau_j)
+
+The Bayesian information criterion selects one or two terms. The time constants tau_j are found by a
+nonlinear search, and the forces f_j by linear least squares. A time constant longer than the hold
+is not identifiable.
 """
 
 from __future__ import annotations
@@ -19,7 +22,7 @@ from estimation.robust_error import RobustFit
 
 
 class Relaxation(NamedTuple):
-    """A Prony series that was fitted to a hold."""
+    """A Prony series that was fitted to the force in a hold."""
 
     parameters: dict[str, Parameter]
     """`f_inf`, `f1`, `tau1`, and with a second term `f2` and `tau2`."""
@@ -28,12 +31,13 @@ class Relaxation(NamedTuple):
 
 
 def fit_prony(t: Floats, f: Floats) -> Relaxation | None:
-    """Return the Prony series of a hold; None if the force does not relax.
+    """Return the Prony series of the force in a hold; None if the force does not relax.
 
     Parameters
     ----------
     t
-        Time since the begin of the hold [s], shape (n,). The noise of the samples is independent.
+        Time since the start of the hold [s], shape (n,). The noise of the samples must be
+        independent.
     f
         Force [N], shape (n,).
     """
@@ -50,13 +54,16 @@ def fit_prony(t: Floats, f: Floats) -> Relaxation | None:
 
 
 def criterion(residual: Floats, parameters: int) -> float:
-    """Return the Bayesian information criterion."""
+    """Return the Bayesian information criterion of a fit with this number of parameters.
+
+    `residual` is the residual force [N], shape (n,).
+    """
     n = len(residual)
     return n * math.log(max(float(np.mean(residual**2)), 1e-300)) + parameters * math.log(n)
 
 
 def fit_terms(t: Floats, f: Floats, terms: int) -> tuple[Relaxation, Floats]:
-    """Fit a series with `terms` terms, and return it with its residual [N], shape (n,)."""
+    """Return the fitted series with `terms` exponential terms, and the residual [N], shape (n,)."""
     seconds = float(t[-1] - t[0])
     shortest = 2.0 * float(t[1] - t[0])
 

@@ -1,10 +1,14 @@
-"""Standard linear solid: a spring k beside a spring k1 in series with a damper k1 tau.
+"""Fit of the standard linear solid.
+
+The body is a spring k in parallel with a Maxwell element: a spring k1 in series with a damper
+k1 tau. z is the stretch of the spring k1.
 
     f = k x + k1 z + f0,    z' = x' - z / tau
 
-For a given tau, f is linear in k, k1, f0 and the initial value of z. tau is found by search, from
-the width of the smoothing to ten times the length of the record (variable projection). A time
-constant longer than half of the record, or shorter than a few widths, is not identifiable.
+For a given tau, f is linear in k, k1, f0 and the initial value of z. tau is found by a nonlinear
+search (variable projection), from four widths of the smoothing kernel to ten times the length of
+the record. tau is not identifiable if it is near the lower end of this range or longer than half of
+the record.
 """
 
 from __future__ import annotations
@@ -26,7 +30,10 @@ from estimation.compiled import Floats
 
 
 def relaxing(data: BatchData, tau: float) -> tuple[Floats, Floats]:
-    """Return z and the decay of its value at the start of each piece, each of shape (n,)."""
+    """Return z for z = 0 at the start of each piece, and exp(-t / tau), each of shape (n,).
+
+    A piece is a part of the record without gaps, and t is the time since the start of the piece.
+    """
     period = float(data.t[1] - data.t[0])
     decay = math.exp(-period / tau)
     gain = tau / period * (1.0 - decay)
@@ -40,7 +47,10 @@ def relaxing(data: BatchData, tau: float) -> tuple[Floats, Floats]:
 
 
 def fit_standard_linear_solid(data: BatchData) -> BatchFit:
-    """Fit the standard linear solid."""
+    """Return the fit of the standard linear solid, with the parameters k, k1, tau, f0 and f1.
+
+    f1 is the force k1 z at the start of each piece of the record.
+    """
     seconds = len(data.t) * float(data.t[1] - data.t[0])
     shortest = max(4.0 * data.width, 2.0 * float(data.t[1] - data.t[0]))
     longest = max(10.0 * seconds, 4.0 * shortest)

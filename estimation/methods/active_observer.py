@@ -12,34 +12,35 @@ class ActiveObserver(RandomWalkKalman):
     The method is based on R. Cortesao, J. Park, O. Khatib, "Real-time adaptive control for haptic
     telemanipulation with Kalman active observers", IEEE Trans. Robotics 22(5), 2006, and
     R. Cortesao, "On Kalman active observers", J. Intelligent and Robotic Systems 48(2), 2007.
-    From these papers it uses the active state p, an additional state that absorbs everything
-    that the model does not explain, with the first-order stochastic equation
+    Two parts of these papers are used. The first is the active state p, an additional state for
+    the force that phi' theta does not describe, with the first-order stochastic equation
 
         p(n) - p(n-1) = w,    var w = Qp dt var e,
 
-    and a Kalman filter of the augmented state. It does not use the controller. In the papers the
-    observer is part of a robot under force control, p acts at the input, and stiffness is adapted
-    from force errors. This estimator has no input: p is a force at the surface [N], and the other
-    states are the parameters, random walks as in `RandomWalkKalman`.
+    where e is the force noise. The second is the Kalman filter of the augmented state. The
+    controller is not used. In the papers the observer is part of a robot under force control, p
+    acts at the input of the robot, and stiffness is adapted from force errors. This estimator has
+    no input: p is a force at the surface [N], and the other states are the parameters, random walks
+    as in `RandomWalkKalman`.
 
-    p absorbs, and thus reveals, an error of the datum, friction or slow relaxation. In a hold it
-    cannot be distinguished from k x. If p is slow, it keeps its initial value for a long time,
-    and the standard deviations of k and p are too large for several time constants of p.
+    p is not zero if there is an error of the datum, friction or slow relaxation. In a hold, p
+    cannot be distinguished from k x. If Qp is small, p has nearly its initial value for a long
+    time, and the standard deviations of k and p are too large during several time constants of p.
 
     Parameters
     ----------
     process_noise, initial_covariance, ceiling
-        As in `RandomWalkKalman`, with the value for p last: Qp [N^2/s], the initial and the
-        largest variance [N^2], all per N^2 of force variance.
+        As in `RandomWalkKalman`, with one more value for p at the end: Qp [N^2/s], and the initial
+        and the largest variance [N^2] of p, for force noise with a variance of 1 N^2.
     model
-        Model that defines the regressors, except the constant regressor of p.
+        Model that defines the regressors phi. The regressor 1 of p is not part of the model.
     correlation
-        Samples per independent noise sample, see `LinearGainEstimator`.
+        Number of samples per independent sample of the force noise, see `LinearGainEstimator`.
 
     Raises
     ------
     ValueError
-        A parameter is out of its range.
+        An argument is out of its range.
     """
 
     constant = True

@@ -22,35 +22,35 @@ RK4_LIMIT = 2.785293563405282
 """Stability limit of r dt for RK4 of y' = -r y: root of |1 - z + z^2/2 - z^3/6 + z^4/24| = 1."""
 
 GUESS = 1.0
-"""Ratio of the initial variance of a parameter, as in `LinearGainEstimator`, to its gain [s]."""
+"""Initial variance of a parameter, for noise of variance 1 N^2, divided by its gain [s]."""
 
 
 @dataclass(frozen=True, slots=True)
 class GradientParameters(LinearGainParameters):
-    """Parameters of `step`."""
+    """Constant settings of the function `step`."""
 
     rk4: bool
-    """Whether (8) is integrated by Runge-Kutta 4 where it is stable."""
+    """Whether the gradient law is integrated by Runge-Kutta 4 (RK4) where RK4 is stable."""
     Gamma: tuple[float, ...]
-    """Diagonal of the adaptation gain, (m,)."""
+    """Diagonal of the adaptation gain Gamma, (m,)."""
 
 
 @dataclass(slots=True)
 class GradientState(LinearGainState):
-    """State of `step`."""
+    """Variables that the function `step` updates."""
 
     beyond_rk4: int
-    """Number of samples for which RK4 was unstable."""
+    """Number of samples for which Runge-Kutta 4 (RK4) was unstable."""
 
 
 def step(
     parameters: GradientParameters, state: GradientState, phi: Regressors, f: float, dt: float
 ) -> None:
-    """Integrate (8) over one sample period with constant phi and f.
+    """Integrate the gradient law (8) of the paper over one sample period, with constant phi and f.
 
-    The force error then decays as Delta f' = -r Delta f, with r = phi' Gamma phi. So theta
-    changes by -Gamma phi Delta f times the integral of the decay, which is (1 - e^-z) / r with
-    z = r dt. RK4 replaces this by its Taylor series up to z^4.
+    The force error Delta f = phi' theta - f then decays as Delta f' = -r Delta f, with
+    r = phi' Gamma phi. So theta changes by -Gamma phi Delta f (1 - e^-z) / r, with z = r dt and
+    Delta f before the step. RK4 replaces 1 - e^-z by its Taylor series up to z^4.
     """
     Gamma, L = parameters.Gamma, state.L
     rate = 0.0
@@ -70,12 +70,13 @@ def step(
 
 
 class AdaptiveIdentification(LinearGainEstimator):
-    """Adaptive identification by the gradient law, the paper's (5)-(8).
+    """Adaptive identification by the gradient law, (5)-(8) of the paper.
 
     Parameters
     ----------
     gain
-        Diagonal of Gamma, for each parameter of the model, b and k first.
+        Diagonal of Gamma, one value per parameter of the model: first b [s/m^2], then
+        k [1/(s m^2)].
     method
         Integration of (8) over a sample period:
 
@@ -87,7 +88,7 @@ class AdaptiveIdentification(LinearGainEstimator):
     model
         Model that defines the regressors.
     correlation
-        Samples per independent noise sample, see `LinearGainEstimator`.
+        Number of samples per independent sample of the force noise, see `LinearGainEstimator`.
 
     Raises
     ------

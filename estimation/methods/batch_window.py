@@ -1,4 +1,4 @@
-"""Ordinary least squares over a sliding window, the reference for other methods (OLS)."""
+"""Ordinary least squares (OLS) over a sliding window. It is the reference for other methods."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from estimation.model import KELVIN_VOIGT, Model
 from estimation.step import Matrix, Regressors, State, Vector, below, diagonal, zeros
 
 SINGULAR = 1e-10
-"""Smallest fraction of a regressor that must be linearly independent of the other regressors."""
+"""Smallest fraction of the sum of squares of a regressor that must be independent of the others."""
 SMALLEST_SQUARES = 1e-60
 """Sum of squares below which a regressor counts as zero."""
 LONGEST = 1_000_000
@@ -21,19 +21,19 @@ LONGEST = 1_000_000
 
 @dataclass(frozen=True, slots=True)
 class WindowParameters:
-    """Parameters of `step`."""
+    """Constant settings of the function `step`."""
 
     samples: int
     """Number of samples in a full window."""
     correlation: float
-    """Samples per independent noise sample, >= 1."""
+    """Number of samples per independent sample of the force noise, >= 1."""
     window: float
     """Length of the window [s]. A longer gap in the data empties the window."""
 
 
 @dataclass(slots=True)
 class WindowState(State):
-    """State of `step`. A sample is z = (phi, f) with m + 1 entries."""
+    """Variables that `step` updates. A sample is a vector z = (phi, f) with m + 1 entries."""
 
     place: int
     """Index of the oldest sample in `ring`."""
@@ -46,7 +46,8 @@ class WindowState(State):
     peak: Vector
     """Largest sum of squares of each regressor since `place` was last 0, (m,)."""
     L: Matrix
-    """Factor of sums = L D L': L below the diagonal, D on it, D L' above; (m + 1, m + 1)."""
+    """Factors of sums = L D L': L below the diagonal, D on the diagonal, D L' above the diagonal;
+    (m + 1, m + 1)."""
     column: Vector
     """Work vector of `unit_variance`, (m + 1,)."""
     z: Vector
@@ -119,10 +120,10 @@ def renew(state: WindowState) -> None:
 
 
 def factorise(state: WindowState) -> bool:
-    """Factorise sums = L D L'; return whether the solution for theta is unique.
+    """Factorise sums = L D L'. Return False if the window does not determine all parameters.
 
-    The last row of L is the right-hand side from which `solve` computes theta. The last entry of
-    D is the sum of squared residuals.
+    L and D are stored in the field `L`. The last row of L is the right-hand side from which `solve`
+    computes theta. The last entry of D is the sum of squared residuals.
     """
     sums, L, peak = state.sums, state.L, state.peak
     m = len(peak)
@@ -145,7 +146,7 @@ def factorise(state: WindowState) -> bool:
 
 
 def solve(parameters: WindowParameters, state: WindowState) -> None:
-    """Compute theta by back substitution from the last row of L, and its standard deviations.
+    """Compute theta by back substitution from the last row of L, and the standard deviations.
 
     The noise variance is the sum of squared residuals divided by n - m degrees of freedom.
     """
@@ -165,7 +166,7 @@ def solve(parameters: WindowParameters, state: WindowState) -> None:
 
 
 def unit_variance(state: WindowState, i: int) -> float:
-    """Return e' (L D L')^-1 e, the variance of parameter i for a noise variance of 1."""
+    """Return the variance of parameter i for a noise variance of 1: entry (i, i) of (L D L')^-1."""
     L, column = state.L, state.column
     m = len(state.theta)
     column[i] = 1.0
@@ -183,7 +184,7 @@ def unit_variance(state: WindowState, i: int) -> float:
 def step(
     parameters: WindowParameters, state: WindowState, phi: Regressors, f: float, dt: float
 ) -> None:
-    """Solve least squares over the window; hold the estimate if the solution is not unique."""
+    """Compute theta by least squares over the window, if the window determines all parameters."""
     slide(parameters, state, phi, f, dt)
     if state.count > len(phi) and factorise(state):
         solve(parameters, state)
@@ -200,26 +201,27 @@ class BatchWindow(Estimator):
     variance s is the sum of squared residuals divided by n - m degrees of freedom (N. R. Draper,
     H. Smith, "Applied Regression Analysis", 1998).
 
-    The estimate is held while the samples in the window do not determine all parameters. Before
-    the first solution, the standard deviations are `LARGEST`. A gap longer than the window
-    empties it.
+    The estimate does not change while the samples in the window do not determine all parameters.
+    Before the first solution, the standard deviations are `LARGEST`. A gap in the data that is
+    longer than the window empties the window.
 
     Parameters
     ----------
     window
         Length of the window [s].
     sample_period
-        Time between samples [s]. The window has window / sample_period samples, rounded.
+        Time between samples [s]. The window has window / sample_period samples, rounded to an
+        integer.
     model
         Model that defines the regressors.
     correlation
-        Samples per independent noise sample, see `LinearGainEstimator`.
+        Number of samples per independent sample of the force noise, see `LinearGainEstimator`.
 
     Raises
     ------
     ValueError
-        The window does not have more samples than the model has parameters, it has more than
-        `LONGEST` samples, or a parameter is out of its range.
+        The number of samples in the window is not larger than the number of parameters of the
+        model, it is larger than `LONGEST`, or an argument is out of its range.
     """
 
     step = staticmethod(step)

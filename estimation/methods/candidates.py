@@ -29,7 +29,7 @@ class GridAxis:
 
 @dataclass(slots=True)
 class MovingAxis:
-    """Candidate values of one parameter that change over time. Further fields as in `GridAxis`."""
+    """Candidate values of one parameter that change over time; other fields as in `GridAxis`."""
 
     first: float
     spacing: float
@@ -40,7 +40,7 @@ class MovingAxis:
     middle: float
     """Middle value, in units of the spacing."""
     settled: float
-    """Time since the best candidate was last at the edge [s]."""
+    """Time since the values last changed [s]. Since then the best candidate was not at the edge."""
 
 
 def least_candidate(
@@ -48,7 +48,8 @@ def least_candidate(
 ) -> tuple[float, float]:
     """Return the candidate (b, k) with the smallest monitoring signal.
 
-    The weight of the tie-breaking term is `share` times the signal that the grid spans.
+    A small term is added to the signals so that one candidate is selected if several signals are
+    equal (see `MultiEstimator`). Its weight is `share`, relative to the signal that the grid spans.
     """
     vv, vx, xx = state.vv, state.vx, state.xx
     b_first, b_step = b.first, b.spacing
@@ -69,7 +70,7 @@ def least_candidate(
 
 
 def grid_axis(axis: Axis) -> GridAxis:
-    """Convert an axis to the form that a step needs."""
+    """Return an axis as a dataclass of numbers, which a step can use."""
     last = axis.count - 1
     zero = float(axis.nearest_zero)
     return GridAxis(axis.first, axis.spacing, last, zero, axis.spacing * last, 1.0 / (last * last))

@@ -1,4 +1,4 @@
-"""Coarse to fine: a multi-estimator with a grid that follows the best candidate."""
+"""Coarse to fine: a multi-estimator whose grid is moved to the best candidate and refined."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ from estimation.methods.multi_estimator import FASTEST
 from estimation.step import B, K, Regressors
 
 TIE = 1e-12
-"""Weight of the tie-breaking term, as in `multi_estimator`.
+"""Weight of the tie-breaking term, see `MultiEstimator`.
 
-It is smaller, because this grid may be narrow and far from zero.
+It is smaller than that of `MultiEstimator`, because this grid may be narrow and far from zero.
 """
 FINEST = 1e-9
 """Smallest spacing, as a fraction of the initial spacing."""
@@ -33,16 +33,17 @@ COARSEST = 1e100
 
 @dataclass(frozen=True, slots=True)
 class CoarseToFineParameters:
-    """Parameters of `step`."""
+    """Constant settings of the function `step`."""
 
     twice_lambda: float
     """Rate at which the weight of a sample decays [1/s]."""
     half: float
-    """Number of candidates on either side of the middle one."""
+    """Number of candidate values on either side of the middle value of an axis."""
     patience: float
-    """Time away from the edge after which the spacing is halved [s]."""
+    """Time without a best candidate at the edge of the grid after which the spacing is halved [s].
+    """
     correlation: float
-    """Samples per independent noise sample, >= 1."""
+    """Number of samples per independent sample of the force noise, >= 1."""
     finest_b: float
     """Smallest spacing of b [N s/m]."""
     finest_k: float
@@ -51,7 +52,7 @@ class CoarseToFineParameters:
 
 @dataclass(slots=True)
 class CoarseToFineState(MonitoringState):
-    """State of `step`."""
+    """Variables that the function `step` updates."""
 
     b: MovingAxis
     k: MovingAxis
@@ -64,7 +65,7 @@ def step(
     f: float,
     dt: float,
 ) -> None:
-    """Select the candidate with the smallest (11) in the present grid, and move the grid to it."""
+    """Select the candidate with the smallest monitoring signal, and adapt the grid to it."""
     v, x = phi
     decay_and_add(parameters.twice_lambda, state, v, x, f, dt)
     b, k = least_candidate(state, state.b, state.k, TIE)
@@ -88,12 +89,15 @@ def follow(
     tie: float,
     dt: float,
 ) -> None:
-    """Double the spacing if the best value is at the edge; halve it after `patience` elsewhere.
+    """Adapt one axis of the grid to the best value of its parameter.
 
-    There are two lower bounds. The spacing is at least a quarter of sqrt(spread) / curvature, the
-    standard deviation of the parameter if the other parameter were known. And the signal must
-    increase by at least `tie` from the middle to the edge, so that the tie-breaking term does not
-    affect the result.
+    If the best value is at the edge, the spacing is doubled. If it has not been at the edge for the
+    time `patience`, the spacing is halved. In both cases the axis is centred at the best value.
+
+    The spacing is not halved below two lower limits. The first is a quarter of
+    sqrt(spread) / curvature, the standard deviation of the parameter if the other parameter were
+    known. Second, the monitoring signal must increase by at least `tie` from the middle of the axis
+    to the edge, so that the tie-breaking term does not change the result.
     """
     half, spacing = parameters.half, axis.spacing
     if abs(value - axis.middle * spacing) > (half - 0.5) * spacing:
@@ -111,7 +115,7 @@ def follow(
 
 
 def place(axis: MovingAxis, half: float, middle: float, spacing: float) -> None:
-    """Set the middle value of an axis, in units of its spacing, and its spacing."""
+    """Set the spacing of an axis, and the middle value of the axis in units of the spacing."""
     axis.middle = middle
     axis.spacing = spacing
     axis.first = (middle - half) * spacing
@@ -121,7 +125,7 @@ def place(axis: MovingAxis, half: float, middle: float, spacing: float) -> None:
 
 
 def moving_axis(half: int, spacing: float) -> MovingAxis:
-    """Return the initial axis, centred at zero."""
+    """Return the initial axis: `half` values on either side of zero, at this spacing."""
     last = 2 * half
     axis = MovingAxis(0.0, 0.0, last, 0.0, 0.0, 1.0 / (last * last), 0.0, 0.0)
     place(axis, half, 0.0, spacing)
@@ -129,15 +133,15 @@ def moving_axis(half: int, spacing: float) -> MovingAxis:
 
 
 class CoarseToFine(Estimator):
-    """Multi-estimator (10)-(11) with a grid that follows the best candidate.
+    """Multi-estimator, (10)-(11) of the paper, with a grid that moves to the best candidate.
 
     The monitoring signals of all candidates are one quadratic form with six sums as coefficients,
     wherever the grid is. So no information is lost when the grid moves. If the best candidate is
-    at the edge of the grid, the grid is centred at it and the spacing doubles, once per sample.
-    If it has not been at the edge for some time, the grid is centred at it and the spacing
-    halves, down to an eighth of the 95 % interval or less. Candidates are integer multiples of
-    the spacing. So zero is either a candidate or outside of the grid, and ties are broken as in
-    `MultiEstimator`.
+    at the edge of the grid, the grid is centred at this candidate and the spacing is doubled, once
+    per sample. If the best candidate has not been at the edge for some time, the grid is centred
+    at it and the spacing is halved, down to an eighth of the 95 % confidence interval or less.
+    Candidates are integer multiples of the spacing. So zero is either a candidate or outside of the
+    grid, and ties are broken as in `MultiEstimator`.
 
     A parameter that the data do not determine has the standard deviation `UNKNOWN`.
 
@@ -146,18 +150,18 @@ class CoarseToFine(Estimator):
     forgetting_rate
         lambda in (11) [1/s], >= 0. The weight of a squared error decays as e^(-2 lambda t).
     patience
-        Time [s] away from the edge after which the spacing is halved, > 0.
+        Time [s] without a best candidate at the edge after which the spacing is halved, > 0.
     spacing
         Initial spacing of b [N s/m] and k [N/m]. It has little effect on the result.
     half
         Number of candidates on either side of the middle one, along each axis.
     correlation
-        Samples per independent noise sample, see `LinearGainEstimator`.
+        Number of samples per independent sample of the force noise, see `LinearGainEstimator`.
 
     Raises
     ------
     ValueError
-        A parameter is out of its range.
+        An argument is out of its range.
     """
 
     step = staticmethod(step)

@@ -1,4 +1,4 @@
-"""Composite adaptation with bounded-gain forgetting (CA)."""
+"""Composite adaptation with bounded-gain forgetting (CA): an estimator with two error signals."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ LARGEST = 10.0
 
 @dataclass(frozen=True, slots=True)
 class CompositeParameters:
-    """Parameters of `step`."""
+    """Constant settings of the function `step`."""
 
     bandwidth: float
     """Bandwidth of the filter [1/s]."""
@@ -25,14 +25,15 @@ class CompositeParameters:
     instant: float
     """Weight of the force error, relative to the filtered prediction error."""
     floor: float
-    """P_0^-1, in units of the sizes."""
+    """Diagonal value of the initial information matrix P_0^-1, for regressors divided by their
+    sizes."""
     per_size: tuple[float, ...]
     """1 / typical size of each regressor, (m,)."""
 
 
 @dataclass(slots=True)
 class CompositeState(State):
-    """State of `step`, in units of the regressors' sizes."""
+    """Variables that `step` updates, for regressors divided by their typical sizes."""
 
     W: Vector
     """Filtered regressors, (m,)."""
@@ -41,11 +42,11 @@ class CompositeState(State):
     R: Matrix
     """Information matrix P^-1, lower triangle, (m, m)."""
     factor: Matrix
-    """R + instant s s', which `solve` replaces by its lower Cholesky factor, (m, m)."""
+    """R + instant s s', and after `solve` the lower Cholesky factor of this matrix, (m, m)."""
     s: Vector
-    """Regressors of the sample, (m,)."""
+    """Regressors of the sample, divided by their typical sizes, (m,)."""
     move: Vector
-    """Right-hand side of the normal equations, which `solve` replaces by the solution, (m,)."""
+    """Right-hand side of the normal equations, and after `solve` the solution, (m,)."""
 
 
 def step(
@@ -55,7 +56,7 @@ def step(
     f: float,
     dt: float,
 ) -> None:
-    """Integrate over one period by implicit Euler, in units of the regressors' sizes."""
+    """Integrate theta and P^-1 over one sample period by implicit Euler."""
     per_size, theta, move = parameters.per_size, state.theta, state.move
     error, filtered_error = filter_errors(parameters, state, phi, f, dt)
     accumulate(parameters, state, error, filtered_error, dt)
@@ -71,7 +72,10 @@ def filter_errors(
     f: float,
     dt: float,
 ) -> tuple[float, float]:
-    """Filter; return the force error f - phi' theta and the filtered error f_W - W' theta."""
+    """Filter phi and f. Return the force error and the filtered prediction error, both [N].
+
+    The force error is f - phi' theta, the filtered prediction error is f_W - W' theta.
+    """
     per_size, theta, s, W = parameters.per_size, state.theta, state.s, state.W
     square = 0.0
     error = f
@@ -98,7 +102,7 @@ def accumulate(
     filtered_error: float,
     dt: float,
 ) -> None:
-    """Update R by (8.115), and set up the normal equations of implicit Euler."""
+    """Update R by (8.115) of Slotine and Li, and compute the normal equations of implicit Euler."""
     s, W, R, factor, move = state.s, state.W, state.R, state.factor, state.move
     kept = math.exp(-parameters.forgetting_rate * dt)
     floor = (1.0 - kept) * parameters.floor
@@ -118,7 +122,7 @@ def accumulate(
 
 
 def solve(parameters: CompositeParameters, state: CompositeState) -> None:
-    """Replace `move` by (R + instant s s')^-1 move, by Cholesky factorisation in place."""
+    """Replace `move` by (R + instant s s')^-1 move, by Cholesky factorisation of `factor`."""
     factor, move, floor = state.factor, state.move, parameters.floor
     m = len(move)
     for i in below[m]:
@@ -160,11 +164,12 @@ class CompositeAdaptive(Estimator):
         theta' = P (W (f_W - W' theta) + instant phi (f - phi' theta)),
         d(P^-1)/dt = -lambda (P^-1 - P_0^-1) + W W',
 
-    where the forgetting is (8.115) of Slotine and Li. P never exceeds its initial value P_0.
-    lambda does not vanish as lambda (1 - |P| / |P_0|) does, so k is tracked even while the motion
-    has no information on b. The published law uses the tracking error of the force loop; here
-    the force error replaces it. V = (theta - theta_0)' P^-1 (theta - theta_0) never increases,
-    also with implicit Euler, for all settings and every `dt`.
+    where the forgetting is (8.115) of Slotine and Li. P never exceeds its initial value P_0. The
+    forgetting rate lambda is constant. A rate lambda (1 - |P| / |P_0|) would become zero while the
+    motion has no information on b; with a constant rate, k is tracked also during such a motion.
+    The published law uses the tracking error of the force loop; here the force error is used
+    instead. For true parameters theta_0, V = (theta - theta_0)' P^-1 (theta - theta_0) never
+    increases, also with implicit Euler, for all settings and every `dt`.
 
     There are no standard deviations, because the filter makes the noise correlated.
 
@@ -173,21 +178,21 @@ class CompositeAdaptive(Estimator):
     forgetting_rate
         Forgetting rate lambda [1/s].
     sizes
-        Typical root mean square of each regressor, [m/s] for v, [m] for x. A setting is
-        suitable for regressors of 0.1 to 10 times these sizes.
+        Typical root mean square of each regressor, [m/s] for v, [m] for x. One value is suitable
+        for regressors of 0.1 to 10 times this size.
     bandwidth
         Bandwidth of the filter [1/s].
     instant
         Weight of the force error, relative to the filtered prediction error, >= 0.
     bound
-        P_0 in units of lambda / size^2. For sufficient motion P is about 1 in this unit.
+        P_0 in units of lambda / size^2. P is about 1 in this unit during sufficient motion.
     model
         Model that defines the regressors.
 
     Raises
     ------
     ValueError
-        A parameter is out of its range.
+        An argument is out of its range.
     """
 
     step = staticmethod(step)

@@ -1,4 +1,4 @@
-"""Recursive least squares with conditional update: only informative samples are used."""
+"""Recursive least squares with conditional update: samples without information are not used."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from estimation.step import Regressors
 
 @dataclass(frozen=True, slots=True)
 class ConditionalParameters(FactoredParameters):
-    """Parameters of `step`."""
+    """Constant settings of the function `step`."""
 
     c: float
-    """Threshold: a sample is used if z' P z > c (1 - beta)."""
+    """Threshold c: a sample is used if z' P z > c (1 - beta), with the scaled regressors z."""
 
 
 def step(
@@ -32,7 +32,10 @@ def step(
     f: float,
     dt: float,
 ) -> None:
-    """Update by recursive least squares if z' P z > c (1 - beta); otherwise hold."""
+    """Update by recursive least squares if z' P z > c (1 - beta); otherwise set `held`.
+
+    z are the scaled regressors (`ud_factors`).
+    """
     beta = forgetting_factor(parameters, state, dt)
     if predicted_variance(parameters, state, phi) > parameters.c * (1.0 - beta):
         update_and_forget(parameters, state, phi, f, dt, beta)
@@ -41,7 +44,7 @@ def step(
 
 
 class ConditionalUpdate(FactoredEstimator):
-    """Recursive least squares that uses only informative samples.
+    """Recursive least squares that uses a sample only if the sample has enough information.
 
     A sample is used if phi' P phi exceeds c (1 - beta). phi' P phi is the variance of the force
     predicted with P, relative to the noise variance. Other samples cause neither an update nor
@@ -56,22 +59,22 @@ class ConditionalUpdate(FactoredEstimator):
     forgetting
         The forgetting factor beta, 0 < beta <= 1.
     initial_covariance
-        Diagonal of P0 for each model parameter, b [(N s/m)^2] and k [(N/m)^2] first, per N^2
-        of force variance.
+        Diagonal of P0: the initial variances of b [(N s/m)^2], k [(N/m)^2] and any further
+        parameters of the model, for force noise with a variance of 1 N^2.
     sample_period
-        Time [s] over which a weight decreases by the factor beta while samples are used. By
-        default it decreases by beta with each used sample, independent of `dt`.
+        Time [s] in which the weight of a past sample is multiplied by beta while samples are used.
+        Default: it is multiplied by beta at each used sample, independent of `dt`.
     threshold
         Threshold c, >= 0.
     model
         Model that defines the regressors.
     correlation
-        Samples per independent noise sample, see `LinearGainEstimator`.
+        Number of samples per independent sample of the force noise, see `LinearGainEstimator`.
 
     Raises
     ------
     ValueError
-        A parameter is out of its range.
+        An argument is out of its range.
     """
 
     step = staticmethod(step)

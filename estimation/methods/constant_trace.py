@@ -20,7 +20,7 @@ from estimation.step import Regressors, below
 
 @dataclass(frozen=True, slots=True)
 class ConstantTraceParameters(FactoredParameters):
-    """Parameters of `step`."""
+    """Constant settings of the function `step`."""
 
     c1: float
     """Trace of the covariance, before c2 is added, in units of P0."""
@@ -35,9 +35,10 @@ def step(
     f: float,
     dt: float,
 ) -> None:
-    """Set P <- P - P z z' P / (1 + z' P z), then P <- c1 P / tr P + c2 I; correct theta.
+    """Set P <- P - P z z' P / (1 + z' P z), then P <- c1 P / tr P + c2 I, and update theta.
 
-    The gain is P z / (1 + z' P z), with P before this sample.
+    z are the scaled regressors (`ud_factors`). The gain is P z / (1 + z' P z), with P before this
+    sample.
     """
     spread = update_covariance(parameters, state, phi, 1.0)
     D, c2 = state.D, parameters.c2
@@ -50,14 +51,15 @@ def step(
 
 
 class ConstantTrace(FactoredEstimator):
-    """Recursive least squares with a covariance of constant trace, regularised.
+    """Recursive least squares with a regularised covariance of constant trace.
 
-    The covariance neither winds up at rest nor vanishes in motion. After each sample it is
-    c1 P / tr P + c2 I, in units of P0 (K. J. Astrom and B. Wittenmark, "Adaptive Control", 2nd
-    edition, Addison-Wesley, 1995, chapter 11). For regressors with the scaled square
-    q = phi_i^2 P0_i, c1 = m (1 - beta) / q forgets as fast as a forgetting factor beta, and larger
-    motion is forgotten faster. A direction without excitation gets the whole trace, and its
-    estimate then follows the noise.
+    The covariance does not wind up at rest, and does not decrease to zero in motion. After each
+    sample it is set to c1 P / tr P + c2 I, in units of P0 (K. J. Astrom and B. Wittenmark,
+    "Adaptive Control", 2nd edition, Addison-Wesley, 1995, chapter 11). For m regressors with the
+    scaled square q = phi_i^2 P0_i, c1 = m (1 - beta) / q has the same effect as a forgetting factor
+    beta. With the same c1, forgetting is faster in a larger motion. The variance in a direction
+    without excitation increases up to the whole trace; the estimate in this direction then follows
+    the noise.
 
     Parameters
     ----------
@@ -71,12 +73,12 @@ class ConstantTrace(FactoredEstimator):
     model
         Model that defines the regressors.
     correlation
-        Samples per independent noise sample, see `LinearGainEstimator`.
+        Number of samples per independent sample of the force noise, see `LinearGainEstimator`.
 
     Raises
     ------
     ValueError
-        A parameter is out of its range.
+        An argument is out of its range.
     """
 
     step = staticmethod(step)

@@ -16,7 +16,7 @@ from estimation.model import KELVIN_VOIGT, Model
 from estimation.step import Regressors, below
 
 NO_NEWS = 1e-100
-"""Smallest z' P z at which information is forgotten; its inverse must not overflow."""
+"""Value of z' P z below which no information is forgotten, since 1 / (z' P z) may overflow."""
 
 
 def step(
@@ -24,9 +24,9 @@ def step(
 ) -> None:
     """Set P^-1 <- P^-1 + (beta - (1 - beta) / r) z z' with r = z' P z; the gain is P z / (1 + r).
 
-    This is computed as least squares without forgetting, and then
-    P <- P + (1 - beta) / beta P z z' P / z' P z with the new P. The result is the same, and all
-    terms are positive, also where P grows.
+    z are the scaled regressors (`ud_factors`). P is first updated without forgetting. Then
+    P <- P + (1 - beta) / beta P z z' P / z' P z with the new P on the right-hand side. The result
+    is the same, and the added term is positive.
     """
     m = len(phi)
     beta = forgetting_factor(parameters, state, dt)
@@ -49,28 +49,28 @@ class DirectionalForgetting(FactoredEstimator):
     Budapest, 1984, IFAC Proceedings Volumes 17(2), 687-692; as a case of forgetting in general,
     R. Kulhavy and M. B. Zarrop, "On a general concept of forgetting", International Journal of
     Control 58(4), 905-924, 1993). In the direction of the samples the variance converges to
-    phi' P phi = (1 - beta) / beta, even for very small samples. So the method treats sensor noise
-    like motion.
+    phi' P phi = (1 - beta) / beta, even for very small samples. So sensor noise at rest has the
+    same effect as motion.
 
     Parameters
     ----------
     forgetting
         The forgetting factor beta, 0 < beta <= 1.
     initial_covariance
-        Diagonal of P0 for each model parameter, b [(N s/m)^2] and k [(N/m)^2] first, per N^2
-        of force variance.
+        Diagonal of P0: the initial variances of b [(N s/m)^2], k [(N/m)^2] and any further
+        parameters of the model, for force noise with a variance of 1 N^2.
     sample_period
-        Time [s] over which the information in the direction of a sample decreases by the factor
-        beta. By default it decreases by beta with each sample, independent of `dt`.
+        Time [s] in which the information in the direction of phi is multiplied by beta.
+        Default: it is multiplied by beta at each sample, independent of `dt`.
     model
         Model that defines the regressors.
     correlation
-        Samples per independent noise sample, see `LinearGainEstimator`.
+        Number of samples per independent sample of the force noise, see `LinearGainEstimator`.
 
     Raises
     ------
     ValueError
-        A parameter is out of its range.
+        An argument is out of its range.
     """
 
     step = staticmethod(step)

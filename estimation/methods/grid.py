@@ -10,7 +10,7 @@ import numpy as np
 from estimation.compiled import Floats
 
 MOST = 10**8
-"""Largest number of candidates along one axis."""
+"""Largest number of candidate values of one parameter."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class Axis:
 
     @property
     def nearest_zero(self) -> int:
-        """Index of the value with the smallest magnitude; of two, the lower index."""
+        """Index of the value with the smallest magnitude; the lower index if two are equal."""
         wanted = math.ceil(-self.first / self.spacing - 0.5)
         return min(max(wanted, 0), self.count - 1)
 
@@ -61,5 +61,5 @@ class Grid:
 
     @property
     def candidates(self) -> int:
-        """Number of candidates."""
+        """Number of candidates (b, k)."""
         return self.b.count * self.k.count

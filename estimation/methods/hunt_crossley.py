@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 NAMES = ("b", "k", "K", "B", "n")
-"""Names of damping and stiffness at the present displacement, and of K, B and n of the model."""
+"""Names of the estimated quantities: damping b and stiffness k at the present displacement, and K,
+B and n of the model."""
 STIFFNESS, DAMPING, EXPONENT = 2, 3, 4
 """Indices of K, B and n in `theta`."""
 HERTZ = 1.5
 """Initial guess of n: the exponent of a sphere on a plane (Hertz)."""
 STEEPEST = 5.0
-"""Largest value of n; the smallest is 0."""
+"""Upper limit of n; the lower limit is 0."""
 PRIOR = 1e-8
 """Weight of the initial guess n = 1.5 and B = 0, relative to the weight of the samples."""
 TOUCH = 1e-6
-"""Smallest displacement in contact, relative to the typical displacement."""
+"""Smallest displacement that counts as contact, relative to the typical displacement."""
 LARGEST_LOG = 230.0
-"""Largest logarithm of a force or stiffness that is reported."""
+"""Limit of the magnitude of the logarithm of a force or a stiffness."""
 
 
 def clamp(value: float, low: float, high: float) -> float:

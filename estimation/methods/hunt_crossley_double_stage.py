@@ -1,4 +1,4 @@
-"""Double-stage identification of the Hunt-Crossley model: two coupled least squares."""
+"""Double-stage identification of the Hunt-Crossley model by two coupled least-squares problems."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ from estimation.step import B, K, Regressors, State
 LARGEST = 1e100
 """Largest magnitude of K x0^n and B x0^n v0 [N]."""
 FARTHEST = 20.0
-"""Largest ln x/x0."""
+"""Upper limit of ln x/x0."""
 LEAST_RELATIVE = 1e-30
-"""Smallest (K x0^n + B x0^n v) / f of which the logarithm is computed."""
+"""Value of (K x0^n + B x0^n v) / f below which stage 2 does not use the sample."""
 
 
 @dataclass(frozen=True, slots=True)
 class DoubleStageParameters:
-    """Parameters of `step`."""
+    """Constant settings of the function `step`."""
 
     rate: float
     """1 / memory [1/s]."""
@@ -40,17 +40,17 @@ class DoubleStageParameters:
     v0: float
     """Typical velocity [m/s]."""
     threshold: float
-    """Largest force without contact [N]."""
+    """Largest force that counts as no contact [N]."""
     log_x0: float
     """ln x0."""
 
 
 @dataclass(slots=True)
 class DoubleStageState(State):
-    """State of `step`: normal equations, with g = (x/x0)^n, u = v/v0 and l = ln x/x0."""
+    """Variables of the normal equations, with g = (x/x0)^n, u = v/v0 and l = ln x/x0."""
 
     gg: float
-    """Sums of stage 1, of the products of (g, g u) and f; likewise the next four fields."""
+    """`gg` to `guf`: weighted sums of stage 1, of the products of g, g u and f."""
     ggu: float
     gugu: float
     gf: float
@@ -70,7 +70,7 @@ def step(
     f: float,
     dt: float,
 ) -> None:
-    """Update both stages, each with the latest estimate of the other."""
+    """Update both stages, each with the latest estimate of the other stage."""
     v, x = phi
     if x / parameters.x0 < TOUCH or f <= parameters.threshold:
         state.held = True
@@ -127,7 +127,10 @@ def report(
     damping: float,
     n: float,
 ) -> None:
-    """Compute b and k at the present displacement, and K and B, from K x0^n and B x0^n."""
+    """Compute the estimates b, k, K, B and n from `stiffness` K x0^n and `damping` B x0^n.
+
+    b and k are the Kelvin-Voigt parameters at the displacement x of this sample.
+    """
     theta = state.theta
     g = exp(n * lx)
     per_si = exp(clamp(-n * parameters.log_x0, -LARGEST_LOG, LARGEST_LOG))
@@ -139,14 +142,14 @@ def report(
 
 
 class DoubleStage(Estimator):
-    """Hunt-Crossley f = K x^n + B x^n v by two coupled recursive least squares.
+    """Estimator of the Hunt-Crossley model f = K x^n + B x^n v by two coupled least squares.
 
         stage 1:    f = [x^n, x^n v] [K, B]'            with n of stage 2
         stage 2:    ln (f / (K + B v)) = n ln x         with K and B of stage 1
 
-    each by least squares with exponential forgetting. b and k are the Kelvin-Voigt parameters at
-    the present displacement: b = B x^n and k = K x^(n-1), so that b v + k x is the force. All
-    standard deviations are NaN, because each stage ignores the error of the other.
+    Each stage is recursive least squares with exponential forgetting. b and k are the Kelvin-Voigt
+    parameters at the present displacement: b = B x^n and k = K x^(n-1), so that b v + k x is the
+    force. All standard deviations are NaN, because neither stage includes the error of the other.
 
     The model is valid in contact, for x > 0 and f > `threshold`, with the surface at x = 0. Stage
     2 also needs K + B v > 0; other samples update only K and B. The stages converge slowly if x
@@ -167,13 +170,13 @@ class DoubleStage(Estimator):
     displacement, velocity
         Typical displacement x0 [m] and velocity v0 [m/s], used for scaling.
     threshold
-        Largest force [N] without contact, > 0: one or two standard deviations of the force
-        noise. Samples below it, or with x <= 0, hold the estimate.
+        Largest force [N] that counts as no contact, > 0: one or two standard deviations of the
+        force noise. A sample with a smaller force, or with x <= 0, does not change the estimate.
 
     Raises
     ------
     ValueError
-        A parameter is out of its range.
+        An argument is out of its range.
     """
 
     step = staticmethod(step)

@@ -26,7 +26,7 @@ from estimation.step import B, K, Regressors, State
 
 @dataclass(frozen=True, slots=True)
 class LogarithmicParameters:
-    """Parameters of `step`."""
+    """Constant settings of the function `step`."""
 
     rate: float
     """1 / memory [1/s]."""
@@ -35,19 +35,19 @@ class LogarithmicParameters:
     v0: float
     """Typical velocity [m/s]."""
     threshold: float
-    """Largest force without contact [N]."""
+    """Largest force that counts as no contact [N]."""
     correlation: float
-    """Samples per independent noise sample, >= 1."""
+    """Number of samples per independent sample of the force noise, >= 1."""
     log_x0: float
     """ln x0."""
 
 
 @dataclass(slots=True)
 class LogarithmicState(State):
-    """State of `step`: least squares of y on (1, l, u), with l = ln x/x0 and u = v/v0 / (1 + z)."""
+    """Variables of the regression of y on (1, l, u), with l = ln x/x0 and u = v/v0 / (1 + z)."""
 
     w: float
-    """Weighted sums R of the products of (1, l, u), and r of their products with y."""
+    """`w` to `w_uu`: weighted sums R of products of (1, l, u). `w_y` to `w_uy`: with y."""
     w_l: float
     w_u: float
     w_ll: float
@@ -57,20 +57,20 @@ class LogarithmicState(State):
     w_ly: float
     w_uy: float
     q: float
-    """Sums Q of the products of (1, l, u), with weights that decay twice as fast."""
+    """`q` to `q_uu`: the same sums as R, with weights that decay twice as fast, matrix Q."""
     q_l: float
     q_u: float
     q_ll: float
     q_lu: float
     q_uu: float
     level: float
-    """ln f at the means of l and u."""
+    """Estimate of ln f at the weighted means of l and u."""
     damping: float
-    """v0 B / K."""
+    """Estimate of v0 B / K."""
     l_mean: float
     u_mean: float
     c: float
-    """Covariance of (level, n, v0 B / K) for a noise variance of 1."""
+    """`c` to `c_uu`: covariance of (level, n, v0 B / K) for noise of variance 1 N^2."""
     c_l: float
     c_u: float
     c_ll: float
@@ -127,7 +127,7 @@ def update_noise(state: LogarithmicState, error: float, spread: float, dt: float
 def accumulate(
     state: LogarithmicState, beta: float, weight: float, lx: float, u: float, y: float
 ) -> None:
-    """Multiply the sums by beta, and add a sample."""
+    """Multiply the sums by the forgetting factor beta, and add a sample (l, u, y)."""
     w_l, w_u = weight * lx, weight * u
     state.w = beta * state.w + weight
     state.w_l = beta * state.w_l + w_l
@@ -148,11 +148,11 @@ def accumulate(
 
 
 def solve(state: LogarithmicState, noise: float) -> None:
-    """Solve for the level, n and v0 B/K, and compute their covariance for a noise variance of 1.
+    """Compute the level, n and v0 B/K, and their covariance for a noise variance of 1 N^2.
 
-    l and u are taken relative to their weighted means, so that the level, ln f at these means, is
-    decoupled. The covariance is R^-1 Q R^-1. Noise in ln f has the variance s/f^2, so the weights
-    in Q decay twice as fast as in R.
+    The weighted means of l and u are subtracted, so that the equation of the level (ln f at these
+    means) does not depend on n and B/K. The covariance is R^-1 Q R^-1, since the noise of ln f has
+    the variance s/f^2 and the weight of a sample is proportional to f^2.
     """
     inverse = 1.0 / state.w
     l_mean, u_mean = inverse * state.w_l, inverse * state.w_u
@@ -194,7 +194,10 @@ def report(
     lx: float,
     noise: float,
 ) -> None:
-    """Compute b and k at the present displacement, K and B, and all standard deviations."""
+    """Compute the estimates b, k, K and B, and the standard deviations of b, k, K, B and n.
+
+    b and k are the Kelvin-Voigt parameters at the displacement x of this sample.
+    """
     theta, std, v0 = state.theta, state.std, parameters.v0
     n, damping = theta[EXPONENT], state.damping
     off = lx - state.l_mean
@@ -217,27 +220,28 @@ def report(
 
 
 def variance(state: LogarithmicState, p: float, q: float, r: float) -> float:
-    """Return the variance of p level + q n + r v0 B/K for a noise variance of 1."""
+    """Return the variance of p level + q n + r v0 B/K for a noise variance of 1 N^2."""
     total = p * (p * state.c + 2.0 * (q * state.c_l + r * state.c_u))
     total += q * (q * state.c_ll + 2.0 * r * state.c_lu) + r * r * state.c_uu
     return total if total > 0.0 else 0.0
 
 
 class Logarithmic(Estimator):
-    """Hunt-Crossley f = K x^n + B x^n v by one recursive least squares on ln f.
+    """Estimator of the Hunt-Crossley model f = K x^n + B x^n v by least squares on ln f.
 
         ln f = ln K + n ln x + z + (ln(1 + z) - z),    z = B v / K
 
-    is linear in ln K, n and B/K, except for the remainder in brackets. The paper omits the
-    remainder, which requires |z| < 0.1. Here it is linearised at the present estimate, which
-    gives no bias for z between -0.5 and 1. Force noise of variance s causes noise of variance
-    s/f^2 in ln f, so the weight of a sample is f^2. A further factor (estimate/f)^(3/2) cancels
-    the bias of the weight and of the logarithm up to second order in the noise.
+    The right-hand side is linear in ln K, n and B/K, except for the remainder in brackets. The
+    paper omits the remainder, which requires |z| < 0.1. Here the remainder is linearised at the
+    present estimate, which gives no bias for z between -0.5 and 1. Force noise of variance s
+    causes noise of variance s/f^2 in ln f, so the weight of a sample is f^2. A further factor
+    (estimate/f)^(3/2) cancels the bias of the weight and of the logarithm up to second order in
+    the noise.
 
     b and k are the Kelvin-Voigt parameters at the present displacement: b = B x^n and
     k = K x^(n-1), so that b v + k x is the force. The standard deviations are those of weighted
-    least squares. For parameters that the motion does not determine, they are those of the
-    initial guess n = 1.5 +- 1 and B = 0 +- K/v0.
+    least squares. A parameter that the motion does not determine has the standard deviation of
+    the initial guess n = 1.5 +- 1 and B = 0 +- K/v0.
 
     References
     ----------
@@ -252,16 +256,17 @@ class Logarithmic(Estimator):
     displacement, velocity
         Typical displacement x0 [m] and velocity v0 [m/s], used for scaling.
     threshold
-        Largest force [N] without contact, > 0: one or two standard deviations of the force
-        noise. With a larger threshold, weak forces are used only if noise increases them, which
-        causes a bias. Samples below it, or with x <= 0, hold the estimate.
+        Largest force [N] that counts as no contact, > 0: one or two standard deviations of the
+        force noise. With a larger threshold, weak forces are used only if noise increases them,
+        which causes a bias. A sample with a smaller force, or with x <= 0, does not change the
+        estimate.
     correlation
-        Samples per independent noise sample, see `LinearGainEstimator`.
+        Number of samples per independent sample of the force noise, see `LinearGainEstimator`.
 
     Raises
     ------
     ValueError
-        A parameter is out of its range.
+        An argument is out of its range.
     """
 
     step = staticmethod(step)

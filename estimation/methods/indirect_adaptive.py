@@ -19,12 +19,12 @@ from estimation.step import Regressors, below
 
 @dataclass(frozen=True, slots=True)
 class IndirectParameters(LinearGainParameters):
-    """Parameters of `step`."""
+    """Constant settings of the function `step`."""
 
     rate: float
     """Rate at which the force error decays [1/s]."""
     floor: float
-    """Value of s's at which the rate is halved."""
+    """Value of s's at which the rate is halved, with s_i = phi_i / size_i."""
     per_size: tuple[float, ...]
     """1 / typical size of each regressor, (m,)."""
 
@@ -36,7 +36,7 @@ def step(
     f: float,
     dt: float,
 ) -> None:
-    """Integrate the normalised gradient law over one period with constant phi and f.
+    """Integrate the normalised gradient law over one sample period with constant phi and f.
 
     With s_i = phi_i / size_i and G = diag(1 / size_i^2),
 
@@ -58,19 +58,21 @@ def step(
 
 
 class IndirectAdaptive(LinearGainEstimator):
-    """Estimator of Seraji and Colbaugh's indirect adaptive force control.
+    """Estimator of the indirect adaptive force control of Seraji and Colbaugh.
 
     H. Seraji and R. Colbaugh, "Force tracking in impedance control", International Journal of
-    Robotics Research, 1997, adapt the predicted force k x + f0 to the measured force by a
-    Lyapunov gradient law. From the stiffness and the location of the surface, x_e = -f0 / k, they
-    compute the reference position x_r = x_e + f_r / k. D. Erickson, M. Weber and I. Sharf,
-    "Contact stiffness and damping estimation for robotic systems", International Journal of
-    Robotics Research, 2003, estimate damping instead of the location: b v + k x.
+    Robotics Research, 1997, adapt k and f0 by a Lyapunov gradient law until the predicted force
+    k x + f0 is equal to the measured force. From the stiffness k and the location of the surface,
+    x_e = -f0 / k, they compute the reference position x_r = x_e + f_r / k for the desired force
+    f_r. D. Erickson, M. Weber and I. Sharf, "Contact stiffness and damping estimation for robotic
+    systems", International Journal of Robotics Research, 2003, estimate damping instead of the
+    location: b v + k x.
 
-    This class is the estimator without the impedance controller. By default it is that of
+    This class is the estimator without the impedance controller. By default it is the estimator of
     Erickson et al.; with the model `datum` it estimates damping and location. Two changes were
-    made: the normalisation by s's, so that one rate is suitable for every depth and cube, and the
-    exact solution over a sample period, which is stable for every rate and `dt`.
+    made. The gain is normalised by s's, with s_i = phi_i / size_i, so that one rate is suitable for
+    every depth and cube. The gradient law is solved exactly over a sample period, which is stable
+    for every rate and `dt`.
 
     A gradient method does not converge faster than the direction of phi changes. So a rate above
     the angular frequency of the motion has no advantage.
@@ -83,16 +85,16 @@ class IndirectAdaptive(LinearGainEstimator):
         Typical root mean square of each regressor, [m/s] for v, [m] for x. Their ratios
         determine the relative adaptation gains of the parameters.
     floor
-        Value of s's at which the rate is halved. Smaller samples have little effect.
+        Value of s's at which the rate is halved. Samples with a smaller s's have little effect.
     model
         Model that defines the regressors.
     correlation
-        Samples per independent noise sample, see `LinearGainEstimator`.
+        Number of samples per independent sample of the force noise, see `LinearGainEstimator`.
 
     Raises
     ------
     ValueError
-        A parameter is out of its range.
+        An argument is out of its range.
     """
 
     step = staticmethod(step)

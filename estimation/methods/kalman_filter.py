@@ -22,7 +22,7 @@ from estimation.step import Regressors, below
 
 @dataclass(frozen=True, slots=True)
 class KalmanParameters(FactoredParameters):
-    """Parameters of `step`, variances in units of P0."""
+    """Constant settings of the function `step`, with variances in units of P0."""
 
     Q: tuple[float, ...]
     """Increase of the variance of each parameter [1/s], (m,)."""
@@ -33,10 +33,13 @@ class KalmanParameters(FactoredParameters):
 def process_noise(
     memory: float, sample_period: float, sizes: tuple[float, ...]
 ) -> tuple[float, ...]:
-    """Return the process noise with which parameters are tracked with a time constant `memory`.
+    """Return the process noise Q for which a Kalman filter has the time constant `memory`.
 
-    In the steady state a scalar filter of f = s theta + noise has P^2 s^2 = Q T, and corrects the
-    fraction s^2 P of the error in each sample. So Q = T / (memory s)^2.
+    Consider the filter of one parameter theta with f = s theta + e, where the noise e has the
+    variance 1. Let P be the variance of the estimate, with s^2 P << 1. A sample decreases P by
+    s^2 P^2, and Q increases P by Q T between two samples. So s^2 P^2 = Q T in the steady state. A
+    sample corrects the fraction s^2 P of the error of the estimate, so the time constant of the
+    error is T / (s^2 P). It is equal to `memory` for Q = T / (memory s)^2.
 
     Parameters
     ----------
@@ -45,7 +48,11 @@ def process_noise(
     sample_period
         Time T between samples [s].
     sizes
-        Root mean square s of each regressor.
+        Root mean square s of each regressor, in its SI unit.
+
+    Returns
+    -------
+    Increase of the variance of each parameter per second, for force noise with a variance of 1 N^2.
 
     Raises
     ------
@@ -73,47 +80,51 @@ def walk(parameters: KalmanParameters, state: FactoredState, dt: float) -> None:
 def step(
     parameters: KalmanParameters, state: FactoredState, phi: Regressors, f: float, dt: float
 ) -> None:
-    """Set P <- P + Q dt, L = P phi / (1 + phi' P phi), P <- P - L phi' P; correct theta."""
+    """Set P <- P + Q dt, compute the gain L, set P <- P - L phi' P, and update theta with L.
+
+    L = P phi / (1 + phi' P phi), with P for force noise with a variance of 1 N^2.
+    """
     walk(parameters, state, dt)
     spread = update_covariance(parameters, state, phi, 1.0)
     correct_with_gain(parameters, state, phi, f, dt, spread)
 
 
 class RandomWalkKalman(FactoredEstimator):
-    """Kalman filter of an environment whose parameters are random walks.
+    """Kalman filter of the parameters of an environment, with random walks as their model.
 
     The method is based on G. De Gersem, H. Van Brussel, F. Tendick, "Reliable and enhanced
     stiffness perception in soft-tissue telemanipulation", Int. J. Robotics Research 24(10), 2005,
     who track the stiffness of tissue with a Kalman filter. As in their paper, a parameter is a
-    random walk and the force is its noisy measurement. The other states of their filter, and the
-    display of stiffness to the operator, are omitted. Damping and further parameters are random
-    walks too.
+    random walk, and the force is a noisy measurement of the parameters. The other states of their
+    filter, and the display of stiffness to the operator, are omitted. Damping and all other
+    parameters of the model are random walks too.
 
-    The gain depends only on the ratio of the process noise to the force noise, so `Q` is given as
-    this ratio. The noise is additive, so a large stiffness is tracked as fast as a small one.
+    The gain depends only on the ratio of the process noise to the force noise, so `process_noise`
+    is given as this ratio. It does not depend on the value of a parameter, so a large stiffness is
+    tracked as fast as a small stiffness.
 
     While a regressor is zero, for example the velocity in a hold, the variance of its parameter
-    increases up to `ceiling`. The standard deviations are those for constant parameters.
+    increases up to `ceiling`. The standard deviations of the estimates assume constant parameters.
 
     Parameters
     ----------
     process_noise
-        Diagonal of Q: increase of the variance of each model parameter, b [(N s/m)^2] and
-        k [(N/m)^2] first, per second and per N^2 of force variance. See the function
-        `process_noise`.
+        Diagonal of Q: the increase per second of the variances of b [(N s/m)^2 / s], k
+        [(N/m)^2 / s] and any further parameters of the model, for force noise with a variance of
+        1 N^2. The function `process_noise` computes it.
     initial_covariance
         Diagonal of P0, in the units of `RecursiveLeastSquares`.
     ceiling
-        Largest variances, per N^2 of force variance. Default: P0.
+        Largest variance of each parameter, in the units of P0. Default: P0.
     model
         Model that defines the regressors.
     correlation
-        Samples per independent noise sample, see `LinearGainEstimator`.
+        Number of samples per independent sample of the force noise, see `LinearGainEstimator`.
 
     Raises
     ------
     ValueError
-        A parameter is out of its range.
+        An argument is out of its range.
     """
 
     step = staticmethod(step)

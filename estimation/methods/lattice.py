@@ -4,12 +4,12 @@ The grid of the multi-estimator is such a box, and its monitoring signal is such
 
     q(i, j) = a i^2 + 2 b i j + c j^2 + 2 g i + 2 h j,    0 <= i <= i_last, 0 <= j <= j_last.
 
-The cost does not depend on the size of the box. A Lagrange-Gauss reduced basis (u, w) divides the
-grid into rows along u, the step with the smallest change of the form. In a reduced basis the
-minimum over the unbounded grid is on one of the two rows next to the centre of the form. If this
-point is outside of the box, rows are searched in both directions, starting from the row of the
-real minimum on the border. In each direction the search ends at a row whose real minimum exceeds
-the best candidate.
+The computing time does not depend on the size of the box. A Lagrange-Gauss reduced basis (u, w)
+divides the grid into rows along u, the step for which the quadratic part of q is smallest. In a
+reduced basis the minimum over the unbounded grid is on one of the two rows next to the real minimum
+of q. If this grid point is outside of the box, rows are searched in both directions. The search
+starts at the row through the real minimum of q on the border of the box. In each direction the
+search ends at a row on which the real minimum of q is larger than q at the best grid point so far.
 
 All functions use only scalars, so that the interpreter and numba can run them.
 
@@ -25,7 +25,11 @@ from math import ceil, floor, inf
 def least_in_box(
     a: float, b: float, c: float, g: float, h: float, i_last: int, j_last: int
 ) -> tuple[int, int]:
-    """Return the integers (i, j) in the box that minimise the positive definite form."""
+    """Return the integers (i, j) in the box with the smallest q(i, j).
+
+    a, b, c, g and h are the coefficients of q; `i_last` and `j_last` are the upper limits of the
+    box.
+    """
     ui, uj, wi, wj = 1, 0, 0, 1
     uu, uw, ww = a, b, c
     if ww < uu:
@@ -88,7 +92,7 @@ def least_in_box(
 def lowest_on_border(
     a: float, b: float, c: float, g: float, h: float, i_last: int, j_last: int
 ) -> tuple[float, float]:
-    """Return the real (i, j) on the border of the box that minimise the form."""
+    """Return the real (i, j) on the border of the box with the smallest q(i, j)."""
     least = inf
     i_least = j_least = 0.0
     for side in range(4):
@@ -109,7 +113,7 @@ def inside(
 ) -> tuple[float, float]:
     """Return the range (low, high) of real m for which (i + m i_step, j + m j_step) is in the box.
 
-    If there is none, low > high.
+    If there is no such m, low > high.
     """
     low, high = -inf, inf
     for start, step, last in ((i, i_step, i_last), (j, j_step, j_last)):

@@ -1,4 +1,4 @@
-"""Monitoring signals of all candidates (b, k), and the minimum of the signal with its error.
+"""Monitoring signals of all candidates (b, k), and the (b, k) with the smallest signal.
 
 The monitoring signal (11) of a candidate is a quadratic form in (b, k). So six exponentially
 weighted sums of products of (f, v, x) determine the signals of all candidates:
@@ -17,7 +17,10 @@ from estimation.step import State
 
 @dataclass(slots=True)
 class MonitoringState(State):
-    """Exponentially weighted sums of products. The weight of a sample decays as e^(-2 lambda t)."""
+    """Exponentially weighted sums of products of f, v and x.
+
+    The weight of a sample decays as e^(-2 lambda t).
+    """
 
     ff: float
     """Sum of f^2 [N^2 s]."""
@@ -27,7 +30,7 @@ class MonitoringState(State):
     vx: float
     xx: float
     q_vv: float
-    """Sum of v^2 with squared weights; likewise `q_vx` of v x and `q_xx` of x^2."""
+    """Sum of v^2 with squared weights. `q_vx` and `q_xx` are the same sums of v x and x^2."""
     q_vx: float
     q_xx: float
     weights: float
@@ -35,13 +38,13 @@ class MonitoringState(State):
     dt: float
     """Time between the last two samples [s]. The next three fields depend on it."""
     decay: float
-    """Factor by which the sums decay per sample."""
+    """Factor by which the sums are multiplied at a sample."""
     weight: float
     """Weight of the last sample [s]."""
     noise_share: float
-    """Weight of the last sample in the mean that estimates the noise."""
+    """Weight of the last sample in the mean from which `noise` is estimated."""
     evidence: float
-    """Sum of the weights in this mean, from 0 to 1."""
+    """Sum of the weights in the mean from which `noise` is estimated, from 0 to 1."""
     noise: float
     """Variance of the noise [N^2]."""
 
@@ -53,7 +56,7 @@ NO_SUMS = (0.0,) * 16
 def decay_and_add(
     twice_lambda: float, state: MonitoringState, v: float, x: float, f: float, dt: float
 ) -> None:
-    """Decay the sums and add a sample.
+    """Multiply the sums by the factor of forgetting, and add a sample v [m/s], x [m], f [N].
 
     For a force error e that is constant over `dt`, (11) is mu <- e^(-2 lambda dt) mu + w e^2 with
     w = (1 - e^(-2 lambda dt)) / 2 lambda. e^2 = (b v + k x - f)^2 is a sum of products of
@@ -82,7 +85,7 @@ def decay_and_add(
 
 
 def monitoring_signal(state: MonitoringState, b: float, k: float) -> float:
-    """Return the monitoring signal (11) of a candidate [N^2 s], >= 0 despite rounding errors."""
+    """Return the monitoring signal (11) of the candidate (b, k) [N^2 s]. It is never negative."""
     mu = (
         state.ff
         + b * (b * state.vv - 2.0 * state.fv)
@@ -97,12 +100,13 @@ UNDETERMINED = (0.0, 0.0, math.inf, math.inf)
 
 
 def least_point(correlation: float, state: MonitoringState) -> tuple[float, float, float, float]:
-    """Return the minimum (b, k) of the quadratic form, and the variances of b and k.
+    """Return the real (b, k) with the smallest monitoring signal mu, and the variances of b and k.
 
-    The minimum is the weighted least-squares solution, R theta = r. For white noise of variance s
-    its covariance is s R^-1 Q R^-1, where Q is the same sum as R with squared weights. The
-    expectation of mu at the minimum is s (sum of weights - tr R^-1 Q). So s is estimated from mu,
-    averaged with the time constant `NOISE_MEMORY`.
+    This (b, k) is the weighted least-squares solution R theta = r, where R are the sums of phi phi'
+    and r the sums of phi f. For white noise of variance s the covariance of theta is
+    s R^-1 Q R^-1, where Q are the sums R with squared weights. The expectation of mu at this
+    (b, k) is s (sum of weights - tr R^-1 Q). So s is estimated from mu, averaged with the time
+    constant `NOISE_MEMORY`. The variances are multiplied by `correlation`.
     """
     vv, vx, xx = state.vv, state.vx, state.xx
     determinant = vv * xx - vx * vx
@@ -130,7 +134,11 @@ def least_point(correlation: float, state: MonitoringState) -> tuple[float, floa
 
 
 def deviation(variance: float, distance: float, most: float) -> float:
-    """Return the root mean square error of a value at a distance from the minimum, <= `most`."""
+    """Return the root mean square error of a candidate value, sqrt(variance + distance^2).
+
+    `variance` is the variance of the value with the smallest monitoring signal, and `distance` the
+    distance of the candidate from this value. The result is at most `most`.
+    """
     square = variance + distance * distance
     std = math.sqrt(square) if square > 0.0 else 0.0
     return std if std < most else most

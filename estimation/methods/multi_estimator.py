@@ -32,14 +32,14 @@ FASTEST = 1e6
 
 @dataclass(frozen=True, slots=True)
 class MultiEstimatorParameters:
-    """Parameters of `step`."""
+    """Constant settings of the function `step`."""
 
     twice_lambda: float
     """Rate at which the weight of a sample decays [1/s]."""
     b: GridAxis
     k: GridAxis
     correlation: float
-    """Samples per independent noise sample, >= 1."""
+    """Number of samples per independent sample of the force noise, >= 1."""
 
 
 def step(
@@ -49,7 +49,7 @@ def step(
     f: float,
     dt: float,
 ) -> None:
-    """Decay the sums, add the sample, and select the candidate with the smallest (11)."""
+    """Add the sample to the sums, and select the candidate with the smallest monitoring signal."""
     v, x = phi
     b_axis, k_axis = parameters.b, parameters.k
     decay_and_add(parameters.twice_lambda, state, v, x, f, dt)
@@ -61,16 +61,18 @@ def step(
 
 
 class MultiEstimator(Estimator):
-    """Candidate of a grid with the smallest monitoring signal, the paper's (10)-(11).
+    """Multi-estimator, (10)-(11) of the paper.
 
-    The signals of all candidates are one quadratic form in (b, k). Its minimum over the grid is
-    found without evaluating all candidates, so the cost does not depend on the size of the grid.
+    The estimate is the candidate (b, k) of a grid with the smallest monitoring signal. The signals
+    of all candidates are one quadratic form in (b, k). Its minimum over the grid is found without
+    evaluating all candidates, so the computing time does not depend on the size of the grid.
 
-    A small term is added to each signal, so that ties are broken in favour of the candidate
-    nearest to (b, k) = (0, 0). The term is `TIE` times the squared distance from this candidate
-    in units of the axes' lengths, times the signal that the grid spans, int f^2 + (b v)^2 +
-    (k x)^2 with the axes' lengths b and k. So a damping that the data do not determine is
-    estimated as zero. The term does not affect candidates that the data distinguish.
+    A small term is added to each signal. Of several candidates with equal signals, the candidate
+    nearest to (b, k) = (0, 0) is selected. The term is the product of `TIE`, the squared distance
+    from this candidate in units of the lengths of the axes, and the signal that the grid spans.
+    That signal is int f^2 + (b v)^2 + (k x)^2, where b and k are the lengths of the axes. So a
+    damping that the data do not determine is estimated as zero. The term does not change the result
+    for candidates that the data distinguish.
 
     Parameters
     ----------
@@ -79,7 +81,7 @@ class MultiEstimator(Estimator):
     forgetting_rate
         lambda in (11) [1/s], >= 0. The weight of a squared error decays as e^(-2 lambda t).
     correlation
-        Samples per independent noise sample, see `LinearGainEstimator`.
+        Number of samples per independent sample of the force noise, see `LinearGainEstimator`.
     own
         Additional parameters of the step of a subclass, by name.
 
@@ -116,7 +118,7 @@ class MultiEstimator(Estimator):
         return MonitoringState(zero, spans, False, *NO_SUMS)
 
     def monitoring_signal(self, b: Floats | float, k: Floats | float) -> Floats:
-        """Return (11) of the candidates (b, k) [N^2 s]; b and k are broadcast."""
+        """Return the monitoring signal (11) of candidates (b, k) [N^2 s]; b and k are broadcast."""
         s = self.state
         b, k = np.asarray(b, dtype=np.float64), np.asarray(k, dtype=np.float64)
         signal = s.ff + b * (b * s.vv - 2.0 * s.fv) + k * (k * s.xx - 2.0 * s.fx)
@@ -148,7 +150,7 @@ class MultiEstimator(Estimator):
         return np.concatenate(rows)
 
     def tied_rows(self, margin: float) -> tuple[Indices, Indices]:
-        """Return the index ranges of k in `ties` for each b.
+        """Return the candidates of `ties` as one range of indices of k for each b.
 
         Parameters
         ----------
@@ -157,8 +159,8 @@ class MultiEstimator(Estimator):
 
         Returns
         -------
-        First and last index for each b, arrays of shape (grid.b.count,); first > last for none.
-        The cost does not depend on the number of values of k.
+        First and last index of k for each b, arrays of shape (grid.b.count,). first > last if there
+        is no k. The computing time does not depend on the number of values of k.
         """
         if not margin >= 0.0:
             raise ValueError(f"margin must be >= 0, got {margin}")
@@ -193,14 +195,17 @@ class MultiEstimator(Estimator):
         return tuple(name for name in edges if getattr(self.estimate, name) in edges[name])
 
     def edges(self) -> dict[str, tuple[float, float]]:
-        """Return the first and last value of "b" and of "k", as they appear in estimates."""
+        """Return the first and the last candidate value of "b" and of "k", by name."""
         axes = {"b": self.parameters.b, "k": self.parameters.k}
         return {
             name: (axis.first, axis.first + axis.last * axis.spacing) for name, axis in axes.items()
         }
 
     def note(self, estimates: Estimates) -> str | None:
-        """Return a note if the estimate is, or was in 10 % of the samples, at the grid's edge."""
+        """Return a warning if the estimate is at the edge of the grid, otherwise None.
+
+        A warning is also returned if it was there in at least 10 % of the samples.
+        """
         shares = {
             name: float(np.mean(np.isin(getattr(estimates, name), edges)))
             for name, edges in self.edges().items()

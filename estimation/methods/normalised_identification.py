@@ -17,28 +17,28 @@ from estimation.model import KELVIN_VOIGT, Model
 from estimation.step import Regressors, Vector, below
 
 LEAST = 0.1
-"""Smallest mean square, relative to the square of the typical size."""
+"""Lower limit of the mean square of a regressor, relative to the square of its typical size."""
 MOST = 100.0
-"""Largest square of a sample, relative to the square of the typical size."""
+"""Upper limit of the square of a sample, relative to the square of the typical size."""
 LARGEST_SHARE = 0.1
 """Largest weight of one sample in a mean square, also after a long gap."""
 
 
 @dataclass(frozen=True, slots=True)
 class NormalisedParameters(LinearGainParameters):
-    """Parameters of `step`."""
+    """Constant settings of the function `step`."""
 
     rate: float
     """Rate at which the parameters converge [1/s]."""
     per_memory: float
-    """1 / memory of the mean squares [1/s]."""
+    """1 / time constant of the mean squares [1/s]."""
     per_size: tuple[float, ...]
     """1 / typical size of each regressor, (m,)."""
 
 
 @dataclass(slots=True)
 class NormalisedState(LinearGainState):
-    """State of `step`."""
+    """Variables that the function `step` updates."""
 
     mean_square: Vector
     """Mean square of each regressor, relative to the square of its typical size, (m,)."""
@@ -51,7 +51,10 @@ def step(
     f: float,
     dt: float,
 ) -> None:
-    """Integrate (8) over one period with constant phi and f, Gamma_i = rate / <phi_i^2>."""
+    """Integrate the gradient law (8) of the paper over one sample period, with constant phi and f.
+
+    Gamma_i = rate / <phi_i^2>, where < > is a mean over time.
+    """
     per_size, mean_square, L = parameters.per_size, state.mean_square, state.L
     share = parameters.per_memory * dt
     share = min(share / (1.0 + share), LARGEST_SHARE)
@@ -75,9 +78,10 @@ def step(
 class NormalisedIdentification(LinearGainEstimator):
     """Adaptive identification with a gain normalised by each regressor's mean square.
 
-    The gain of the paper's law (8), theta' = -Gamma phi (phi' theta - f), must be chosen for the
-    cube and the depth. Here Gamma_i = rate / <phi_i^2>, where < > is a mean over time. So if the
-    regressors are uncorrelated, all parameters converge at this rate, for all units and sizes.
+    In the gradient law (8) of the paper, theta' = -Gamma phi (phi' theta - f), the gain Gamma must
+    be chosen for the cube and the depth. Here Gamma_i = rate / <phi_i^2>, where < > is a mean over
+    time. So if the regressors are uncorrelated, all parameters converge at this rate, for
+    regressors of all units and sizes.
     This is the normalised gradient of P. A. Ioannou and J. Sun, "Robust Adaptive Control", 1996,
     section 4.3, applied to each regressor. (8) is solved exactly over a sample period, which is
     stable for every rate and `dt`.
@@ -88,7 +92,7 @@ class NormalisedIdentification(LinearGainEstimator):
     Parameters
     ----------
     rate
-        Rate [1/s] at which parameters converge.
+        Rate [1/s] at which the parameters converge.
     sizes
         Typical root mean square of each regressor, [m/s] for v, [m] for x. The order of
         magnitude is sufficient: a mean square of 0.1 to 100 times the typical one is fully
@@ -98,12 +102,12 @@ class NormalisedIdentification(LinearGainEstimator):
     model
         Model that defines the regressors.
     correlation
-        Samples per independent noise sample, see `LinearGainEstimator`.
+        Number of samples per independent sample of the force noise, see `LinearGainEstimator`.
 
     Raises
     ------
     ValueError
-        A parameter is out of its range.
+        An argument is out of its range.
     """
 
     step = staticmethod(step)

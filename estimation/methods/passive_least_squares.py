@@ -13,12 +13,12 @@ from estimation.step import Matrix, Regressors, Vector, below, diagonal, zeros
 SIGNED = ("f0",)
 """Parameters that may be negative in a passive environment."""
 ROUNDING = 1e-15
-"""Smallest fraction of a variance that remains after another parameter was fixed."""
+"""Smallest fraction of a variance that remains after another parameter was fixed at zero."""
 
 
 @dataclass(frozen=True, slots=True)
 class PassiveParameters(FactoredParameters):
-    """Parameters of `step`."""
+    """Constant settings of the function `step`."""
 
     bounded: tuple[int, ...]
     """1 for each parameter that must not be negative, 0 for the others, (m,)."""
@@ -26,16 +26,17 @@ class PassiveParameters(FactoredParameters):
 
 @dataclass(slots=True)
 class PassiveState(FactoredState):
-    """State of `step`."""
+    """Variables that the function `step` updates."""
 
     free: Vector
     """Estimate without the constraint, (m,)."""
     P: Matrix
-    """Covariance in units of theta, conditional on the parameters fixed at zero; (m, m)."""
+    """Covariance of theta, given that some parameters are fixed at zero, for noise of variance
+    1 N^2, (m, m)."""
 
 
 def multiply_out(parameters: PassiveParameters, state: PassiveState) -> None:
-    """Compute P = U D U' in units of theta."""
+    """Compute P = U D U', scaled to the units of theta."""
     s, U, D, P = parameters.s, state.U, state.D, state.P
     m = len(D)
     for i in below[m]:
@@ -52,7 +53,10 @@ def multiply_out(parameters: PassiveParameters, state: PassiveState) -> None:
 
 
 def most_negative(parameters: PassiveParameters, state: PassiveState) -> int:
-    """Return the index of the parameter most standard deviations below zero; -1 for none."""
+    """Return the index of the parameter that violates its bound by most standard deviations.
+
+    Only parameters that must not be negative count. The result is -1 if none is negative.
+    """
     theta, P = state.theta, state.P
     found = -1
     most = 0.0
@@ -66,7 +70,7 @@ def most_negative(parameters: PassiveParameters, state: PassiveState) -> int:
 
 
 def fix_at_zero(state: PassiveState, n: int) -> None:
-    """Fix parameter n at zero, and set the others to their conditional expectation.
+    """Fix parameter n at zero, and set the other parameters to their conditional expectation.
 
     theta <- theta - P e theta_n / P_nn,    P <- P - P e e' P / P_nn,    e the n-th unit vector
     """
@@ -91,7 +95,7 @@ def fix_at_zero(state: PassiveState, n: int) -> None:
 def step(
     parameters: PassiveParameters, state: PassiveState, phi: Regressors, f: float, dt: float
 ) -> None:
-    """Update least squares without constraint, then compute the nearest passive theta."""
+    """Update least squares without constraint; then compute the passive theta nearest to it."""
     theta, free, bounded = state.theta, state.free, parameters.bounded
     indices = below[len(phi)]
     for i in indices:
@@ -121,34 +125,35 @@ class PassiveLeastSquares(FactoredEstimator):
 
         sum_n beta^(N-n) (f_n - phi_n' theta)^2 + beta^N theta' P0^-1 theta -> min.
 
-    Their parameters as functions of position and direction, and Coulomb friction, are omitted.
-    The constraint is not in the papers: all parameters except f0 are non-negative.
+    In the papers, parameters depend on position and direction, and there is Coulomb friction. Both
+    are omitted here. The constraint is not in the papers: no parameter except f0 is negative.
 
     The estimate is the passive theta that is nearest to the unconstrained minimum in the metric
-    of the information matrix P^-1. The parameter most standard deviations below zero is set to
-    zero first. For b and k the result is the exact constrained minimum; for more than two
-    parameters it nearly always is. The recursion continues from the unconstrained minimum, and
-    the standard deviations are those of the unconstrained minimum.
+    of the information matrix P^-1. Negative parameters are set to zero one after the other,
+    beginning with the parameter that is most standard deviations below zero. For a model with b
+    and k only, the result is the exact constrained minimum; for more parameters it nearly always
+    is. The recursion continues from the unconstrained minimum. The standard deviations are also
+    those of the unconstrained minimum.
 
     Parameters
     ----------
     forgetting
         The forgetting factor beta, 0 < beta <= 1.
     initial_covariance
-        Diagonal of P0 for each model parameter, b [(N s/m)^2] and k [(N/m)^2] first, per N^2
-        of force variance.
+        Diagonal of P0: the initial variances of b [(N s/m)^2], k [(N/m)^2] and any further
+        parameters of the model, for force noise with a variance of 1 N^2.
     sample_period
-        Time [s] over which a weight decreases by the factor beta. By default it decreases by
-        beta with each sample, independent of `dt`.
+        Time [s] in which the weight of a past sample is multiplied by beta. Default: it is
+        multiplied by beta at each sample, independent of `dt`.
     model
         Model that defines the regressors.
     correlation
-        Samples per independent noise sample, see `LinearGainEstimator`.
+        Number of samples per independent sample of the force noise, see `LinearGainEstimator`.
 
     Raises
     ------
     ValueError
-        A parameter is out of its range.
+        An argument is out of its range.
     """
 
     step = staticmethod(step)

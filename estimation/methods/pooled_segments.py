@@ -1,4 +1,4 @@
-"""Pooled least squares of segments, with a test whether one Kelvin-Voigt body explains all."""
+"""Pooled least squares of segments, with a test whether all have the same damping and stiffness."""
 
 from __future__ import annotations
 
@@ -12,19 +12,20 @@ from estimation.step import B, K, Regressors, State
 SIGNIFICANT = 3.090232306167813
 """99.9 % quantile of the standard normal distribution."""
 SMALLEST_REPORTED = 0.1
-"""Smallest reported standard deviation between segments, relative to their root mean square."""
+"""Smallest standard deviation between segments that `misfit` contains, relative to the root mean
+square of the values of the segments."""
 FEWEST = 8
 """Smallest number of samples in a segment."""
 
 
 @dataclass(frozen=True, slots=True)
 class SegmentParameters:
-    """Parameters of `step`."""
+    """Constant settings of the function `step`."""
 
     length: float
     """Length of a segment [s]."""
     correlation: float
-    """Samples per independent noise sample, >= 1."""
+    """Number of samples per independent sample of the force noise, >= 1."""
 
 
 @dataclass(slots=True)
@@ -49,7 +50,7 @@ class Pool:
 
 @dataclass(slots=True)
 class SegmentState(State):
-    """State of `step`: the sums of the present segment, and the statistics of earlier ones."""
+    """Sums of products over the present segment, and statistics of the earlier segments."""
 
     ff: float
     fv: float
@@ -94,7 +95,7 @@ def begin(state: SegmentState) -> None:
 
 
 def end(parameters: SegmentParameters, state: SegmentState) -> None:
-    """Fit the segment by least squares, and add the result to the pools."""
+    """Fit the segment by least squares, and add the result to the statistics of b and k."""
     ff, fv, fx, vv, vx, xx = state.ff, state.fv, state.fx, state.vv, state.vx, state.xx
     determinant = vv * xx - vx * vx
     if determinant > 1e-9 * vv * xx:
@@ -123,9 +124,9 @@ def add(pool: Pool, value: float, variance: float) -> None:
 
 
 def pooled(pool: Pool) -> tuple[float, float]:
-    """Return the weighted mean and its standard deviation.
+    """Return the weighted mean of a parameter, and the standard deviation of this mean.
 
-    The variance due to noise is used; if the segments disagree, the variance between segments
+    The variance is that of the noise. If the segments disagree, the variance between the segments
     is added.
     """
     variance = 1.0 / pool.weights
@@ -135,7 +136,10 @@ def pooled(pool: Pool) -> tuple[float, float]:
 
 
 def disagree(pool: Pool) -> bool:
-    """Return whether Q exceeds the 99.9 % quantile of chi-squared, by Wilson and Hilferty."""
+    """Return whether Q exceeds the 99.9 % quantile of the chi-squared distribution.
+
+    The quantile is computed by the approximation of Wilson and Hilferty.
+    """
     freedom = pool.count - 1
     if freedom < 1:
         return False
@@ -145,28 +149,29 @@ def disagree(pool: Pool) -> bool:
 
 
 def spread(pool: Pool) -> float:
-    """Return the variance between segments after Hedges and Olkin: total minus noise variance."""
+    """Return the variance between segments: total variance minus variance due to noise, >= 0."""
     if pool.count < 2:
         return 0.0
     return max(pool.squares / (pool.count - 1) - pool.variance, 0.0)
 
 
 class PooledSegments(Estimator):
-    """Batch least squares of segments of the motion, with a test of their agreement.
+    """Least squares of segments of the motion, with a test whether the segments agree.
 
-    Each segment gives b and k with their variances, and the estimate is the weighted mean. If
-    the environment is a Kelvin-Voigt body, the segments differ only by noise. Then Cochran's Q,
-    the weighted sum of the squared deviations from the mean, has a chi-squared distribution. If Q
-    exceeds its 99.9 % quantile, one (b, k) does not explain all segments. The standard deviation
-    then includes the variance between segments, and `misfit` reports it if it exceeds 10 %.
+    Each segment gives b and k with their variances. The estimate is the weighted mean of all
+    segments. If the environment is a Kelvin-Voigt body, the segments differ only by noise. Then
+    Cochran's Q, the weighted sum of the squared deviations from the mean, has a chi-squared
+    distribution. If Q exceeds the 99.9 % quantile of this distribution, the segments do not have
+    the same b and k. The standard deviation then includes the variance between segments. `misfit`
+    contains the standard deviation between segments if it is larger than 10 %.
 
     Parameters
     ----------
     length
-        Length of a segment [s], about one period of the motion. The motion in a segment must
-        distinguish b and k.
+        Length of a segment [s], about one period of the motion. b and k must be distinguishable
+        from the motion in one segment.
     correlation
-        Samples per independent noise sample, see `LinearGainEstimator`.
+        Number of samples per independent sample of the force noise, see `LinearGainEstimator`.
 
     Raises
     ------
@@ -197,7 +202,9 @@ class PooledSegments(Estimator):
 
     @property
     def correlation(self) -> float:
-        """Samples per independent noise sample; a new value applies from the next sample on.
+        """Number of samples per independent sample of the force noise, >= 1.
+
+        A new value applies from the next sample on.
 
         Raises
         ------
@@ -218,9 +225,9 @@ class PooledSegments(Estimator):
 
     @property
     def misfit(self) -> dict[str, float]:
-        """Relative standard deviation between segments of each parameter on which they disagree.
+        """Relative standard deviation between segments, for each parameter that differs, by name.
 
-        It is empty if one Kelvin-Voigt body explains all segments.
+        It is empty if the segments agree on b and k.
         """
         found = {}
         for name, pool in (("b", self.state.b), ("k", self.state.k)):
@@ -232,7 +239,7 @@ class PooledSegments(Estimator):
         return found
 
     def note(self, estimates: Estimates) -> str | None:
-        """Return a note on the parameters on which the segments disagree."""
+        """Return a warning if the segments disagree on b or k, otherwise None."""
         misfits = [f"{name} spreads by {share:.0%}" for name, share in self.misfit.items()]
         if misfits:
             return (

@@ -17,7 +17,10 @@ from estimation.step import Regressors, below
 def step(
     parameters: FactoredParameters, state: FactoredState, phi: Regressors, f: float, dt: float
 ) -> None:
-    """Update by (3)-(4): L = P z / (beta + z' P z), P <- (P - L z' P) / beta."""
+    """Update theta by (3)-(4) of the paper: L = P z / (beta + z' P z), P <- (P - L z' P) / beta.
+
+    z are the scaled regressors (`ud_factors`).
+    """
     update_and_forget(parameters, state, phi, f, dt, forgetting_factor(parameters, state, dt))
 
 
@@ -29,7 +32,7 @@ def update_and_forget(
     dt: float,
     beta: float,
 ) -> None:
-    """Update by (3)-(4) with a forgetting factor beta."""
+    """Update theta and P by (3)-(4) of the paper, with the forgetting factor beta."""
     D = state.D
     spread = update_covariance(parameters, state, phi, beta)
     growth = 1.0 / beta
@@ -39,39 +42,39 @@ def update_and_forget(
 
 
 class RecursiveLeastSquares(FactoredEstimator):
-    """Recursive least squares with exponential forgetting, the paper's (3)-(4).
+    """Recursive least squares with exponential forgetting, (3)-(4) of the paper.
 
     The estimate minimises sum_n beta^(N-n) (f_n - phi_n' theta)^2 + beta^N theta' P0^-1 theta.
 
     Without motion, old information is forgotten but none is added: the covariance grows by the
     factor 1/beta per sample, or in one step over a gap in the data. It stops growing when a
-    variance is `WINDUP` times its initial value, which recordings with motion do not reach. The
-    covariance is stored as U-D factors. So it stays positive definite, and keeps its precision
-    where P itself would lose it in double precision.
+    variance is `WINDUP` times its initial value. Recordings with motion do not reach this limit.
+    The covariance is stored as U-D factors, so that it remains positive definite and its rounding
+    errors are small.
 
     Parameters
     ----------
     forgetting
         The forgetting factor beta, 0 < beta <= 1.
     initial_covariance
-        Diagonal of P0 for each model parameter, b [(N s/m)^2] and k [(N/m)^2] first, per N^2
-        of force variance.
+        Diagonal of P0: the initial variances of b [(N s/m)^2], k [(N/m)^2] and any further
+        parameters of the model, for force noise with a variance of 1 N^2.
     sample_period
-        Time [s] over which a weight decreases by the factor beta, so that forgetting depends on
-        `dt`. By default it decreases by beta with each sample, independent of `dt`.
+        Time [s] in which the weight of a past sample is multiplied by beta. Forgetting then depends
+        on `dt`. Default: it is multiplied by beta at each sample, independent of `dt`.
     model
         Model that defines the regressors.
     correlation
-        Samples per independent noise sample, see `LinearGainEstimator`.
+        Number of samples per independent sample of the force noise, see `LinearGainEstimator`.
     guess_variance
-        Variance of the initial guess theta = 0 that the intervals start with, in the units of
-        the initial covariance. Use it if the initial covariance is too small for the error of
-        this guess. Default: the initial covariance.
+        Variance of the error of the initial guess theta = 0, in the units of the initial
+        covariance. It is used for the standard deviations only. Use it if the initial covariance
+        is smaller than this variance. Default: the initial covariance.
 
     Raises
     ------
     ValueError
-        A parameter is out of its range.
+        An argument is out of its range.
     """
 
     step = staticmethod(step)

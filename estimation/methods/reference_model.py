@@ -1,4 +1,4 @@
-"""Model-reference adaptive estimation (MRAE)."""
+"""Model-reference adaptive estimator (MRAE)."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ from estimation.step import Regressors, State, below, zeros
 
 @dataclass(frozen=True, slots=True)
 class ReferenceParameters:
-    """Parameters of `step`."""
+    """Constant settings of the function `step`."""
 
     rate: float
     """Rate at which the force error decays [1/s]."""
     bandwidth: float
     """Bandwidth a of the reference and of the model [1/s]."""
     floor: float
-    """Value of s's at which the rate is halved."""
+    """Value of s's at which the rate is halved, with s_i = phi_i / size_i."""
     per_size: tuple[float, ...]
     """1 / typical size of each regressor, (m,)."""
 
 
 @dataclass(slots=True)
 class ReferenceState(State):
-    """State of `step`."""
+    """Variables that the function `step` updates."""
 
     e: float
-    """Normalised output error, reference minus model [N]."""
+    """Output error e: output of the reference minus output of the model, divided by n [N]."""
 
 
 def step(
@@ -40,7 +40,7 @@ def step(
     f: float,
     dt: float,
 ) -> None:
-    """Integrate over one period by implicit Euler.
+    """Integrate e and theta over one sample period by implicit Euler.
 
     With s_i = phi_i / size_i, G = diag(1 / size_i^2) and n^2 = floor + s's,
 
@@ -63,20 +63,24 @@ def step(
 
 
 class ReferenceModel(Estimator):
-    """Model-reference adaptive estimator: the output error of a model adapts its parameters.
+    """Model-reference adaptive estimator: theta is adapted by the output error of a model.
 
     The method is based on S. K. Singh and D. O. Popa, "An analysis of some fundamental problems
     in adaptive control of force and impedance behavior: theory and experiments", IEEE
-    Transactions on Robotics and Automation, 1995. There the tracking error between a force loop
-    and a reference model drives the adaptation. An estimator alone has no force loop, so this
-    class keeps the structure but not the regressor of the paper. The reference is the force after
-    a first-order lag of bandwidth a. The model is the same lag with the input phi' theta. The
-    error e, reference minus model, adapts theta. Both are divided by n, which increases with phi,
+    Transactions on Robotics and Automation, 1995. In that paper the tracking error between a force
+    loop and a reference model is the input of the adaptation. An estimator alone has no force
+    loop, so this class has the structure but not the regressor of the paper. The reference is the
+    force after a first-order lag of bandwidth a. The model is the same lag with the input
+    phi' theta. theta is adapted by the error e, reference minus model:
+
+        e' = -a e + a (f - phi' theta) / n,    theta' = rate G phi e / n,
+
+    where G = diag(1 / size_i^2). n^2 = floor + s's, with s_i = phi_i / size_i, increases with phi,
     so that one rate is suitable for every depth and cube. For a constant environment theta_0,
 
         V = e^2 + a (theta - theta_0)' G^-1 (theta - theta_0) / rate,    V' = -2 a e^2.
 
-    With implicit Euler V decreases too, for every rate and every `dt`.
+    V also decreases with implicit Euler, for every rate and every `dt`.
 
     There are no standard deviations, because the lag makes the noise correlated.
 
@@ -91,14 +95,14 @@ class ReferenceModel(Estimator):
         Bandwidth a [1/s] of the reference and of the model. Below four times the rate, e
         oscillates.
     floor
-        Value of s's at which the rate is halved. Smaller samples have little effect.
+        Value of s's at which the rate is halved. Samples with a smaller s's have little effect.
     model
         Model that defines the regressors.
 
     Raises
     ------
     ValueError
-        A parameter is out of its range.
+        An argument is out of its range.
     """
 
     step = staticmethod(step)

@@ -1,4 +1,4 @@
-"""Damping and stiffness from the frequency response at the motion's frequency (SPM)."""
+"""Damping and stiffness from the frequency response at the frequency of the motion (SPM)."""
 
 from __future__ import annotations
 
@@ -13,28 +13,32 @@ FASTEST = 500.0
 SLOWEST = 0.5
 """Smallest angular frequency of a motion [rad/s]."""
 DISTINCT = 0.3
-"""Smallest determinant of X and V for a solution, relative to that of a sine."""
+"""Smallest determinant of the equations F = b V + k X that are solved, relative to that of a sine.
+"""
 
 
 @dataclass(frozen=True, slots=True)
 class SpectralParameters:
-    """Parameters of `step`."""
+    """Constant settings of the function `step`."""
 
     angle: float
-    """Time constant of the window, as phase angle of the motion [rad]."""
+    """Time constant of the window, as a phase angle of the motion [rad]."""
     per_memory: float
     """1 / time constant of the frequency estimate [1/s]."""
     frequency: float
     """Angular frequency of the motion [rad/s]; 0 to estimate it."""
     least_variance: float
-    """Variance of x below which the estimate is held [m^2]."""
+    """Variance of x below which the estimate does not change [m^2]."""
     least_determinant: float
-    """Determinant below which the estimate is held, in units of rms v times rms x."""
+    """Determinant below which the estimate does not change, divided by rms v and rms x."""
 
 
 @dataclass(slots=True)
 class Spectrum:
-    """Means < > of a signal s over the window: <s>, and <e s> with e = exp(-j w (now - t))."""
+    """Means of a signal s over the window: <s>, and <e s> with e = exp(-j w (now - t)).
+
+    `mean` is <s>. `re` and `im` are the real and the imaginary part of <e s>.
+    """
 
     mean: float
     re: float
@@ -43,16 +47,16 @@ class Spectrum:
 
 @dataclass(slots=True)
 class SpectralState(State):
-    """State of `step`."""
+    """Variables that the function `step` updates."""
 
     filled: float
-    """Sum of the weights in the next three means, from 0 to 1."""
+    """Sum of the weights in `x_mean`, `x_variance` and `v_square`, from 0 to 1."""
     x_mean: float
-    """Mean of x over the memory of the frequency [m]."""
+    """Mean of x, with the time constant of the frequency estimate [m]."""
     x_variance: float
-    """Variance of x over this memory [m^2]."""
+    """Variance of x, with the same time constant [m^2]."""
     v_square: float
-    """Mean square of v over this memory [m^2/s^2]."""
+    """Mean square of v, with the same time constant [m^2/s^2]."""
     window_filled: float
     """Sum of the weights in the window, from 0 to 1."""
     one: Spectrum
@@ -64,7 +68,7 @@ class SpectralState(State):
 def step(
     parameters: SpectralParameters, state: SpectralState, phi: Regressors, f: float, dt: float
 ) -> None:
-    """Estimate the frequency, advance the window, and solve F = b V + k X."""
+    """Estimate the frequency of the motion, advance the window, and solve F = b V + k X."""
     v, x = phi
     frequency = find_frequency(parameters, state, v, x, dt)
     slide(parameters, state, v, x, f, frequency * dt)
@@ -111,7 +115,7 @@ def slide(
     f: float,
     angle: float,
 ) -> None:
-    """Advance the window by an angle w dt, and add a sample."""
+    """Advance the window by the phase angle w dt [rad], and add a sample."""
     share = -math.expm1(-angle / parameters.angle)
     state.window_filled += share * (1.0 - state.window_filled)
     share /= state.window_filled
@@ -127,7 +131,11 @@ def slide(
 
 
 def update(spectrum: Spectrum, value: float, share: float, cos: float, sin: float) -> None:
-    """Add the value of a sample to the means of a signal."""
+    """Rotate <e s> by the phase angle of the sample period, and add a sample to the means.
+
+    `share` is the weight of the sample. `cos` and `sin` are those of the phase angle, times
+    1 - share.
+    """
     re, im = spectrum.re, spectrum.im
     spectrum.mean += share * (value - spectrum.mean)
     spectrum.re = cos * re - sin * im + share * value
@@ -135,29 +143,30 @@ def update(spectrum: Spectrum, value: float, share: float, cos: float, sin: floa
 
 
 def coefficient(state: SpectralState, signal: Spectrum) -> tuple[float, float]:
-    """Return the real and imaginary part of <e s> - <e> <s>."""
+    """Return the real and the imaginary part of <e s> - <e> <s> of a signal s."""
     return signal.re - signal.mean * state.one.re, signal.im - signal.mean * state.one.im
 
 
 class SpectralRatio(Estimator):
-    """Damping and stiffness from the ratio of spectra, k + j w b = F / X.
+    """Estimator of damping and stiffness from the ratio of spectra, k + j w b = F / X.
 
     The method is based on the signal processing method of D. Erickson, M. Weber and I. Sharf,
     "Contact stiffness and damping estimation for robotic systems", International Journal of
-    Robotics Research, 2003. Their method is offline, and uses the frequency of the force of a
-    robot in contact, from a Fourier transform, and the mass of the robot. This one is recursive
-    and does not need a mass. With means < > over an exponential window that ends at the present
-    time s, and e = exp(-j w (s - t)),
+    Robotics Research, 2003. Their method is offline. It uses the mass of a robot in contact, and
+    the frequency of the contact force from a Fourier transform. The present method is recursive
+    and does not need a mass. Let < > be means over an exponential window that ends at the present
+    time s, and e = exp(-j w (s - t)). Then
 
-        X = <e x> - <e> <x>,    V and F likewise,    F = b V + k X,
+        X = <e x> - <e> <x>,    V = <e v> - <e> <v>,    F = <e f> - <e> <f>,
+        F = b V + k X.
 
-    which are two real equations for b and k. For a steady oscillation and a long window V is
-    j w X, and the result is the ratio above. For a short window V is not j w X, but the equations
-    are still exact for every motion and every frequency w. The frequency only selects a part of
-    the spectrum. A constant force has no effect.
+    The real and the imaginary part of the last equation are two equations for b and k. For a
+    steady oscillation and a long window V is j w X, and the result is the ratio F / X. For a short
+    window V is not j w X, but the equations are still exact for every motion and every angular
+    frequency w. w only selects a part of the spectrum. A constant force has no effect.
 
-    The frequency is w^2 = <v^2> / <(x - <x>)^2>, with means over a longer memory. The estimate is
-    held while the motion in the window is not sufficient to distinguish b and k.
+    w is computed from w^2 = <v^2> / <(x - <x>)^2>, with means over a longer time. The estimate
+    does not change while the motion in the window is not sufficient to distinguish b and k.
 
     There are no standard deviations.
 
@@ -170,14 +179,14 @@ class SpectralRatio(Estimator):
     frequency
         Frequency of the motion [Hz]. Default: estimated from the motion.
     motion
-        Standard deviation of the displacement [m] below which the estimate is held.
+        Standard deviation of the displacement [m] below which the estimate does not change.
     memory
         Time constant of the frequency estimate [s].
 
     Raises
     ------
     ValueError
-        A parameter is out of its range.
+        An argument is out of its range.
     """
 
     step = staticmethod(step)
@@ -218,8 +227,8 @@ class SpectralRatio(Estimator):
 
 
 def sine_determinant(angle: float) -> float:
-    """Return |Re V Im X - Im V Re X| of a sine, divided by its rms v and rms x.
+    """Return |Re V Im X - Im V Re X| of a sine, divided by the rms v and the rms x of the sine.
 
-    `angle` is the time constant of the window as phase angle of the sine [rad].
+    `angle` is the time constant of the window, as a phase angle of the sine [rad].
     """
     return 2.0 * angle**6 / ((1.0 + angle**2) ** 2 * (1.0 + 4.0 * angle**2))

@@ -23,14 +23,14 @@ LEAST = 1e-100
 
 @dataclass(frozen=True, slots=True)
 class SubspaceParameters(FactoredParameters):
-    """Parameters of `step`."""
+    """Constant settings of the function `step`."""
 
     epsilon: float
-    """Smallest z' z of a sample that is used."""
+    """Smallest z' z of a sample that is used, with the scaled regressors z."""
 
 
 def scale(parameters: SubspaceParameters, state: FactoredState, phi: Regressors) -> float:
-    """Set y to the scaled regressors z; return z' z."""
+    """Store the scaled regressors z_i = s_i phi_i in y, and return z' z."""
     s, y = parameters.s, state.y
     square = 0.0
     for i in below[len(phi)]:
@@ -41,7 +41,7 @@ def scale(parameters: SubspaceParameters, state: FactoredState, phi: Regressors)
 
 
 def information(state: FactoredState) -> float:
-    """Return z' P^-1 z = |D^-1/2 U^-1 z|^2 for z = y; overwrite the gain."""
+    """Return z' P^-1 z = |D^-1/2 U^-1 z|^2 for z = y. The gain L is overwritten."""
     U, D, y, L = state.U, state.D, state.y, state.L
     m = len(D)
     total = 0.0
@@ -59,10 +59,11 @@ def information(state: FactoredState) -> float:
 def step(
     parameters: SubspaceParameters, state: FactoredState, phi: Regressors, f: float, dt: float
 ) -> None:
-    """Set R <- R - (1 - beta) R z z' R / z' R z + z z' with R = P^-1; the gain is P z, P new.
+    """Set R <- R - (1 - beta) R z z' R / z' R z + z z' with R = P^-1, and update theta.
 
-    The forgetting is P <- P + (1 - beta) / beta z z' / z' R z. If |z| is below the threshold, the
-    estimate is held.
+    z are the scaled regressors (`ud_factors`). The gain is P z, with P after the update. The second
+    term of the sum is the forgetting, P <- P + (1 - beta) / beta z z' / z' R z. If |z| is below the
+    threshold, theta and P do not change.
     """
     if scale(parameters, state, phi) < parameters.epsilon:
         state.held = True
@@ -74,7 +75,7 @@ def step(
 
 
 class SubspaceForgetting(FactoredEstimator):
-    """Recursive least squares that forgets in the subspace of the new information, SIFt-RLS.
+    """Recursive least squares with forgetting in the subspace of the new information, SIFt-RLS.
 
     Information in a direction is forgotten only when new information in this direction arrives,
     and samples below a threshold are ignored (B. Lai and D. S. Bernstein, "SIFt-RLS: Subspace of
@@ -89,23 +90,23 @@ class SubspaceForgetting(FactoredEstimator):
     forgetting
         The forgetting factor beta, 0 < beta <= 1.
     initial_covariance
-        Diagonal of P0 for each model parameter, b [(N s/m)^2] and k [(N/m)^2] first, per N^2
-        of force variance.
+        Diagonal of P0: the initial variances of b [(N s/m)^2], k [(N/m)^2] and any further
+        parameters of the model, for force noise with a variance of 1 N^2.
     sample_period
-        Time [s] over which the information in the direction of a sample decreases by the factor
-        beta. By default it decreases by beta with each sample, independent of `dt`.
+        Time [s] in which the information in the direction of phi is multiplied by beta.
+        Default: it is multiplied by beta at each sample, independent of `dt`.
     threshold
         Smallest sqrt(phi' P0 phi) of a sample that is used, sqrt(epsilon) in the paper. It is
         the standard deviation of the force predicted with P0, relative to that of the noise.
     model
         Model that defines the regressors.
     correlation
-        Samples per independent noise sample, see `LinearGainEstimator`.
+        Number of samples per independent sample of the force noise, see `LinearGainEstimator`.
 
     Raises
     ------
     ValueError
-        A parameter is out of its range.
+        An argument is out of its range.
     """
 
     step = staticmethod(step)

@@ -1,4 +1,4 @@
-"""Multi-estimator with supervisory switching, which limits the changes of the candidate."""
+"""Multi-estimator with supervisory switching, which limits how often the candidate changes."""
 
 from __future__ import annotations
 
@@ -25,22 +25,22 @@ from estimation.step import B, K, Regressors
 
 @dataclass(frozen=True, slots=True)
 class SwitchingParameters(MultiEstimatorParameters):
-    """Parameters of `step`."""
+    """Constant settings of the function `step`."""
 
     factor: float
-    """1 + h, with the hysteresis h."""
+    """1 + h, where h is the hysteresis."""
     dwell: float
     """Minimum time between switches [s]."""
 
 
 @dataclass(slots=True)
 class SwitchingState(MonitoringState):
-    """State of `step`."""
+    """Variables that the function `step` updates."""
 
     since: float
     """Time since the last switch [s]."""
     switches: int
-    """Number of changes of the candidate."""
+    """Number of changes of the selected candidate."""
 
 
 def step(
@@ -50,7 +50,10 @@ def step(
     f: float,
     dt: float,
 ) -> None:
-    """Update the sums as in the multi-estimator; switch if hysteresis and dwell time allow it."""
+    """Update the sums as in the multi-estimator; change the candidate if the rules permit it.
+
+    The rules are the hysteresis and the dwell time.
+    """
     v, x = phi
     theta, b_axis, k_axis = state.theta, parameters.b, parameters.k
     decay_and_add(parameters.twice_lambda, state, v, x, f, dt)
@@ -72,14 +75,16 @@ def step(
 class SwitchingMultiEstimator(MultiEstimator):
     """Multi-estimator with scale-independent hysteresis switching.
 
-    Of the candidates p with the monitoring signals mu_p, (11), candidate sigma is reported:
+    Let mu_p be the monitoring signal (11) of candidate p, and sigma the selected candidate, whose
+    (b, k) is the estimate:
 
-        sigma is kept while mu_sigma <= (1 + h) min_p mu_p, and for the dwell time after a switch;
-        otherwise sigma = arg min_p mu_p.
+        sigma does not change while mu_sigma <= (1 + h) min_p mu_p, and during the dwell time after
+        a switch; otherwise sigma = arg min_p mu_p.
 
     A common factor of all signals, such as the forgetting factor, cancels. So noise does not
-    cause chattering, and the number of switches per time is bounded. The reported candidate may
-    differ from the minimum; the standard deviations include this difference.
+    cause chattering, and the number of switches per time is bounded. The selected candidate may
+    differ from the (b, k) with the smallest signal; the standard deviations include this
+    difference.
 
     References
     ----------
@@ -94,15 +99,16 @@ class SwitchingMultiEstimator(MultiEstimator):
     grid, forgetting_rate, correlation
         As in `MultiEstimator`.
     hysteresis
-        Hysteresis h, >= 0. With N samples in memory and only noise, sigma is kept while it is
-        within about sqrt(h N) standard deviations of the minimum.
+        Hysteresis h, >= 0. If the force differs from the model only by noise, and the memory is N
+        samples long, sigma does not change while it is within about sqrt(h N) standard deviations
+        of the minimum.
     dwell
         Minimum time [s] between switches, >= 0.
 
     Raises
     ------
     ValueError
-        A parameter is out of its range.
+        An argument is out of its range.
     """
 
     step = staticmethod(step)  # type: ignore[assignment]  # it has more parameters
@@ -126,14 +132,14 @@ class SwitchingMultiEstimator(MultiEstimator):
         super().__init__(grid, forgetting_rate, correlation, factor=1.0 + hysteresis, dwell=dwell)
 
     def first_state(self, parameters: SwitchingParameters) -> SwitchingState:
-        """Return the state before the first sample, which may cause a switch immediately."""
+        """Return the state before the first sample. The first sample may cause a switch."""
         return SwitchingState(
             **asdict(super().first_state(parameters)), since=parameters.dwell, switches=0
         )
 
     @property
     def sigma(self) -> tuple[int, int]:
-        """Switching signal: the indices of the reported damping and stiffness on their axes."""
+        """Switching signal: indices of the selected b and k on the axes of the grid."""
         b, k = self.grid.b, self.grid.k
         i = round((self.state.theta[B] - b.first) / b.spacing)
         return i, round((self.state.theta[K] - k.first) / k.spacing)

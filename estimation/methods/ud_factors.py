@@ -35,7 +35,7 @@ WINDUP = 1e10
 
 @dataclass(frozen=True, slots=True)
 class FactoredParameters(LinearGainParameters):
-    """Parameters of the functions in this file."""
+    """Constant settings of the functions in this file."""
 
     s: tuple[float, ...]
     """Standard deviation of the initial guess of each parameter, (m,)."""
@@ -47,7 +47,7 @@ class FactoredParameters(LinearGainParameters):
 
 @dataclass(slots=True)
 class FactoredState(LinearGainState):
-    """State of a `LinearGainEstimator` with the factors of P."""
+    """State of a `LinearGainEstimator`, with the factors of P."""
 
     U: Matrix
     """Factor U, stored by columns: U_ij with i < j is U[j][i]; (m, m)."""
@@ -60,7 +60,7 @@ class FactoredState(LinearGainState):
     dt: float
     """Time between the last two samples [s]; 0 before the second sample."""
     beta: float
-    """Forgetting factor for this time."""
+    """Forgetting factor for the time `dt`."""
 
 
 def forgetting_factor(parameters: FactoredParameters, state: FactoredState, dt: float) -> float:
@@ -110,7 +110,7 @@ def variance(state: FactoredState, i: int) -> float:
 def predicted_variance(
     parameters: FactoredParameters, state: FactoredState, phi: Regressors
 ) -> float:
-    """Return z' P z = |D^1/2 U' z|^2, the variance of the predicted force over noise variance."""
+    """Return z' P z = |D^1/2 U' z|^2: the variance of phi' theta, relative to that of the noise."""
     s, U, D = parameters.s, state.U, state.D
     m = len(phi)
     total = 0.0
@@ -177,7 +177,7 @@ def add(state: FactoredState, weight: float, columns: int) -> None:
 
 
 def add_variance(state: FactoredState, i: int, weight: float) -> None:
-    """Set P_ii <- P_ii + weight: column i as in `add` with the unit vector y, then the others."""
+    """Add `weight` to the variance P_ii, by the method of `add` with the i-th unit vector as y."""
     D, column, y = state.D, state.U[i], state.y
     former = D[i]
     D[i] = former + weight
@@ -206,7 +206,7 @@ def correct_with_gain(
 
 
 def forgetting_rate(forgetting: float, sample_period: float | None) -> float:
-    """Return the forgetting rate [1/s] for a factor per sample period; 0 without a period.
+    """Return the rate [1/s] of a forgetting factor per sample period [s]; 0 if that is None.
 
     Raises
     ------
@@ -228,24 +228,24 @@ class FactoredEstimator(LinearGainEstimator):
     forgetting
         The forgetting factor beta, 0 < beta <= 1.
     initial_covariance
-        Diagonal of P0 for each model parameter, b [(N s/m)^2] and k [(N/m)^2] first, per N^2
-        of force variance.
+        Diagonal of P0: the initial variances of b [(N s/m)^2], k [(N/m)^2] and any further
+        parameters of the model, for force noise with a variance of 1 N^2.
     sample_period
-        Time [s] over which a weight decreases by the factor beta. None: it decreases by beta
-        with each sample, independent of `dt`.
+        Time [s] in which the weight of a past sample is multiplied by beta. None: it is
+        multiplied by beta at each sample, independent of `dt`.
     model
         Model that defines the regressors.
     correlation
-        Samples per independent noise sample, see `LinearGainEstimator`.
+        Number of samples per independent sample of the force noise, see `LinearGainEstimator`.
     guess_variance
-        Variance of the initial guess. Default: the initial covariance.
+        Variance of the error of the initial guess. Default: the initial covariance.
     own
         Additional parameters of the method, by name.
 
     Raises
     ------
     ValueError
-        A parameter is out of its range.
+        An argument is out of its range.
     """
 
     parameter_type: ClassVar[type[FactoredParameters]] = FactoredParameters
@@ -294,7 +294,7 @@ class FactoredEstimator(LinearGainEstimator):
         return p
 
     def note(self, estimates: Estimates) -> str | None:
-        """Return a note if the covariance is near its upper bound."""
+        """Return a warning if a variance is near its upper limit, otherwise None."""
         if np.any(np.diag(self.scaled_covariance) > 0.5 * WINDUP):
             return "too little motion: the covariance is at its limit and forgetting is suspended"
         return None

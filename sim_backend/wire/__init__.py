@@ -1,1 +1,1 @@
-"""Emulated devices and adapters, with the same protocols as the real ones, byte by byte."""
+"""Emulated devices and adapters, which send and receive the same bytes as the real ones."""

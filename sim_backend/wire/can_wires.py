@@ -1,4 +1,4 @@
-"""CAN buses between emulated devices and a host, with an slcan adapter or another interface."""
+"""Wires that are CAN buses. The host has an slcan adapter or another interface."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from sim_backend.wire.slcan_adapter import SlcanAdapter
 from sim_backend.wire.wire import Wire
 
 MOST = 1000
-"""Largest number of CAN frames per reading."""
+"""Largest number of CAN frames that one call of `from_host` returns."""
 BUS_OFF = 0x40
-"""Flag of Linux's error frames for a controller that is bus-off."""
+"""Bit in the identifier of an error frame of Linux: the controller is bus-off."""
 ERROR_WARNING, BUS_ERROR = 0x04, 0x80
-"""Status flags of an slcan adapter, which does not pass on error frames."""
+"""Status flags of an slcan adapter. The adapter sets them instead of passing on error frames."""
 
 
 class CanWire(Wire):
-    """Base class of CAN buses with emulated devices and a host."""
+    """Base class of wires that are CAN buses with emulated devices."""
 
     def __init__(self, devices: Sequence[EmulatedCanDevice]) -> None:
         self.devices = list(devices)
@@ -37,18 +37,21 @@ class CanWire(Wire):
 
     @abstractmethod
     def from_host(self) -> list[can.Message]:
-        """Return the frames that the host has sent."""
+        """Return the CAN frames that the host has sent since the last call."""
 
     @abstractmethod
     def to_host(self, frames: list[can.Message]) -> None:
-        """Send frames to the host."""
+        """Send CAN frames to the host."""
 
     def due(self) -> float:
         """Return the earliest time at which a device sends its next frame [s]."""
         return min((device.due() for device in self.devices), default=math.inf)
 
     def serve(self, now: float) -> None:
-        """Exchange the frames between the host and the devices, and between the devices."""
+        """Pass the CAN frames of the host to the devices, and those of each device to all others.
+
+        The host receives the frames of all devices, changed by the fault if there is one.
+        """
         for frame in self.from_host():
             for device in self.devices:
                 device.receive(frame, now)
@@ -66,7 +69,7 @@ class CanWire(Wire):
 
 
 class SlcanWire(CanWire):
-    """A CAN bus with an slcan adapter on a pseudo-terminal."""
+    """A CAN bus to which the host is connected by an slcan adapter on a pseudo-terminal."""
 
     def __init__(self, path: Path, devices: Sequence[EmulatedCanDevice]) -> None:
         super().__init__(devices)
@@ -74,7 +77,7 @@ class SlcanWire(CanWire):
         self.adapter = SlcanAdapter()
 
     def open(self) -> None:
-        """Connect the adapter."""
+        """Create the port of the adapter."""
         self.port.open()
 
     def from_host(self) -> list[can.Message]:
@@ -82,7 +85,11 @@ class SlcanWire(CanWire):
         return self.adapter.receive(self.port.read())
 
     def to_host(self, frames: list[can.Message]) -> None:
-        """Send the adapter's answers, followed by the frames from the bus."""
+        """Send the answers of the adapter, followed by the CAN frames from the bus.
+
+        Error frames are not sent; they set status flags of the adapter. While the flag of a bus
+        error is set, no frames are sent.
+        """
         for error in [frame for frame in frames if frame.is_error_frame]:
             self.adapter.flags |= BUS_ERROR if error.arbitration_id & BUS_OFF else ERROR_WARNING
         if self.adapter.flags & BUS_ERROR:
@@ -94,7 +101,7 @@ class SlcanWire(CanWire):
         self.port.write(data)
 
     def close(self) -> None:
-        """Disconnect the adapter, which loses its settings."""
+        """Remove the port of the adapter. The adapter loses its settings."""
         self.port.close()
         self.adapter = SlcanAdapter()
 
@@ -104,7 +111,7 @@ class SlcanWire(CanWire):
 
 
 class InterfaceWire(CanWire):
-    """A CAN bus with any interface of python-can, for example SocketCAN."""
+    """A CAN bus to which emulator and host connect by python-can, for example with SocketCAN."""
 
     def __init__(self, interface: str, channel: str, devices: Sequence[EmulatedCanDevice]) -> None:
         super().__init__(devices)
@@ -119,14 +126,14 @@ class InterfaceWire(CanWire):
             raise OSError(str(error)) from error
 
     def from_host(self) -> list[can.Message]:
-        """Return the frames of all other nodes on the bus."""
+        """Return the CAN frames that other nodes on the bus have sent since the last call."""
         frames: list[can.Message] = []
         while self._bus and len(frames) < MOST and (frame := self._bus.recv(0)):
             frames.append(frame)
         return frames
 
     def to_host(self, frames: list[can.Message]) -> None:
-        """Send frames to the bus; frames that it does not accept are lost."""
+        """Send CAN frames to the bus. Frames that the bus does not accept are lost."""
         assert self._bus
         for frame in frames:
             with contextlib.suppress(can.CanError, OSError):

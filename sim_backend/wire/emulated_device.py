@@ -1,4 +1,4 @@
-"""Base classes of emulated devices, which connect the simulated plant to a wire."""
+"""Base classes of emulated devices, which connect the simulated telemanipulator to a wire."""
 
 from __future__ import annotations
 
@@ -16,14 +16,17 @@ class Mount(ABC):
     Attributes
     ----------
     rate
-        Sample rate that is set on devices that send unrequested samples [Hz].
+        Sample rate [Hz] of devices that send samples without a request from the host.
     """
 
     rate: float = 1000.0
 
     @abstractmethod
     def sense(self, signal: str) -> float:
-        """Return the present value of a signal, in its unit; 0 if the signal is not used."""
+        """Return the present value of a signal of the device, in the unit of the signal.
+
+        The value is 0 if the rig file does not use the signal.
+        """
 
     @abstractmethod
     def drive(self, name: str, velocity: float) -> None:
@@ -31,15 +34,15 @@ class Mount(ABC):
 
     @abstractmethod
     def brake(self, name: str) -> None:
-        """Hold a drive of the device, which is idle."""
+        """Disable a drive of the device, and hold its position."""
 
 
 class EmulatedDevice(ABC):  # noqa: B024
-    """Base class of devices in software with the protocol of the real device.
+    """Base class of emulated devices: software with the protocol of a real device.
 
-    It has the same settings as its driver but shares no other code with it, so that driver and
-    emulation test each other. It has its own watchdogs, so it must be called often, with the
-    present time.
+    An emulated device has the settings of its driver, but no other code in common with the driver,
+    so that an error in one of them is found. It has the watchdogs of the real device, so its
+    methods must be called often, with the present time.
 
     Parameters
     ----------
@@ -57,29 +60,32 @@ class EmulatedDevice(ABC):  # noqa: B024
         self.mount = mount
 
     def due(self) -> float:
-        """Return the time of the next unrequested frame of `emit` [s]; infinite for none."""
+        """Return the time [s] at which `emit` next returns a frame that the host did not request.
+
+        It is infinite if there is no such frame.
+        """
         return math.inf
 
 
 class EmulatedSerialDevice(EmulatedDevice):
-    """Base class of devices on a serial port."""
+    """Base class of emulated devices on a serial port."""
 
     @abstractmethod
     def receive(self, data: bytes, now: float) -> None:
-        """Process bytes from the host, which may start and end within a frame."""
+        """Process bytes from the host at time `now` [s]. They may be parts of frames."""
 
     @abstractmethod
     def emit(self, now: float) -> list[bytes]:
-        """Return the frames that are due at time `now` [s]: answers and unrequested frames."""
+        """Return the frames to be sent at time `now` [s]: answers and unrequested frames."""
 
 
 class EmulatedCanDevice(EmulatedDevice):
-    """Base class of devices on a CAN bus, which receive all frames of the bus."""
+    """Base class of emulated devices on a CAN bus. A device receives all frames of the bus."""
 
     @abstractmethod
     def receive(self, frame: can.Message, now: float) -> None:
-        """Process a frame from the bus."""
+        """Process a CAN frame from the bus at time `now` [s]."""
 
     @abstractmethod
     def emit(self, now: float) -> list[can.Message]:
-        """Return the frames that are due at time `now` [s]."""
+        """Return the CAN frames to be sent at time `now` [s]."""

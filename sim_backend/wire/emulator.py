@@ -1,4 +1,4 @@
-"""Emulator of all devices of a rig file, on ports and buses that a host can open."""
+"""Emulator of all devices in a rig file. A host can open its serial ports and CAN buses."""
 
 from __future__ import annotations
 
@@ -23,36 +23,37 @@ from sim_backend.wire.wire_faults import FAULTS
 
 
 class PlannedFault(NamedTuple):
-    """A fault and its time."""
+    """A fault that occurs at a given time."""
 
     kind: str
     """One of `FAULTS` or `ACTIONS`."""
     where: str
-    """Name of a bus; for a reset, name of a device."""
+    """Name of the bus with the fault. For the kind `reset`, name of the device."""
     at: float
     """Time after a drive was first enabled [s]."""
 
 
 LATEST = 0.1
-"""Largest delay of the emulator [s]; with a larger delay it skips steps."""
+"""Largest delay of the emulator [s]. If the delay is larger, steps are omitted."""
 ACTIONS = ("unplug", "replug", "reset")
-"""Faults that do not change frames or bytes."""
+"""Kinds of faults that do not change frames or bytes."""
 
 
 class Emulator:
-    """Emulated devices with one wire per bus of the rig file; a context manager.
+    """Emulated devices of a rig file, with one wire per bus in the file.
 
-    Serial ports and slcan adapters are pseudo-terminals. For other CAN interfaces, the emulator
-    connects to the bus.
+    It is a context manager, which opens and closes the wires. Serial ports and slcan adapters are
+    pseudo-terminals. To a CAN bus with another interface, the emulator connects by python-can.
 
     Parameters
     ----------
     file
         The rig file.
     make_rig
-        Function that makes the simulated telemanipulator, with a clock [s] as argument.
+        Function that returns a new simulated telemanipulator. Its argument is a function that
+        returns the time [s].
     folder
-        Folder of the pseudo-terminals, each with the name of its bus.
+        Folder of the pseudo-terminals. Each has the name of its bus.
     faults
         Planned faults.
     now
@@ -61,7 +62,7 @@ class Emulator:
     Raises
     ------
     ValueError
-        There is no emulation of a kind of device.
+        The rig file has a device of a kind without emulation.
     """
 
     def __init__(
@@ -81,7 +82,7 @@ class Emulator:
         self.wires = {name: self._wire(name, folder) for name in file.sections.buses}
 
     def _emulated(self) -> list[tuple[str, EmulatedDevice]]:
-        """Return the emulations of all devices that are on a bus, by name."""
+        """Return name and emulation of each device that is on a bus."""
         found = []
         for name, settings in self.file.devices.items():
             if not hasattr(settings, "bus"):
@@ -148,9 +149,10 @@ class Emulator:
             wire.serve(now)
 
     def serve(self, stopped: Callable[[], bool]) -> None:
-        """Process each wire when a frame is due or the host has sent, until `stopped` is True.
+        """Serve all wires until `stopped()` is True.
 
-        All wires are also processed at the rate of the rig, so that watchdogs can expire.
+        A wire is served when a frame of its devices is due, or when the host has sent data. All
+        wires are also served at the rate of the rig, so that watchdogs can expire.
         """
         period = 1.0 / self.file.sections.rate_hz
         wires = list(self.wires.values())
@@ -187,7 +189,10 @@ class Emulator:
 
 
 def host_ports(file: RigFile, folder: Path) -> dict[str, str]:
-    """Return the port or channel of each bus for a host, by name of the bus."""
+    """Return the serial port or CAN channel that a host must open for each bus, by name of the bus.
+
+    `folder` is the folder of the pseudo-terminals.
+    """
     return {
         name: bus.channel
         if isinstance(bus, CanSettings) and bus.interface != "slcan"
@@ -197,7 +202,10 @@ def host_ports(file: RigFile, folder: Path) -> dict[str, str]:
 
 
 def host_file(file: RigFile, folder: Path) -> str:
-    """Return the rig file for a host, with the ports of the emulator and absolute paths."""
+    """Return the text of the rig file for a host, with the ports of the emulator.
+
+    Paths of files are absolute. `folder` is the folder of the pseudo-terminals.
+    """
     import tomlkit
 
     document = tomlkit.parse(file.text)

@@ -13,15 +13,23 @@ from sim_backend.simulated_rig import SimulatedRig
 from sim_backend.wire.emulated_device import Mount
 
 PUT_BACK = 1.2
-"""Time after which the telemanipulator with idle drives is reset to its initial state [s]."""
+"""Time for which all drives are disabled before the telemanipulator is reset to its initial state
+[s]."""
 NEVER = 1e9
-"""Watchdog time of the simulated drives [s]; the emulated devices have their own watchdogs."""
+"""Watchdog time of the simulated drives [s], so long that it never expires.
+
+The emulated devices have their own watchdogs.
+"""
 
 
 class Source(NamedTuple):
-    """Source of a device's signal: (value of the channel - offset) / gain."""
+    """Describes the channel from which a signal of an emulated device is computed.
+
+    signal = (value of the channel - offset) / gain
+    """
 
     channel: str
+    """Name of the channel."""
     gain: float
     """SI unit of the channel per unit of the signal."""
     offset: float
@@ -29,17 +37,18 @@ class Source(NamedTuple):
 
 
 class Mechanism:
-    """Simulated telemanipulator with the mounts of all emulated devices.
+    """Simulated telemanipulator, with one mount (interface) for each emulated device.
 
-    When its drives have been idle for `PUT_BACK`, it is reset to its initial state, as a person
-    would do between trials.
+    When all drives have been disabled for the time `PUT_BACK`, the telemanipulator is reset to its
+    initial state, as a person would do between trials.
 
     Parameters
     ----------
     file
         The rig file, which assigns channels and drives to devices.
     make_rig
-        Function that makes the telemanipulator in its initial state, with a clock as argument.
+        Function that returns a new telemanipulator in its initial state. Its argument is a function
+        that returns the time [s].
     now
         Function that returns the time of the clock [s].
     """
@@ -54,7 +63,7 @@ class Mechanism:
         self._now = now
         self._velocities = dict.fromkeys(AXES, 0.0)
         self.driven: set[str] = set()
-        """Names of the axes that are in operation."""
+        """Names of the axes whose drives are enabled."""
         self._idle_since = math.inf
         self.rig = self._fresh()
         self.measurement = self.rig.read()
@@ -83,7 +92,7 @@ class Mechanism:
         return self.measurement
 
     def drive(self, axis: str, velocity: float) -> None:
-        """Move an axis at a velocity [m/s]."""
+        """Enable the drive of an axis if it is disabled, and move the axis at a velocity [m/s]."""
         if not self.driven:
             self.rig.enable()
             self._idle_since = math.inf
@@ -91,7 +100,7 @@ class Mechanism:
         self._velocities[axis] = velocity
 
     def brake(self, axis: str) -> None:
-        """Hold an axis."""
+        """Disable the drive of an axis, and hold the axis."""
         self._velocities[axis] = 0.0
         if self.driven == {axis}:
             self.rig.idle()
@@ -99,7 +108,10 @@ class Mechanism:
         self.driven.discard(axis)
 
     def state(self, axis: str, signal: str) -> float:
-        """Return the exact position [m], velocity [m/s] or motor force [N] of an axis."""
+        """Return the true position [m], velocity [m/s] or motor force [N] of an axis.
+
+        `signal` is `position`, `velocity` or `force`. The result is 0 for other signals.
+        """
         plant = self.rig.plant
         body = plant.slave if axis == "slave" else plant.handle
         if signal == "force":
@@ -108,18 +120,22 @@ class Mechanism:
 
 
 class DeviceMount(Mount):
-    """Mount of one device on the mechanism."""
+    """Interface of one emulated device to the simulated telemanipulator."""
 
     def __init__(self, mechanism: Mechanism, rate: float) -> None:
         self.rate = rate
         self._mechanism = mechanism
         self.sources: dict[str, Source] = {}
-        """Sources of the signals that are used as channels, by signal."""
+        """For each signal that the rig file uses: the channel from which it is computed."""
         self.axes: dict[str, tuple[str, int]] = {}
-        """Axis and sign of each drive, by the name of the drive."""
+        """Name of the axis, and sign of the direction, of each drive, by the name of the drive."""
 
     def sense(self, signal: str) -> float:
-        """Return the value of a signal, from its channel or from the axis of the device."""
+        """Return the value of a signal.
+
+        A signal that the rig file uses is computed from its channel. Other signals of a drive are
+        computed from the axis of the drive; all others are 0.
+        """
         if source := self.sources.get(signal):
             value: float = getattr(self._mechanism.measurement, source.channel)
             return (value - source.offset) / source.gain
@@ -128,12 +144,12 @@ class DeviceMount(Mount):
         return 0.0
 
     def drive(self, name: str, velocity: float) -> None:
-        """Move the axis of a drive at a velocity [m/s]."""
+        """Move the axis of a drive at a velocity [m/s] in the direction of the drive."""
         if name in self.axes:
             axis, sign = self.axes[name]
             self._mechanism.drive(axis, sign * velocity)
 
     def brake(self, name: str) -> None:
-        """Hold the axis of a drive."""
+        """Disable a drive, and hold its axis."""
         if name in self.axes:
             self._mechanism.brake(self.axes[name][0])

@@ -7,7 +7,7 @@ import os
 from pathlib import Path
 
 CHUNK = 1 << 16
-"""Largest number of bytes per reading."""
+"""Largest number of bytes that one call of `read` returns."""
 
 
 class PseudoTerminal:
@@ -24,7 +24,7 @@ class PseudoTerminal:
         self._ends: tuple[int, ...] = ()
 
     def open(self) -> None:
-        """Connect the port.
+        """Create the port, and the link to it at `path`.
 
         Raises
         ------
@@ -44,7 +44,7 @@ class PseudoTerminal:
         self.path.symlink_to(os.ttyname(host))
 
     def filenos(self) -> list[int]:
-        """Return the file descriptor of the device's end, if the port is connected."""
+        """Return the file descriptor of the device's end, if the port is open."""
         return list(self._ends[:1])
 
     def read(self) -> bytes:
@@ -54,13 +54,13 @@ class PseudoTerminal:
         return b""
 
     def write(self, data: bytes) -> None:
-        """Send bytes to the host; bytes that are not read are lost, as on a real line."""
+        """Send bytes to the host. Bytes that the host does not read in time are lost."""
         if data:
             with contextlib.suppress(BlockingIOError, OSError, IndexError):
                 os.write(self._ends[0], data)
 
     def close(self) -> None:
-        """Disconnect the port."""
+        """Remove the port and the link to it."""
         for end in self._ends:
             os.close(end)
         self._ends = ()

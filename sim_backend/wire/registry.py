@@ -20,7 +20,7 @@ BUILT_IN = {
 
 
 def emulated_class(kind: str) -> type[EmulatedDevice]:
-    """Return the class of a kind of device; raise KeyError if the kind is unknown."""
+    """Return the class of the emulated devices of a kind; raise KeyError if there is none."""
     if kind in BUILT_IN:
         module, _, name = BUILT_IN[kind].partition(":")
         found: type[EmulatedDevice] = getattr(import_module(module), name)

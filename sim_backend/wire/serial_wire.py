@@ -11,11 +11,11 @@ from sim_backend.wire.pseudo_terminal import PseudoTerminal
 from sim_backend.wire.wire import Wire
 
 BITS = 10
-"""Bits per byte on the line, with start and stop bit."""
+"""Number of bits per byte on the line, including start and stop bit."""
 
 
 class SerialWire(Wire):
-    """A device on a pseudo-terminal, with the transmission time of its frames.
+    """A wire with one device on a pseudo-terminal. Frames arrive after their transmission time.
 
     Parameters
     ----------
@@ -33,14 +33,17 @@ class SerialWire(Wire):
         self._byte_time = BITS / baud
         self._line: deque[tuple[float, bytes]] = deque()
         self._free = 0.0
-        """Time at which the line is free again [s]."""
+        """Time at which the transmission of all frames on the line ends [s]."""
 
     def open(self) -> None:
         """Connect the port."""
         self.port.open()
 
     def serve(self, now: float) -> None:
-        """Pass the bytes of the host to the device, and transmitted frames to the host."""
+        """Pass the bytes of the host to the device, and frames of the device to the host.
+
+        A frame is passed to the host when its transmission has ended.
+        """
         if data := self.port.read():
             self.device.receive(data, now)
         frames = self.device.emit(now)
@@ -71,6 +74,6 @@ class SerialWire(Wire):
         return self.port.filenos()
 
     def due(self) -> float:
-        """Return the earliest time of the device's next frame or of the next arrival [s]."""
+        """Return the time [s] of the device's next frame, or of the next arrival at the host."""
         arrival = self._line[0][0] if self._line else math.inf
         return min(self.device.due(), arrival)

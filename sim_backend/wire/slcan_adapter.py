@@ -1,4 +1,4 @@
-"""Protocol of an slcan adapter (Lawicel CANUSB), without a port."""
+"""Protocol of an slcan adapter (Lawicel CANUSB), independent of the serial port."""
 
 from __future__ import annotations
 
@@ -22,15 +22,16 @@ EXTENDED = re.compile("([TR])([01][0-9A-Fa-f]{7})([0-8])([0-9A-Fa-f]*)")
 DONE, REFUSED = "\r", "\a"
 TRANSMIT_QUEUE_FULL = 0x02
 LONGEST = 40
-"""Largest stored length of a line [characters], more than that of any command."""
+"""Number of characters of a line that are stored. All commands are shorter."""
 
 
 class SlcanAdapter:
-    """An adapter between a host and a CAN bus. The caller transports bytes and frames.
+    """An slcan adapter between a host and a CAN bus.
 
-    Initially it is closed and has no bit rate. Like Lawicel's adapter, it answers frames with `z`
-    or `Z` (auto poll). It refuses frames while it is closed and settings while it is open, and
-    it refuses to close or open twice.
+    The caller passes the bytes of the host and the frames of the bus to the adapter. Initially the
+    channel is closed and has no bit rate. Like the adapter of Lawicel, it answers frames of the
+    host with `z` or `Z` (auto poll). It refuses frames while the channel is closed, settings while
+    it is open, and commands to open an open channel or to close a closed channel.
 
     Attributes
     ----------
@@ -54,7 +55,7 @@ class SlcanAdapter:
         self._replies = ""
 
     def receive(self, data: bytes) -> list[can.Message]:
-        """Process bytes of the host; return the frames that it sends to the bus."""
+        """Process bytes of the host; return the CAN frames to be sent to the bus."""
         frames = []
         for character in data.decode("latin-1"):
             if character != "\r":
@@ -68,12 +69,15 @@ class SlcanAdapter:
         return frames
 
     def pending(self) -> bytes:
-        """Return the answers to the host since the last call."""
+        """Return the answers to commands that were received since the last call."""
         replies, self._replies = self._replies, ""
         return replies.encode("latin-1")
 
     def encode(self, message: can.Message) -> bytes:
-        """Return a frame of the bus as a line for the host; empty while the channel is closed."""
+        """Return a CAN frame of the bus as a line of text for the host.
+
+        The result is empty while the channel is closed.
+        """
         if not self.is_open:
             return b""
         kind = "r" if message.is_remote_frame else "t"
@@ -102,7 +106,10 @@ class SlcanAdapter:
         )
 
     def _reply(self, line: str, frame: can.Message | None) -> str:
-        """Execute a command; return its answer."""
+        """Execute the command in a line, and return its answer.
+
+        `frame` is the CAN frame in the line; None if the line is another command.
+        """
         if frame:
             return "Z\r" if frame.is_extended_id else "z\r"
         if line == "":

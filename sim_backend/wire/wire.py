@@ -1,4 +1,4 @@
-"""Base class of wires between the emulated devices of a bus and a host."""
+"""Base class of wires. A wire connects the emulated devices of one bus to a host."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from sim_backend.wire.wire_faults import WireFault
 
 
 class Wire(ABC):
-    """Connection between the devices of one bus and the host.
+    """Connection between the emulated devices of one CAN bus or serial line and the host.
 
     Attributes
     ----------
     fault
-        Fault that changes the data to the host; None for none.
+        Fault that changes the data on the way to the host; None for none.
     """
 
     fault: WireFault | None = None
@@ -25,15 +25,18 @@ class Wire(ABC):
 
     @abstractmethod
     def serve(self, now: float) -> None:
-        """Transfer the data of the host to the devices, and data due at `now` [s] to the host."""
+        """Pass the data of the host to the devices, and the data of the devices to the host.
+
+        `now` is the present time [s]. Data to the host that are due later are kept.
+        """
 
     @abstractmethod
     def exchange(self, old: EmulatedDevice, new: EmulatedDevice) -> None:
-        """Replace a device by another, if it is on this wire."""
+        """Replace the device `old` by `new`, if `old` is on this wire."""
 
     @abstractmethod
     def close(self) -> None:
-        """Remove the port or bus; a connected host finds its port disconnected."""
+        """Remove the port or bus. For a connected host, the port is then disconnected."""
 
     @abstractmethod
     def filenos(self) -> list[int]:
@@ -41,4 +44,8 @@ class Wire(ABC):
 
     @abstractmethod
     def due(self) -> float:
-        """Return the time of the next unrequested frame, or of the next arrival [s]."""
+        """Return the time [s] at which `serve` must next be called.
+
+        This is the time of the next unrequested frame, or the time at which the transmission of a
+        frame to the host ends.
+        """

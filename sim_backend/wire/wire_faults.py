@@ -1,4 +1,4 @@
-"""Communication faults on a wire from emulated devices to the host."""
+"""Communication faults on the way from emulated devices to the host."""
 
 from __future__ import annotations
 
@@ -13,27 +13,30 @@ Frame = TypeVar("Frame")
 
 
 class WireFault:
-    """Base class of faults of frames and bytes to the host. By default it has no effect."""
+    """Base class of faults, which change the frames or bytes that the host receives.
+
+    This class changes nothing.
+    """
 
     def frames(self, frames: list[Frame], now: float) -> list[Frame]:
-        """Return the frames that arrive at time `now` [s], instead of the sent frames."""
+        """Return the frames that arrive at time `now` [s], if `frames` are sent at this time."""
         return frames
 
     def octets(self, data: bytes) -> bytes:
-        """Return the received bytes of a serial line, instead of the sent bytes."""
+        """Return the bytes that the host receives from a serial line, if `data` are sent."""
         return data
 
     def frame(self, frame: can.Message) -> can.Message:
-        """Return the received CAN frame, instead of the sent frame."""
+        """Return the CAN frame that the host receives, if `frame` is sent."""
         return frame
 
     def noise(self) -> bytes:
-        """Return additional bytes that no device sent."""
+        """Return additional bytes that the host receives and no device sent."""
         return b""
 
 
 class Random(WireFault):
-    """Base class of faults that affect random frames.
+    """Base class of faults that affect frames chosen at random.
 
     Parameters
     ----------
@@ -48,12 +51,12 @@ class Random(WireFault):
         self._random = random.Random(seed)
 
     def is_affected(self) -> bool:
-        """Return whether the next frame is affected."""
+        """Return a random decision whether the next frame is affected."""
         return self._random.random() < self._share
 
 
 class Dropped(Random):
-    """Frames are lost."""
+    """Fault: random frames are lost."""
 
     def frames(self, frames: list[Frame], now: float) -> list[Frame]:
         """Return the frames that are not lost."""
@@ -61,7 +64,7 @@ class Dropped(Random):
 
 
 class Doubled(Random):
-    """Frames are received twice."""
+    """Fault: random frames are received twice."""
 
     def frames(self, frames: list[Frame], now: float) -> list[Frame]:
         """Return each frame once or twice."""
@@ -69,14 +72,14 @@ class Doubled(Random):
 
 
 class Reordered(Random):
-    """A frame is received after the next one."""
+    """Fault: random frames are received after the next frame."""
 
     def __init__(self, share: float = 1.0, seed: int = 0) -> None:
         super().__init__(share, seed)
         self._held: list[object] = []
 
     def frames(self, frames: list[Frame], now: float) -> list[Frame]:
-        """Return the frames with some in exchanged order."""
+        """Return the frames, with random pairs of successive frames in exchanged order."""
         out: list[Frame] = []
         for frame in frames:
             if not self._held and self.is_affected():
@@ -88,7 +91,7 @@ class Reordered(Random):
 
 
 class Delayed(WireFault):
-    """Frames are delayed.
+    """Fault: all frames are received later by a constant time.
 
     Parameters
     ----------
@@ -101,7 +104,7 @@ class Delayed(WireFault):
         self._queue: list[tuple[float, object]] = []
 
     def frames(self, frames: list[Frame], now: float) -> list[Frame]:
-        """Return the frames whose delay has passed."""
+        """Return the frames that were sent at least the delay ago and not returned before."""
         self._queue += [(now + self._delay, frame) for frame in frames]
         due = [frame for time, frame in self._queue if time <= now]
         self._queue = [(time, frame) for time, frame in self._queue if time > now]
@@ -109,7 +112,7 @@ class Delayed(WireFault):
 
 
 class Burst(WireFault):
-    """Frames are collected and received in bursts.
+    """Fault: frames are collected and received in bursts.
 
     Parameters
     ----------
@@ -133,36 +136,39 @@ class Burst(WireFault):
 
 
 class Truncated(Random):
-    """Frames are truncated."""
+    """Fault: random frames are truncated to half of their length."""
 
     def octets(self, data: bytes) -> bytes:
-        """Return the first half of the bytes."""
+        """Return the first half of the bytes, or all bytes if the fault does not affect them."""
         return data[: len(data) // 2] if data and self.is_affected() else data
 
     def frame(self, frame: can.Message) -> can.Message:
-        """Return the frame with the first half of its data."""
+        """Return the frame with the first half of its data, or all data if it is not affected."""
         return with_data(frame, frame.data[: len(frame.data) // 2]) if self.is_affected() else frame
 
 
 class WrongLength(Random):
-    """Frames have a wrong length."""
+    """Fault: random frames have a wrong length."""
 
     def octets(self, data: bytes) -> bytes:
-        """Return the bytes with three more before the last one."""
+        """Return the bytes, with three bytes inserted before the last byte if affected."""
         return data[:-1] + b"\x55\x55\x55" + data[-1:] if data and self.is_affected() else data
 
     def frame(self, frame: can.Message) -> can.Message:
-        """Return the frame with one more byte, or one less if it has eight."""
+        """Return the frame, if affected with one byte more, or one byte less if it has eight."""
         if not self.is_affected():
             return frame
         return with_data(frame, (frame.data + b"\x55") if len(frame.data) < 8 else frame.data[:7])
 
 
 class Corrupted(Random):
-    """A bit of a serial frame is inverted. CAN controllers discard such frames themselves."""
+    """Fault: one bit of random serial frames is inverted.
+
+    There is no such fault of CAN frames, because CAN controllers discard frames with bit errors.
+    """
 
     def octets(self, data: bytes) -> bytes:
-        """Return the bytes with one bit inverted."""
+        """Return the bytes, with one bit inverted if the fault affects them."""
         if not data or not self.is_affected():
             return data
         flipped = bytearray(data)
@@ -171,15 +177,15 @@ class Corrupted(Random):
 
 
 class Noise(Random):
-    """Random bytes are received between the frames."""
+    """Fault: random bytes are received between the frames."""
 
     def noise(self) -> bytes:
-        """Return up to 19 random bytes."""
+        """Return 1 to 19 random bytes, or none if the fault does not occur now."""
         return self._random.randbytes(self._random.randrange(1, 20)) if self.is_affected() else b""
 
 
 class BaudMismatch(WireFault):
-    """The line rate of the host is half that of the device: two bytes become one."""
+    """Fault: the line rate of the host is half that of the device. It receives two bytes as one."""
 
     def octets(self, data: bytes) -> bytes:
         """Return half as many bytes, with wrong values."""
@@ -189,7 +195,7 @@ class BaudMismatch(WireFault):
 
 
 class Silent(WireFault):
-    """No frames are received, but the port exists, as with a broken cable to the device."""
+    """Fault: no frames are received, but the port exists, as with a broken cable to the device."""
 
     def frames(self, frames: list[Frame], now: float) -> list[Frame]:
         """Return no frames."""
@@ -197,12 +203,13 @@ class Silent(WireFault):
 
 
 class ErrorFrames(WireFault):
-    """Error frames are received between the frames, as on a disturbed bus.
+    """Fault: error frames are received between the CAN frames, as on a disturbed bus.
 
     Parameters
     ----------
     identifier
-        Linux's error flags, for example 0x40 for bus-off and 0x4 for a controller problem.
+        Identifier of the error frames, which are the error flags of Linux: for example 0x40 for
+        bus-off and 0x4 for a problem of the controller.
     """
 
     def __init__(self, identifier: int) -> None:
@@ -231,15 +238,15 @@ FAULTS: dict[str, Callable[[], WireFault]] = {
     "error-frames": lambda: ErrorFrames(0x4),
     "bus-off": lambda: ErrorFrames(0x40),
 }
-"""Faults of a bus by name."""
+"""Functions that return a new fault of a bus, by name."""
 ON_CAN = ("error-frames", "bus-off")
-"""Faults that exist only on CAN buses."""
+"""Names of the faults that exist only on CAN buses."""
 ON_SERIAL_LINES = ("corrupt", "noise", "baud", "unplug", "replug")
-"""Faults that exist only on serial lines, including that of an slcan adapter."""
+"""Names of the faults that exist only on serial lines, including the line of an slcan adapter."""
 
 
 def with_data(frame: can.Message, data: bytes | bytearray) -> can.Message:
-    """Return a copy of a frame with other data."""
+    """Return a copy of a CAN frame with other data."""
     return can.Message(
         arbitration_id=frame.arbitration_id,
         is_extended_id=frame.is_extended_id,

@@ -15,6 +15,8 @@ REDRAW, REDRAW_CUE = 0.1, 0.03
 """Time between two updates of the line, without and with a target that the operator follows [s]."""
 SHOWN = 4
 """Largest number of estimators whose estimates the line shows."""
+HEADING, SHORT_HEADING = "  k [N/m], b [N s/m]", "  k, b:"
+"""Headings of the estimates, on a wide and on a narrow terminal."""
 STDERR = 2
 """File descriptor of standard error."""
 
@@ -99,7 +101,7 @@ class Progress:
             for (name, b, k, _), mark in zip(shown, marked, strict=True)
         ]
         note = ", * misfit" if any(marked) else ""
-        return [f"  k [N/m], b [N s/m]{note}:", *texts] if texts else []
+        return [f"{HEADING}{note}:", *texts] if texts else []
 
     def report(self, text: str) -> None:
         """Write a message on a line of its own, which remains on the terminal."""
@@ -112,14 +114,14 @@ class Progress:
         self._terminal.close()
 
     def _draw(self, line: str, texts: list[str]) -> None:
-        """Draw the line with the texts; those that do not fit are omitted, the heading first."""
+        """Draw the line with a heading and texts. Texts that do not fit are omitted."""
         try:
             width = os.get_terminal_size(STDERR).columns or 80
         except OSError:
             self._shown = False
             return
-        if len(line + "".join(texts)) >= width:
-            texts = texts[1:]
+        if len(texts) > 1 and len(line + "".join(texts)) >= width:
+            texts = [SHORT_HEADING, *texts[1:]]
         while texts and len(line + "".join(texts)) >= width:
             texts.pop()
         self._terminal.draw("\r" + (line + "".join(texts))[: width - 1] + "\x1b[K")

@@ -283,7 +283,7 @@ def test_the_progress_line_shows_live_estimates_and_is_cleared_at_the_end():
         pass
     terminal.process.communicate(timeout=20)
     assert terminal.process.returncode == 0
-    assert b"of 0.5 s  k [N/m], b [N s/m]:  rls" in terminal.text
+    assert b"of 0.5 s  k, b:  rls" in terminal.text
     assert terminal.text.endswith(b"\r\x1b[K")
 
 

@@ -25,7 +25,7 @@ WIDEST = (1 << 31) - 1
 
 
 class EmulatedBoard(EmulatedSerialDevice):
-    """A board with all inputs and axes that have a scale in the rig file.
+    """A microcontroller board. It has the inputs and axes that have a scale in the rig file.
 
     Attributes
     ----------
@@ -36,7 +36,7 @@ class EmulatedBoard(EmulatedSerialDevice):
     started
         Time at which the clock of the board started [s].
     emergency_stop, drive_fault
-        Digital inputs, which the caller may set.
+        States of the two digital inputs, which the caller may set.
     """
 
     def __init__(self, name: str, settings: BoardSettings, mount: Mount) -> None:
@@ -81,7 +81,7 @@ class EmulatedBoard(EmulatedSerialDevice):
             self.mount.brake(f"axis_{i}")
 
     def receive(self, data: bytes, now: float) -> None:
-        """Process frames; malformed, late and repeated frames are counted."""
+        """Process frames of the host. Malformed, late and repeated frames are only counted."""
         *frames, self._begun = (self._begun + data).split(b"\0")
         self._begun = self._begun[: LONGEST + 1]
         for frame in frames:
@@ -146,7 +146,7 @@ class EmulatedBoard(EmulatedSerialDevice):
             self.mount.drive(f"axis_{i}", counts[i] * scale)
 
     def _watch(self, now: float) -> None:
-        """Stop the axes on emergency stop, drive fault or an expired watchdog."""
+        """Stop the axes if there is an emergency stop, a drive fault or an expired watchdog."""
         if self._state != ENABLED:
             return
         if self.emergency_stop:
@@ -161,7 +161,7 @@ class EmulatedBoard(EmulatedSerialDevice):
         return self._sample_due if self._configured else math.inf
 
     def emit(self, now: float) -> list[bytes]:
-        """Return answers, followed by the samples that are due."""
+        """Return the answers, followed by the samples to be sent at time `now` [s]."""
         self._watch(now)
         frames = []
         if IDENTITY in self._due:
@@ -216,18 +216,18 @@ MIRROR = bytes(sum((b >> i & 1) << 7 - i for i in range(8)) for b in range(256))
 
 
 def check_sum(data: bytes) -> int:
-    """Return the CRC-16/IBM-SDLC, computed as CRC-CCITT with all bits reversed."""
+    """Return the check sum CRC-16/IBM-SDLC, computed as CRC-CCITT with all bits reversed."""
     high, low = (crc_hqx(data.translate(MIRROR), 0xFFFF) ^ 0xFFFF).to_bytes(2, "big")
     return MIRROR[low] << 8 | MIRROR[high]
 
 
 def stuffed(data: bytes) -> bytes:
-    """Encode fewer than 254 bytes by COBS."""
+    """Return fewer than 254 bytes, encoded by COBS (consistent overhead byte stuffing)."""
     return b"".join(bytes((len(run) + 1,)) + run for run in data.split(b"\0"))
 
 
 def unstuffed(frame: bytes) -> bytes:
-    """Decode a frame; return no bytes if it is malformed."""
+    """Return the bytes of a frame that is encoded by COBS; no bytes if the frame is malformed."""
     if len(frame) > LONGEST:
         return b""
     runs = []

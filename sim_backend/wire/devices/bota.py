@@ -1,7 +1,8 @@
 """Emulated serial force-torque sensor of Bota Systems.
 
-Sources: Bota Systems' Python example and their driver `rokubimini_serial`. The sensor sends a
-message at power-up and then frames. `C` starts the configuration mode, `R` ends it.
+Sources: the Python example of Bota Systems and their driver `rokubimini_serial`. The sensor sends a
+message at power-up, and then frames with measured values. The command `C` starts the configuration
+mode, the command `R` ends it.
 """
 
 from __future__ import annotations
@@ -16,16 +17,17 @@ if TYPE_CHECKING:
     from drivers.devices.bota import BotaSettings
 
 FASTEST = 51200 / 64
-"""Sample rate with the filter set to 64 conversions [Hz]."""
+"""Largest sample rate [Hz]: one sample per 64 conversions."""
 BACKLOG = 5
 """Largest number of frames that are sent late; older ones are omitted."""
 RANGES = {"fx": 500.0, "fy": 500.0, "fz": 1200.0, "mx": 15.0, "my": 15.0, "mz": 12.0}
-"""Measuring ranges of a Rokubi [N, N m]. It reports saturation outside of them."""
+"""Measuring ranges of a Rokubi sensor [N, N m]. A value outside of its range is limited to it."""
 OVERRANGE = 2
+"""Status of a frame with a value outside of its measuring range."""
 
 
 class EmulatedBota(EmulatedSerialDevice):
-    """A sensor with the signals `fx`, `fy`, `fz`, `mx`, `my`, `mz` and `temperature`.
+    """A force-torque sensor with the signals `fx`, `fy`, `fz`, `mx`, `my`, `mz` and `temperature`.
 
     Of the configuration mode, only its start and end are emulated.
     """
@@ -51,7 +53,7 @@ class EmulatedBota(EmulatedSerialDevice):
         return math.inf if self._configuring else self._due
 
     def emit(self, now: float) -> list[bytes]:
-        """Return the message at power-up, answers, and the frames that are due."""
+        """Return the message at power-up, the answers, and the frames to be sent at `now` [s]."""
         if math.isnan(self._power_up):
             self._power_up, self._due = now, now
             self._answers.append(b"App Init\r\n")
@@ -77,7 +79,7 @@ class EmulatedBota(EmulatedSerialDevice):
 
 
 def shifted(byte: int) -> int:
-    """Return the CRC-16/X.25 register after one byte, for the initial value 0."""
+    """Return the register of CRC-16/X.25 after one byte, with the initial value 0."""
     for _ in range(8):
         byte = byte >> 1 ^ 0x8408 * (byte & 1)
     return byte

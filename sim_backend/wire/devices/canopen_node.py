@@ -36,7 +36,7 @@ COMMUNICATION_ERROR = 0x11
 
 
 class CanopenNode(EmulatedCanDevice):
-    """A node with four PDOs in each direction. It sends its PDOs at SYNC.
+    """A CANopen node with four PDOs in each direction. It sends its PDOs at SYNC.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ class CanopenNode(EmulatedCanDevice):
     mount
         Interface to the simulated telemanipulator.
     objects
-        Objects of the application.
+        Objects of the application, which are added to those of CiA 301.
     """
 
     def __init__(self, name: str, settings: Any, mount: Mount, objects: ObjectDictionary) -> None:
@@ -69,15 +69,15 @@ class CanopenNode(EmulatedCanDevice):
 
     @abstractmethod
     def run(self, now: float) -> None:
-        """Advance the application to time `now` [s], and update its measured objects."""
+        """Advance the application to time `now` [s], and update its measured values."""
 
     @abstractmethod
     def written(self, index: int) -> None:
-        """React to the write of an object of the application."""
+        """Apply the new value of an object of the application."""
 
     @abstractmethod
     def connection_lost(self) -> None:
-        """React to the loss of the master."""
+        """Do what the application does when the master is lost or ends the operational state."""
 
     @abstractmethod
     def reset(self) -> None:
@@ -89,7 +89,7 @@ class CanopenNode(EmulatedCanDevice):
         return value
 
     def write(self, index: int, sub: int, value: int) -> None:
-        """Write an entry; raise Abort if it is refused."""
+        """Write an entry of the object dictionary; raise Abort if the value is refused."""
         self.check(index, sub, value)
         self.objects[index, sub].value = value
         if index == 0x1017:
@@ -211,7 +211,7 @@ class CanopenNode(EmulatedCanDevice):
             self._errors.clear()
 
     def emergency(self, code: int, register: int) -> None:
-        """Send an EMCY frame, unless stopped; code 0 reports the end of all errors."""
+        """Send an EMCY frame if the node is (pre-)operational. Code 0 is the end of all errors."""
         self.objects[0x1001, 0].value = register
         if self.nmt in (PRE_OPERATIONAL, OPERATIONAL):
             self._send(

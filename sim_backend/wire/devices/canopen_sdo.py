@@ -1,7 +1,7 @@
 """SDO server and object dictionary of an emulated CANopen node, CiA 301 7.2.4.
 
-Downloads are expedited, uploads are expedited or segmented. Block transfer and segmented download
-are refused, as by small drives.
+Downloads must be expedited. Uploads are expedited or segmented. Block transfer and segmented
+download are refused; small drives refuse them too.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ PRESENT_STATE = 0x08000022
 
 
 class Abort(Exception):
-    """The server refuses a request.
+    """Exception: the server refuses a request.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ class Entry:
     """An entry of the object dictionary."""
 
     kind: str
-    """Format character of `struct`; `s` for a string."""
+    """Format character of the value for the module `struct`; `s` for a string."""
     value: int | bytes = 0
     """Present value."""
     writable: bool = False
@@ -52,13 +52,13 @@ class Entry:
     """Whether the entry can be mapped into a PDO."""
 
     def pack(self) -> bytes:
-        """Return the value as bytes of a message."""
+        """Return the value as the bytes of a CANopen message."""
         if isinstance(self.value, bytes):
             return self.value
         return struct.pack(f"<{self.kind}", self.value)
 
     def unpack(self, data: bytes) -> int:
-        """Return the number in bytes of a message."""
+        """Return the number that the bytes of a CANopen message represent."""
         number: int = struct.unpack(f"<{self.kind}", data)[0]
         return number
 
@@ -73,7 +73,7 @@ ObjectDictionary = dict[tuple[int, int], Entry]
 
 
 class SdoServer:
-    """Server that reads and writes an object dictionary.
+    """SDO server: reads and writes an object dictionary for the host.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ class SdoServer:
         self._toggle = 0
 
     def answer(self, request: bytes) -> bytes | None:
-        """Return the answer to a request of 8 bytes; None if it needs no answer."""
+        """Return the answer to a request of 8 bytes; None if the request needs no answer."""
         command, index, sub = HEADER.unpack_from(request)
         try:
             match command >> 5:

@@ -20,14 +20,14 @@ AXIS = "axis"
 RATED_TORQUE = 0.2
 """Rated torque of the motor [N m]."""
 DECELERATION = 2.0
-"""Deceleration on the quick stop ramp [m/s^2]."""
+"""Deceleration during a quick stop [m/s^2]."""
 CSV = 9
 PROFILE_VELOCITY = 3
 COUNTS_PER_SECOND, RPM = 0x00B50300, 0x00B44700
 
 
 class State(Enum):
-    """States of the drive, with their bits in the statusword."""
+    """States of the drive. The value of a state is the bits of the state in the statusword."""
 
     SWITCH_ON_DISABLED = 0b100_0000
     READY_TO_SWITCH_ON = 0b010_0001
@@ -64,7 +64,7 @@ class EmulatedCia402(CanopenNode):
         self._ran = math.inf
 
     def fault(self, code: int) -> None:
-        """Enter the fault reaction with an error code, as after a detected fault."""
+        """Do what the drive does when it detects a fault with this error code."""
         if self.state not in (State.FAULT, State.FAULT_REACTION_ACTIVE):
             powered = self.state in (State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE)
             self.state = State.FAULT_REACTION_ACTIVE if powered else State.FAULT
@@ -76,7 +76,7 @@ class EmulatedCia402(CanopenNode):
         self._hold()
 
     def connection_lost(self) -> None:
-        """Apply the abort connection option code, 6007h."""
+        """Do what the abort connection option code, object 6007h, requires."""
         match self[0x6007, 0]:
             case 1:
                 self.fault(0x8100)
@@ -135,7 +135,7 @@ class EmulatedCia402(CanopenNode):
             self.state = State.SWITCHED_ON
 
     def run(self, now: float) -> None:
-        """Move according to the state, and update the measured objects."""
+        """Move the motor according to the state, and update the objects with measured values."""
         elapsed = max(0.0, now - self._ran)
         self._ran = now
         if self.state is State.OPERATION_ENABLED:
@@ -168,7 +168,7 @@ class EmulatedCia402(CanopenNode):
 
     @property
     def _velocity_units(self) -> float:
-        """Units of 60FFh per 1 m/s."""
+        """Value of the object 60FFh (target velocity) for 1 m/s."""
         if self[0x60A9, 0] == RPM:
             return 60.0 * self._turns_per_metre
         return self._counts_per_metre
@@ -191,7 +191,7 @@ class EmulatedCia402(CanopenNode):
 
 
 def wrapped(value: float, bits: int) -> int:
-    """Return the nearest integer, wrapped to two's complement of this number of bits."""
+    """Return the nearest integer, with wrap-around to a signed integer of this number of bits."""
     half = 1 << bits - 1
     return (round(value) + half) % (2 * half) - half
 

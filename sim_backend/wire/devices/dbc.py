@@ -1,4 +1,4 @@
-"""Emulated device on a CAN bus that a DBC file describes."""
+"""Emulated device on a CAN bus, whose CAN messages a DBC file describes."""
 
 from __future__ import annotations
 
@@ -26,9 +26,10 @@ Selection = dict[str, int]
 
 
 class EmulatedDbcDevice(EmulatedCanDevice):
-    """A device that sends its messages periodically, with the signals of its mount.
+    """A device that sends the messages of a DBC file periodically.
 
-    A multiplexed message cycles through all values of its multiplexers.
+    The values of the signals are those of its mount. In a multiplexed message, the multiplexers
+    have all their values one after the other.
     """
 
     def __init__(self, name: str, settings: DbcSettings, mount: Mount) -> None:
@@ -41,27 +42,27 @@ class EmulatedDbcDevice(EmulatedCanDevice):
         self._senders = [Sender(message, every) for message in messages]
 
     def receive(self, frame: can.Message, now: float) -> None:
-        """Ignore the frame."""
+        """Do nothing: the device ignores all CAN frames."""
 
     def due(self) -> float:
         """Return the time of the next message [s]."""
         return min(sender.next for sender in self._senders)
 
     def emit(self, now: float) -> list[can.Message]:
-        """Return the frames that are due."""
+        """Return the CAN frames to be sent at time `now` [s]."""
         return [frame for sender in self._senders for frame in sender.due(now, self.mount)]
 
 
 class Sender:
-    """Periodic sender of one message.
+    """Periodic sender of one message of a DBC file.
 
     Parameters
     ----------
     message
         The message.
     every
-        Names of all signals of the device. If a name is there twice, the name of the message is
-        added to it.
+        Names of the signals in all messages of the device. A name that occurs more than once is
+        replaced by `message.signal`.
     """
 
     def __init__(self, message: Message, every: Sequence[str]) -> None:
@@ -99,7 +100,9 @@ class Sender:
 
 
 def selections(tree: Sequence[Any]) -> Iterator[Selection]:
-    """Yield all combinations of values of the multiplexers; a single empty one if there are none.
+    """Yield all combinations of values of the multiplexers in a message.
+
+    For a message without multiplexers, this is a single empty combination.
 
     Parameters
     ----------
@@ -122,7 +125,7 @@ def selections(tree: Sequence[Any]) -> Iterator[Selection]:
 
 
 def within(signal: Signal, value: float) -> float:
-    """Return the value, limited to the range of the signal's bits."""
+    """Return the value, limited to the range that the bits of the signal can represent."""
     if signal.is_float:
         return value
     half = 1 << signal.length - 1

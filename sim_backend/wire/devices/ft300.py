@@ -1,7 +1,7 @@
 """Emulated FT 300 force-torque sensor of Robotiq.
 
-Source: its instruction manual, section 4.4. The sensor is a Modbus RTU slave. A write of 0x0200 to
-register 410 starts the stream of frames, and bytes of 0xFF end it.
+Source: instruction manual of the sensor, section 4.4. The sensor is a Modbus RTU slave. A write of
+0x0200 to register 410 starts the stream of frames, and bytes of 0xFF end the stream.
 """
 
 from __future__ import annotations
@@ -30,9 +30,10 @@ INTERRUPTION = 10
 
 
 class EmulatedFt300(EmulatedSerialDevice):
-    """A sensor with the signals `fx`, `fy`, `fz`, `mx`, `my` and `mz`.
+    """A force-torque sensor with the signals `fx`, `fy`, `fz`, `mx`, `my` and `mz`.
 
-    Of Modbus, only the request that starts the stream is emulated. It is ignored during a stream.
+    Of Modbus, only the request that starts the stream is emulated. This request is ignored during a
+    stream.
     """
 
     def __init__(self, name: str, settings: Ft300Settings, mount: Mount) -> None:
@@ -43,7 +44,7 @@ class EmulatedFt300(EmulatedSerialDevice):
         self._answers: list[bytes] = []
 
     def receive(self, data: bytes, now: float) -> None:
-        """Start or end the stream."""
+        """Start or end the stream of frames if the host requests it."""
         request = REQUEST + pack("<H", crc(REQUEST))
         for byte in data:
             self._received = (self._received + bytes((byte,)))[-len(request) :]
@@ -59,7 +60,7 @@ class EmulatedFt300(EmulatedSerialDevice):
         return self._due if self._streaming else math.inf
 
     def emit(self, now: float) -> list[bytes]:
-        """Return the answer, followed by the frames that are due."""
+        """Return the answer to a request, followed by the frames to be sent at time `now` [s]."""
         out, self._answers = self._answers, []
         if self._streaming:
             count = max(0, math.ceil((now - self._due) / PERIOD))

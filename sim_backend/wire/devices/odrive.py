@@ -1,4 +1,4 @@
-"""Emulated axis of an ODrive on a CAN bus, firmware 0.5 or 0.6.
+"""Emulated axis of an ODrive controller on a CAN bus, with firmware 0.5 or 0.6.
 
 Sources: ODrive's documentation ("CAN Protocol") and, for 0.5, `can_simple.cpp` and `axis.cpp` of
 the firmware. With firmware 0.5, every frame to the axis resets the watchdog timer, and the watchdog
@@ -22,7 +22,7 @@ HEARTBEAT_PERIOD = 10e-3
 BACKLOG = 5
 """Largest number of frames of a kind that are sent late; older ones are omitted."""
 BOOT = 0.3
-"""Time after a reset without frames [s]."""
+"""Time after a reset in which the axis neither sends nor receives frames [s]."""
 
 IDLE, CLOSED_LOOP = 1, 8
 VELOCITY_CONTROL, PASSTHROUGH = 2, 1
@@ -35,9 +35,9 @@ SET_POINTS = (0x0C, 0x0D, 0x0E)
 
 
 class EmulatedODrive(EmulatedCanDevice):
-    """An axis of an ODrive that moves the drive `axis` of its mount.
+    """An axis of an ODrive controller. It moves the drive `axis` of its mount.
 
-    It supports closed-loop velocity control with passthrough; in other modes it does not move.
+    The axis moves only in closed-loop velocity control with the input mode passthrough.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ class EmulatedODrive(EmulatedCanDevice):
         """Set the state at power-up."""
         self._state, self._result = IDLE, SUCCESS
         self._errors = 0
-        """Error bits: with firmware 0.5 all, with 0.6 those that disarmed the axis."""
+        """Bits of all errors (firmware 0.5), or of the errors that disarmed the axis (0.6)."""
         self._mode = (3, PASSTHROUGH)
         self._input_vel, self._vel_limit = 0.0, 2.0
         self._fed = math.nan
@@ -122,7 +122,10 @@ class EmulatedODrive(EmulatedCanDevice):
         return now - self._fed > self.settings.watchdog_ms * 1e-3
 
     def _shown_errors(self, now: float) -> int:
-        """Return the errors in the heartbeat; with 0.6, an expired watchdog is not latched."""
+        """Return the error bits in the heartbeat.
+
+        With firmware 0.6, an expired watchdog is included only while it is expired.
+        """
         active = WATCHDOG_EXPIRED["0.6"] if not self._old and self._expired(now) else 0
         return self._errors | active
 
@@ -131,7 +134,10 @@ class EmulatedODrive(EmulatedCanDevice):
         return max(self._awake, min(self._due.values(), default=-math.inf))
 
     def emit(self, now: float) -> list[can.Message]:
-        """Check the watchdog, move the motor, and return answers and periodic frames."""
+        """Check the watchdog, move the motor, and return the frames to be sent at `now` [s].
+
+        These are answers and periodic frames.
+        """
         if now < self._awake:
             self.mount.brake("axis")
             return []
@@ -165,7 +171,7 @@ class EmulatedODrive(EmulatedCanDevice):
         self.mount.drive("axis", turns * self._travel)
 
     def _reported_data(self, command: int, now: float) -> bytes:
-        """Return the data of a command; empty if the firmware does not report any."""
+        """Return the data that the axis sends for a command; empty if the firmware sends none."""
         if command == 0x01:
             errors = self._shown_errors(now)
             if self._old:

@@ -2,24 +2,26 @@
 
 from __future__ import annotations
 
+import math
 import os
 from types import SimpleNamespace
 
 import pytest
 
-from teleop.live.progress import Progress
+from teleop.live.progress import Progress, Status
 
 
 @pytest.fixture
 def drawn(monkeypatch):
     """Return a function that draws estimates and returns the text of the line."""
-    monkeypatch.setattr(os, "get_terminal_size", lambda end: SimpleNamespace(columns=200))
     progress = Progress(True, 10.0, "", "", largest_misfit=0.05)
     lines: list[str] = []
     monkeypatch.setattr(progress, "_terminal", SimpleNamespace(draw=lines.append))
 
-    def draw(estimates):
-        progress.show(1.0, lambda: estimates)
+    def draw(estimates, columns=200):
+        size = SimpleNamespace(columns=columns)
+        monkeypatch.setattr(os, "get_terminal_size", lambda end: size)
+        progress.show(1.0, lambda: Status("active", math.nan, 0.0, estimates))
         return lines[-1]
 
     return draw
@@ -33,8 +35,13 @@ def test_without_contact_no_number_is_shown(drawn):
 
 def test_an_estimate_that_does_not_fit_is_marked(drawn):
     line = drawn([("rls", 5.0, 2000.0, 0.01), ("me", 5.0, 1000.0, 0.2)])
-    assert "[N s/m], * misfit:  rls   2000    +5  me   1000    +5*" in line
+    assert "[N s/m], * misfit:  rls 2000 +5  me 1000 +5*" in line
 
 
 def test_a_misfit_that_is_not_known_yet_is_not_marked(drawn):
     assert "misfit" not in drawn([("rls", 5.0, 2000.0, float("nan"))])
+
+
+def test_on_a_narrow_terminal_whole_estimates_are_shown(drawn):
+    estimates = [("rls", 5.0, 2000.0, 0.01), ("me", 5.0, 1000.0, 0.2)]
+    assert drawn(estimates, 40).endswith("  k, b:  rls 2000 +5\x1b[K")
