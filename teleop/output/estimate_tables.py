@@ -216,7 +216,8 @@ def print_gaps(console: Console, summary: Mapping[str, Any]) -> None:
         console.print(
             "  the estimates are exactly those that the run computed"
             if summary["as_online"]
-            else "  other settings than the run: the estimates differ from those that it computed"
+            else "  the settings are not those of the run, so that the estimates differ from those "
+            "of the run"
         )
 
 

@@ -169,7 +169,7 @@ def print_lag(summary: Mapping[str, Any]) -> None:
             f"lost motion {summary['true_lost_motion_m'] * 1e6:.1f} um"
         )
     console.print(
-        f"take it into account with: teleop estimate FILE --force-lag {summary['lag_s']:.5f}",
+        f"compensate the lag with: teleop estimate FILE --force-lag {summary['lag_s']:.5f}",
         soft_wrap=True,
     )
 

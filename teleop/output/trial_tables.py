@@ -91,10 +91,11 @@ def duration(summary: Mapping[str, Any]) -> str:
 def print_truth(console: Console, truth: Mapping[str, Any]) -> None:
     """Print the true stiffness, damping, lag and lost motion of the simulated rig."""
     console.print(
-        f"  truth (simulated): b {truth['b']:.3g} N s/m, k {number(truth['k_surface'], 0)} N/m at "
-        f"the surface\n  to {number(truth['k_deepest'], 0)} N/m at the deepest; the force channel "
-        f"lags by {truth['force_lag_s'] * 1e3:g} ms\n  and the tip loses "
-        f"{truth['lost_motion_m'] * 1e6:g} um of motion; both bias the estimate of b downwards"
+        f"  true values of the simulated rig: b {truth['b']:.3g} N s/m, k "
+        f"{number(truth['k_surface'], 0)} N/m at the surface\n  and "
+        f"{number(truth['k_deepest'], 0)} N/m at the greatest depth; lag of the force channel "
+        f"{truth['force_lag_s'] * 1e3:g} ms;\n  lost motion of the slave "
+        f"{truth['lost_motion_m'] * 1e6:g} um. Lag and lost motion make the estimate of b too low."
     )
 
 
