@@ -13,19 +13,19 @@ from teleop.output.result_tables import print_models, print_result
 from teleop.recording.gaps import Gap, missing_text
 
 STALL = 20.0
-"""A sample period this many times longer than the median is reported."""
+"""A sample period is printed if it is this many times longer than the median."""
 GAPS_LISTED = 3
 """Largest number of gaps that are listed."""
 MEANINGLESS = 1e6
-"""Ratio of an interval to its value from which on it is not shown, because nothing is known."""
+"""Ratio of an interval to its value above which the interval is so wide that it is not shown."""
 HEADINGS = ("", "k [N/m]", "b [N s/m]", "e_f [N]", "one-step rms [N]", "rise time [s]")
 """Headings of the table of averages."""
 AVERAGES = "averages, from the first estimate of each estimator on"
-"""What the table of averages shows."""
+"""Title of the table of averages."""
 AT_END = "estimates at the end, \u00b1 95 % interval"
-"""What the table of intervals shows."""
+"""Title of the table of estimates at the end."""
 COMPARISON = "compared with batch least squares"
-"""What the table of comparisons shows."""
+"""Title of the table of comparisons."""
 
 
 def estimate_cells(rows: Mapping[str, Mapping[str, Any]]) -> list[list[str]]:
@@ -44,12 +44,16 @@ def estimate_cells(rows: Mapping[str, Mapping[str, Any]]) -> list[list[str]]:
 
 
 def digits(value: float) -> int:
-    """Return the number of decimals of a damping."""
+    """Return the number of decimals with which a damping [N s/m] is printed."""
     return 1 if abs(value) < 1000.0 else 0
 
 
 def with_interval(value: float, half: float, decimals: int) -> str:
-    """Return a value and half of its 95 % interval with two digits; without one, the value."""
+    """Return a value and half of its 95 % interval as text.
+
+    The interval has two significant digits. If it is not known or too wide, only the value is
+    returned, with the given number of decimals.
+    """
     if not half < MEANINGLESS * max(abs(value), 1.0):
         return number(value, decimals)
     if half > 0.0:
@@ -67,7 +71,7 @@ def print_estimates(
     rows
         Summary of each estimator by its name.
     further
-        Rows for the table of averages only.
+        Summaries that are only in the table of averages, such as batch least squares.
     """
     console = plain_console()
     headings, cells = interval_table(rows)
@@ -85,7 +89,7 @@ def print_estimates(
 
 
 def further_lines(rows: Mapping[str, Mapping[str, Any]]) -> list[str]:
-    """Return a line for each estimator with further parameters: their values at the end."""
+    """Return the estimates of further parameters, such as k3, at the end: a line per estimator."""
     lines = []
     for name, row in rows.items():
         texts = []
@@ -99,7 +103,11 @@ def further_lines(rows: Mapping[str, Mapping[str, Any]]) -> list[str]:
 
 
 def interval_table(rows: Mapping[str, Mapping[str, Any]]) -> tuple[list[str], list[list[str]]]:
-    """Return headings and cells: estimates at the end with intervals, and share of held samples."""
+    """Return headings and cells of the table of estimates at the end.
+
+    The columns are the estimates with 95 % intervals, the share of held samples and, if it was
+    measured, the computing time.
+    """
     timed = any("cost_us" in row for row in rows.values())
     headings = ["", "k [N/m]", "b [N s/m]", "held", *(["cost [us]"] if timed else [])]
     cells = [
@@ -118,9 +126,10 @@ def interval_table(rows: Mapping[str, Mapping[str, Any]]) -> tuple[list[str], li
 def comparison_table(
     rows: Mapping[str, Mapping[str, Any]],
 ) -> tuple[list[str], list[list[str]]] | None:
-    """Return headings and cells of a comparison with batch least squares; None for none.
+    """Return headings and cells of the comparison of estimators with batch least squares.
 
-    See `teleop.evaluation.model_comparison.Comparison`.
+    None if no summary contains a comparison, see
+    `teleop.evaluation.model_comparison.Comparison`.
     """
     cells = [
         [
@@ -141,13 +150,13 @@ def percent(share: float) -> str:
 
 
 def print_estimated(console: Console, summary: Mapping[str, Any]) -> None:
-    """Print which channels no sensor measured."""
+    """Print the channels that an observer estimated and no sensor measured."""
     for name in summary.get("estimated_channels", ()):
         console.print(f"  {name}: estimated by an observer, not measured", style="yellow")
 
 
 def print_reading(console: Console, summary: Mapping[str, Any]) -> None:
-    """Print what the file states about a force filter, and what was done to its samples."""
+    """Print the force filter that the file states, and the notes on how the file was read."""
     if summary["force_filter"]:
         console.print(
             f"  the file states a filter of the force: {summary['force_filter']!r}; "
@@ -159,7 +168,7 @@ def print_reading(console: Console, summary: Mapping[str, Any]) -> None:
 
 
 def print_evaluation(summary: Mapping[str, Any], name: str) -> None:
-    """Print a recording's tables: the number to publish, the models, then the estimators."""
+    """Print the evaluation of a file: the result to publish, batch models, online estimators."""
     console = plain_console()
     print_result(summary, name)
     print_models(summary)
@@ -174,7 +183,7 @@ def print_evaluation(summary: Mapping[str, Any], name: str) -> None:
 
 
 def evaluation_lines(summary: Mapping[str, Any]) -> list[str]:
-    """Return what the estimates depend on: samples, datum, conditioning and version."""
+    """Return lines that state the conditions of the estimates, such as datum and conditioning."""
     datum = summary["datum"]
     lag = summary["force_lag_s"]
     return [
@@ -191,7 +200,7 @@ def evaluation_lines(summary: Mapping[str, Any]) -> list[str]:
 
 
 def print_gaps(console: Console, summary: Mapping[str, Any]) -> None:
-    """Print where samples are missing, and whether the estimates are those of the run."""
+    """Print gaps between samples, and whether the estimates are equal to those of the run."""
     gaps = summary["gaps"]
     for gap in gaps[:GAPS_LISTED]:
         console.print(
@@ -222,7 +231,7 @@ def print_gaps(console: Console, summary: Mapping[str, Any]) -> None:
 
 
 def print_model(console: Console, summary: Mapping[str, Any]) -> None:
-    """Print which estimators have their own model, and which need the contact point."""
+    """Print which estimators use a model of their own, and which ones need the contact point."""
     from_contact = summary["from_contact"]
     if summary["own_model"]:
         console.print(f"  model {summary['model']}, but for {', '.join(summary['own_model'])}")
