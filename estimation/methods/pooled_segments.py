@@ -239,11 +239,11 @@ class PooledSegments(Estimator):
         return found
 
     def note(self, estimates: Estimates) -> str | None:
-        """Return a warning if the segments disagree on b or k, otherwise None."""
-        misfits = [f"{name} spreads by {share:.0%}" for name, share in self.misfit.items()]
+        """Return a note on the parameters on which the segments disagree."""
+        misfits = [f"{name} varies by {share:.0%}" for name, share in self.misfit.items()]
         if misfits:
             return (
-                f"Kelvin-Voigt does not fit: between {self.segments} segments "
-                f"{' and '.join(misfits)}, beyond noise"
+                f"Kelvin-Voigt does not fit: {' and '.join(misfits)} between the "
+                f"{self.segments} segments, more than the noise of the fits"
             )
         return None

@@ -1,4 +1,4 @@
-"""Parts of a trial that options select by name."""
+"""Create the parts of a trial, such as signal and model, that options select by name."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from teleop.errors import InputError, as_input_error
 from teleop.names import CouplingName, SignalName
 
 POSITION_GAIN = 10.0
-"""Position gain of the coupling by position [1/s]."""
+"""Position gain of the coupling with `--coupling position` [1/s]."""
 
 
 def make_signal(name: SignalName, frequency: float) -> AnySignal:
@@ -43,7 +43,7 @@ def make_signal(name: SignalName, frequency: float) -> AnySignal:
 
 
 def make_coupling(name: CouplingName) -> Coupling:
-    """Return the coupling by velocity only, or by velocity and position.
+    """Return the coupling for `velocity` only, or for `position`, which includes the velocity.
 
     Raises
     ------
@@ -70,7 +70,7 @@ def choose_estimators(names: str) -> tuple[str, ...]:
 
 
 def choose_model(name: str) -> Model:
-    """Return a model of the environment by its name.
+    """Return the model of the environment with a name, such as kelvin-voigt.
 
     Raises
     ------

@@ -35,7 +35,7 @@ def compare(
     overwrite: Overwrite = False,
     json: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
-    """Compare the results of several recordings, and the means of groups of them.
+    """Compare the results of several recordings, and the mean results of groups of recordings.
 
     A file that cannot be evaluated is reported and left out. If none can be evaluated, the exit
     code is 2.
@@ -50,11 +50,11 @@ def compare(
     more
         Further files and folders.
     by
-        Factors of the groups, separated by commas: factors of the series, settings of the
-        recordings such as condition, cube, rig or seed, and folder. Default: the factors of the
-        series, other than the subject.
+        Factors by which the recordings are grouped, separated by commas: factors of the series,
+        settings of the recordings such as condition, cube, rig or seed, and folder. Default: the
+        factors of the series, other than the subject.
     columns
-        Which columns to take, and where they are zero.
+        Columns to read, and their zeros.
     estimators
         Names of estimators, such as rls,kalman, or all. Default: those of the run, and rls,ai,me
         for a table.
@@ -176,7 +176,17 @@ def compare(
 
 
 def effects_of(rows: list[Compared], factors: list[str], response: str) -> list[dict[str, Any]]:
-    """Return the effects on a response of the estimators, as dictionaries."""
+    """Return the analysis of variance of a response: one dictionary per effect.
+
+    Parameters
+    ----------
+    rows
+        The evaluated recordings.
+    factors
+        Names of the factors by which the recordings are grouped.
+    response
+        Result of the estimators that is analysed: k, b, e_f or rise_time_s.
+    """
     from teleop.studies.anova import ESTIMATOR, analysis_of_variance
     from teleop.studies.recordings import SUBJECT
 

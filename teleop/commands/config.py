@@ -74,7 +74,7 @@ def check(file: Path, /, *, json: Annotated[bool, Parameter(negative="")] = Fals
 
 @config.command(help_format="markdown")
 def schema() -> int:
-    """Print the JSON schema of configuration files, with which editors complete them.
+    """Print the JSON schema of configuration files, for editors that complete and check them.
 
     Example: `teleop config schema > trial.schema.json`
     """

@@ -49,14 +49,14 @@ def estimate(
 ) -> int:
     """Estimate stiffness and damping from a recorded position and force.
 
-    A recording of teleop run is evaluated with the settings of that run, except for those that
+    A recording of teleop run is evaluated with the settings of that run, except for settings that
     options change. Without such options the estimates are exactly those of the run, bit by bit.
 
-    The output begins with the result: stiffness and damping with 95 % intervals, or the reasons
-    why the data are not sufficient. The batch models and the online estimators follow.
+    First, the result is printed: stiffness and damping with 95 % intervals, or the reasons why the
+    data are not sufficient. Then the batch models and the online estimators are printed.
 
-    Several files are evaluated one by one, and then compared: whether one Kelvin-Voigt body
-    explains them all, and their complex modulus over frequency.
+    Several files are evaluated one by one. Then a test shows whether one Kelvin-Voigt body
+    describes all files, and the complex modulus of each file is printed.
 
     Example: `teleop estimate indentation.csv --force "Load [N]" --estimators all`
 
@@ -97,12 +97,13 @@ def estimate(
     out
         Write signals and estimates to this CSV file.
     plot
-        Draw the paper's Figure 3 for this file to a .png, .svg or .pdf file.
+        Plot the estimated stiffness and damping, as in the paper's Figure 3, to a .png, .svg or
+        .pdf file.
     plot_force
-        Draw the measured and the predicted force to a .png, .svg or .pdf file.
+        Plot the measured and the predicted force to a .png, .svg or .pdf file.
     plot_fit
-        Draw force over displacement with the best model, its residual and the phases; for several
-        files, the complex modulus over frequency.
+        Plot the force over the displacement with the best model, its residual and the phases; for
+        several files, the complex modulus over frequency.
     width
         Width of the figures: for a screen, one (single) or two columns (double) of an IEEE paper,
         or a page of A4.
@@ -226,14 +227,14 @@ def estimate(
 def chosen(
     recording: Recording | None, datum: str, cube: str, given: Mapping[str, Any]
 ) -> EstimateSettings:
-    """Return the settings of the evaluation.
+    """Return the settings of an evaluation: those of the run or the defaults, changed by options.
 
     Parameters
     ----------
     recording
         Recorded trial whose settings are used; None for the defaults.
     datum, cube
-        Values of these options.
+        Values of the options --datum and --cube.
     given
         Values of further options by the name of the setting; None for an option that was not given.
     """

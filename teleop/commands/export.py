@@ -18,7 +18,7 @@ def export(
     overwrite: Overwrite = False,
     json: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
-    """Convert a recording to CSV, HDF5, MATLAB or Parquet, with all digits of every number.
+    """Convert a recording to CSV, HDF5, MATLAB or Parquet, with full precision of all numbers.
 
     Example: `teleop export trial.mcap --out trial.mat`
 
@@ -27,9 +27,9 @@ def export(
     file
         Recording of teleop run (.mcap).
     out
-        File to write; its ending .csv, .h5, .mat or .parquet selects the format. Default: the
-        name of the recording with the ending .csv. The settings of the run are in the file, and
-        those of a CSV file in NAME.csv-metadata.json beside it. HDF5 and Parquet need
+        File to write. The extension .csv, .h5, .mat or .parquet selects the format. Default: the
+        name of the recording with the extension .csv. The file contains the settings of the run.
+        For CSV they are in a second file, NAME.csv-metadata.json. HDF5 and Parquet need
         `pip install '.[export]'`.
     json
         Print one JSON document instead of the file name.

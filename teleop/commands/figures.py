@@ -1,4 +1,4 @@
-"""Figures of a trial."""
+"""Write the figures of a trial to files."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def truth_of(recording: Recording | None) -> Truth | None:
-    """Return the true values of a recorded trial on the simulated rig; None if not known."""
+    """Return true stiffness and damping of a trial on the simulated rig; None for other files."""
     from teleop.output.figures import known_truth
     from teleop.trial.result import recorded_truth
 
@@ -24,7 +24,7 @@ def truth_of(recording: Recording | None) -> Truth | None:
 def draw_trial(
     trial: Trial, plot: Path | None, plot_force: Path | None, width: WidthName, overwrite: bool
 ) -> None:
-    """Plot the estimates, and the force, of a trial to files.
+    """Plot the estimates of a trial to the file `plot`, and the force to the file `plot_force`.
 
     Raises
     ------

@@ -22,11 +22,11 @@ def lag(
 ) -> int:
     """Measure the lag of the force channel and lost motion on a reference spring without damping.
 
-    A lag that is not compensated biases the damping b to b - k * lag. Lost motion between the
-    encoder and the tip biases it too. Record position and force while the rig excites a steel
-    spring, and give the file. Use several frequencies up to about 10 Hz, or several amplitudes: if
-    the motion has only one speed, lag and lost motion cannot be separated. Without a file, a
-    simulated spring is palpated with a chirp.
+    If a lag is not compensated, the estimate of the damping b is b - k * lag. Lost motion between
+    the encoder and the tip also lowers this estimate. Record position and force while the rig
+    moves a steel spring, and give the file. Use several frequencies up to about 10 Hz, or several
+    amplitudes. If all strokes have about the same speed, lag and lost motion cannot be measured
+    separately. Without a file, a simulated spring is palpated with a chirp.
 
     Example: `teleop lag spring.csv`
 

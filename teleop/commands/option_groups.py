@@ -1,4 +1,4 @@
-"""Groups of the options in the help of each command, and the names of the estimators there."""
+"""Groups of the options in the help of each command, and the help of the option --estimators."""
 
 from __future__ import annotations
 
@@ -60,12 +60,13 @@ ESTIMATORS = (
 
 
 def grouped(command: Callable[..., int]) -> Callable[..., int]:
-    """Return a command whose options are in their groups.
+    """Assign the options of a command to their groups in the help, and return the command.
 
     Parameters
     ----------
     command
-        A function of `teleop.commands`. Options that are in no group stay among the others.
+        A function of `teleop.commands`. Options that are not in `GROUPS` are listed without a
+        group.
     """
     hints: dict[str, Any] = get_type_hints(command, include_extras=True)
     for place, (title, names) in enumerate(GROUPS.items()):

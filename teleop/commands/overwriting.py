@@ -1,4 +1,4 @@
-"""The option of every command that writes a file."""
+"""The option --overwrite of every command that writes a file."""
 
 from __future__ import annotations
 

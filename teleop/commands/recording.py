@@ -1,4 +1,4 @@
-"""Options of every command that reads a recording."""
+"""Options that select the columns of a file, for every command that reads a recording."""
 
 from __future__ import annotations
 
@@ -16,39 +16,51 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Columns:
-    """Which columns of a file to take, and where they are zero."""
+    """Columns of position, force and time in a file, and the position and force of the zeros."""
 
     position: str | None = None
-    """Column of the position, as NAME or, if the header has no unit, NAME=UNIT. The number of a
-    column, from 1, is taken as well."""
+    """Column of the position, as NAME or, if the header has no unit, as NAME=UNIT. NAME can be the
+    number of the column, from 1."""
     force: str | None = None
-    """Column of the force, likewise."""
+    """Column of the force, stated like that of the position."""
     time: str | None = None
-    """Column of the time, likewise."""
+    """Column of the time, stated like that of the position."""
     block: int | None = None
-    """Number of the table, from 1, in a file with several: tests, sheets or groups."""
+    """Number of the table, from 1, in a file with several tables, such as sheets or groups."""
     topic: str | None = None
-    """Topic of a ROS bag or an MCAP file, whose fields are the columns; without it they are named
-    /topic.field."""
+    """Topic of a ROS bag or an MCAP file. The columns are its fields. Without a topic, the names
+    of the columns are /topic.field."""
     rate: float | None = None
     """Sampling rate [Hz] of a file without a time column."""
     lever: str | None = None
     """Length of the lever arm, such as 50mm, that converts an angle and a torque to a
     displacement and a force."""
     invert: Literal["position", "force", "both"] | None = None
-    """What changes its sign: both must be positive in compression."""
+    """Change the sign of position, force or both, which must be positive in compression."""
     datum: str = "auto"
-    """Where position and force are zero: at the contact point (contact), as in the file, at the
-    first sample (start), at the mean of the motion, or given as in 1.5mm,20N. By default the
-    contact point where the record begins or ends out of contact, and the mean otherwise."""
+    """Position and force that are used as zero: at the contact point (contact), as in the file, at
+    the first sample (start), at the mean of the motion, or given as in 1.5mm,20N. Default: the
+    contact point if the data begin or end without contact, and otherwise the mean."""
 
     def read(self, file: Path) -> tuple[Signals, Recording | None]:
-        """The signals of a table, or those of a recorded trial, and that.
+        """Read position, force and time from a file.
+
+        Parameters
+        ----------
+        file
+            A recording of `teleop run`, or a file of another program.
+
+        Returns
+        -------
+        signals
+            Position, force and time.
+        recording
+            The recorded trial; None for a file of another program.
 
         Raises
         ------
         InputError
-            The file is not as expected, or a column was asked of a recorded trial.
+            The file cannot be read, or columns were selected in a recording of `teleop run`.
         """
         from teleop.errors import InputError
         from teleop.evaluation import exported
@@ -74,7 +86,7 @@ class Columns:
         return recorded_signals(recording), recording
 
     def wanted(self) -> Wanted:
-        """What the options ask of a table.
+        """Return the columns, units and signs that the options select in a table.
 
         Raises
         ------
@@ -105,8 +117,8 @@ class Columns:
 
 
 OF_TABLES = ("position", "force", "time", "block", "topic", "rate", "lever", "invert")
-"""Options that a recorded trial does not take."""
+"""Options that are invalid for a recording of `teleop run`."""
 ColumnOptions = Annotated[Columns, Parameter(name="*")]
-"""The options, without a common prefix."""
+"""Type of the parameter of a command for these options. Their names have no common prefix."""
 BY_NAME = Columns()
-"""Every column by its usual name."""
+"""The defaults: every column is found by its usual name."""

@@ -1,4 +1,4 @@
-"""`teleop recover`: the intact part of an incomplete recording."""
+"""`teleop recover`: write the intact part of an incomplete recording to a new file."""
 
 from __future__ import annotations
 

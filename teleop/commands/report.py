@@ -27,11 +27,11 @@ def report(
     overwrite: Overwrite = False,
     json: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
-    """Write the results and figures of a recording to one HTML page that works offline.
+    """Write the results and figures of a recording to one HTML page that can be read offline.
 
-    The page has the result, the estimates, the figures, which parameter values the data do not
-    distinguish, the safety events and all settings, and a link to the recording. For a run with a
-    safety stop it shows the fault, and the channels before and after it.
+    The page contains the result, the estimates, the figures, the values of k and b that the data
+    cannot separate, the safety events, all settings, and a link to the recording. For a run with a
+    safety stop it also contains the fault, and the channels before and after the fault.
 
     Example: `teleop report run.mcap --out run.html`
 

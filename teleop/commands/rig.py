@@ -1,4 +1,4 @@
-"""`teleop rig`: the commands that set up a rig."""
+"""`teleop rig`: commands for setting up a rig."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`teleop rig emulate`: a rig's devices in software, on pseudo-terminals and SocketCAN buses."""
+"""`teleop rig emulate`: emulate the devices of a rig on pseudo-terminals and SocketCAN buses."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from teleop.names import ConditionName, CubeName, RealtimeName
 REALTIME_STEPS = ("SCHED_FIFO", "no garbage collection")
 """Real-time settings of an emulator; it claims no processor, so that the controller can."""
 WRITER = "teleop rig emulate"
-"""Name of the writer in the first line of the rig file."""
+"""Name of this command, which is written to the first line of the rig file."""
 
 
 def emulate(
@@ -32,9 +32,9 @@ def emulate(
 ) -> int:
     """Emulate the devices of a rig, connected to the simulated plant, until stopped.
 
-    Serial ports and slcan adapters become pseudo-terminals; a SocketCAN bus must exist. Then run
-    in another terminal the command that it prints. The plant is reset to its start a little more
-    than one second after the drives were disabled.
+    Pseudo-terminals replace the serial ports and slcan adapters. A SocketCAN bus must exist. The
+    command prints a `teleop run` command; enter it in another terminal. A little more than one
+    second after the drives were disabled, the simulated plant returns to its initial state.
 
     Example: `teleop rig emulate rigs/serial-board.toml --condition mimic --cube hard`
 
@@ -49,18 +49,19 @@ def emulate(
         Cube that is palpated.
     condition
         Simulated operator: palpates freely (free), follows a sine after a count-in of 3 s
-        (mimic), or none (autonomous).
+        (mimic), or does not touch the handle (autonomous).
     depth
-        Depth of the operator's palpation with its unit, such as 5mm. Default: the paper's depth.
+        Depth to which the simulated operator palpates, with its unit, such as 5mm. Default: the
+        paper's depth.
     frequency
         Frequency of the sine that the operator of mimic follows [Hz]. Default: 1.
     seed
         Seed of operator and sensor noise.
     fault
-        Fault of a wire as KIND:BUS@SECONDS, such as corrupt:force@3, where the time counts from
-        when the drives are enabled; may be repeated. Kinds: drop, double, reorder, delay,
+        Fault of a bus as KIND:BUS@SECONDS, such as corrupt:force@3. The time counts from when the
+        drives are enabled. The option may be repeated. Kinds: drop, double, reorder, delay,
         truncate, corrupt, length, burst, noise, baud, silence, error-frames, bus-off, unplug,
-        replug; and reset, with a device instead of the bus.
+        replug; and reset, with the name of a device instead of a bus.
     json
         Print one JSON document instead of text when the emulator is ready.
     """

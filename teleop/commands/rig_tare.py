@@ -1,4 +1,4 @@
-"""`teleop rig tare`: the zeros of force and position."""
+"""`teleop rig tare`: measure the zero offsets of force and position."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ def tare(
     overwrite: Overwrite = False,
     json: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
-    """Measure the zeros of force and position, and store them with the date.
+    """Measure the zero offsets of force and position, and store them with the date.
 
-    The force zeros are measured with disabled drives and without load; it is an error if the rig
-    moves or is under load. Apply the zeros with `teleop run --tare`.
+    The zero offsets of the forces are measured with disabled drives and without load. If the rig
+    moves or is under load, the command ends with an error. Use the file with `teleop run --tare`.
 
     Example: `teleop rig tare --contact touch --out tare.json`
 
@@ -34,10 +34,10 @@ def tare(
     rig
         Rig file (TOML). Default: the simulated rig.
     out
-        File for the zeros (JSON).
+        File for the zero offsets (JSON).
     contact
-        Contact datum: keep for the zero of the encoder; touch to move the slave forward slowly,
-        by at most 4 mm, until contact; or a position such as 1.5mm.
+        Position at which contact begins: keep for the zero of the encoder; touch to move the slave
+        forward slowly, by at most 4 mm, until contact; or a position such as 1.5mm.
     cube
         Cube on the simulated rig.
     seed

@@ -1,4 +1,4 @@
-"""`teleop run`: one palpation on a rig."""
+"""`teleop run`: run one trial on the simulated rig or a rig of devices."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def run(
     ----------
     config
         Configuration file (TOML), as written by `teleop config init`, or a recording, whose trial
-        is run again. Options override it. The defaults below are those without a file.
+        is run again. Options override its settings. The defaults below apply without such a file.
     condition
         Control condition: the operator palpates freely (free), follows a sine with the slave
         (mimic), or the PE injector moves the slave and the handle is free (autonomous). Default:
@@ -99,10 +99,10 @@ def run(
     frequency
         Frequency of the excitation signal, or of the sine that the operator follows in mimic
         [Hz]. For a multisine, the lowest of five harmonics; for a chirp over two octaves, the
-        lowest frequency. Default: 2, and 1 in mimic.
+        lowest frequency. Default: 1 in mimic, 2 otherwise.
     coupling
-        The slave follows the velocity of the master, as in the paper, or also its position.
-        Default: velocity.
+        velocity: the slave follows the velocity of the master, as in the paper. position: the slave
+        also follows the position of the master. Default: velocity.
     conditioning
         How velocity is computed from the encoder: by one state-variable filter on position and
         force (matched), or on position only (svf); by first-order adaptive windowing (foaw); or
@@ -118,11 +118,11 @@ def run(
         Model of the environment, for the estimators that support any model. Default:
         kelvin-voigt.
     realtime
-        Real-time scheduling, locked memory and a processor of its own, with the machine's clock.
-        require: fail if a setting is refused. try: apply the settings that the system allows.
-        off: apply none.
+        Real-time settings, used with --clock real: real-time scheduling, locked memory, no garbage
+        collection, and a processor for the loop only. require: fail if a setting is refused. try:
+        apply the settings that the system allows. off: apply none.
     tare
-        File with the zeros of the channels, from `teleop rig tare`.
+        File with the zero offsets of the channels, from `teleop rig tare`.
     record
         Record every tick to this MCAP file; its folder is created if needed. Default: a new file
         recordings/DATE/TIME-CONDITION-SPECIMEN.mcap.

@@ -30,25 +30,25 @@ def series(
 ) -> int:
     """Run the trials of a plan in random or balanced order, and write a table of the results.
 
-    A series that was interrupted or killed is resumed by the same command. A trial that was
-    stopped or interrupted is repeated; its recording is kept.
+    To resume a series that was interrupted or killed, enter the same command again. A trial that
+    was stopped for safety or interrupted is repeated; its recording is kept.
 
     Example: `teleop series paper --out paper-series`
 
     Parameters
     ----------
     plan
-        Plan, TOML, or the name of a plan that comes with the package: paper, the nine trials of
-        the paper on the simulated rig.
+        File with the plan of the series (TOML), or paper for the nine trials of the paper on the
+        simulated rig.
     out
-        Folder of the series: recordings, trials.csv with a row for each trial and estimator, and
-        journal.jsonl; by default series-NAME.
+        Folder for the recordings, the table trials.csv with a row for each trial and estimator,
+        and the journal journal.jsonl. Default: series-NAME, with the name in the plan.
     ask
-        Ask before each trial: Enter runs it, s skips it, r repeats the last one, q quits; text
-        after the letter is kept as a note. After each trial, ask for a note. By default in a
-        terminal, if a trial has a rig of devices.
+        Ask before each trial: Enter runs it, s skips it, r repeats the previous trial, q quits.
+        Text after the letter is stored as a note. After each trial, ask for a note. Default: ask
+        if a trial has a rig of devices and the command runs in a terminal.
     yes
-        Without prompts, arm the drives of a rig of devices without asking.
+        Arm the drives of a rig of devices without asking.
     dry_run
         Print the order of the trials, and run none.
     json
@@ -113,7 +113,10 @@ def run(settings: TrialSettings, path: Path) -> Trial:
 
 
 def person(trial: PlannedTrial, prompt: str) -> tuple[Answer, str]:
-    """Ask on the terminal what to do next; the end of the input quits."""
+    """Ask the person at the terminal whether to run, skip or repeat a trial, or to quit.
+
+    At the end of the input the answer is "quit".
+    """
     answers: dict[str, Answer] = {"": "run", "s": "skip", "r": "repeat", "q": "quit"}
     from teleop.trial.arming import arming_text, discard_typed_ahead
 
@@ -132,6 +135,6 @@ def person(trial: PlannedTrial, prompt: str) -> tuple[Answer, str]:
 
 
 def note_of_person(trial: PlannedTrial) -> str:
-    """Ask on the terminal for a note on a trial; the end of the input is no note."""
+    """Ask the person at the terminal for a note on a trial; empty at the end of the input."""
     print(f"Note on trial {trial.number}, {trial.label}; Enter for none.", file=sys.stderr)
     return sys.stdin.readline().strip()

@@ -1,4 +1,4 @@
-"""Admittance: the virtual dynamics that turn a force into the velocity of the master."""
+"""Admittance: a virtual mass that converts a force to a velocity of the master."""
 
 from __future__ import annotations
 
@@ -8,7 +8,9 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class AdmittanceParameters:
-    """Parameters of the virtual dynamics m x'' + d x' + c x = force at the master.
+    """Mass, damping and stiffness of the virtual dynamics of the master.
+
+    The dynamics are m x'' + d x' + c x = force, where x is the position of the master.
 
     Raises
     ------
@@ -21,7 +23,7 @@ class AdmittanceParameters:
     damping: float = 15.0
     """Virtual damping d [N s/m]."""
     stiffness: float = 0.0
-    """Virtual stiffness c that centres the handle [N/m]; 0 for none."""
+    """Virtual stiffness c, a spring that pulls the handle to its centre [N/m]; 0 for no spring."""
 
     def __post_init__(self) -> None:
         for name in ("mass", "damping"):
@@ -31,7 +33,7 @@ class AdmittanceParameters:
             raise ValueError(f"centring stiffness must be >= 0, got {self.stiffness}")
 
     def force(self, position: float, velocity: float, acceleration: float) -> float:
-        """Return the force [N] that causes this motion of the virtual mass.
+        """Return the force [N] that the virtual mass needs for a given motion.
 
         Parameters
         ----------
@@ -42,7 +44,9 @@ class AdmittanceParameters:
 
 
 class Admittance:
-    """The virtual dynamics, discretised exactly for a force that is constant over each period.
+    """Virtual mass that moves under a force, with damping and an optional spring.
+
+    The equation of motion is discretised exactly for a force that is constant over each period.
 
     Parameters
     ----------
@@ -56,7 +60,7 @@ class Admittance:
     velocity
         Velocity of the virtual mass [m/s].
     centre
-        Position at which the virtual stiffness exerts no force [m].
+        Position at which the force of the virtual spring is zero [m].
     """
 
     def __init__(self, parameters: AdmittanceParameters) -> None:
@@ -66,17 +70,17 @@ class Admittance:
         self.centre = 0.0
 
     def align(self, position: float) -> None:
-        """Set the virtual mass to rest at a position [m], which becomes the centre."""
+        """Put the virtual mass at rest at a position [m], and make this position the centre."""
         self.position = self.centre = position
         self.velocity = 0.0
 
     def step(self, force: float, dt: float) -> float:
-        """Apply a force [N] for dt [s] and return the velocity afterwards [m/s].
+        """Apply a constant force [N] for dt [s] and return the velocity after it [m/s].
 
-        With s = d / 2m and g^2 = s^2 - c/m, the matrix exponential of the homogeneous
-        equation is e^(-s dt) (cosh(g dt) I + sinh(g dt) / g (A + s I)). Where g^2 < 0, cosh and
-        sinh become cos and sin. `even` and `odd` are e^(-s dt) cosh(g dt) and
-        e^(-s dt) sinh(g dt) / g.
+        Let A be the matrix of the state equation for (position, velocity), I the identity matrix,
+        s = d / 2m and g^2 = s^2 - c/m. Then the matrix exponential of A dt is
+        e^(-s dt) (cosh(g dt) I + sinh(g dt) / g (A + s I)). If g^2 < 0, cosh and sinh become cos
+        and sin. In the code, `even` is e^(-s dt) cosh(g dt) and `odd` is e^(-s dt) sinh(g dt) / g.
         """
         m, d, c = self.parameters.mass, self.parameters.damping, self.parameters.stiffness
         if c == 0.0:
@@ -104,10 +108,17 @@ class Admittance:
         return self.velocity
 
     def follow(self, velocity: float, dt: float) -> None:
-        """Replace the last step by one with this velocity [m/s] over dt [s].
+        """Replace the result of the last step by a motion at a given velocity.
 
-        Called when the supervisor reduced the command, so that the virtual mass moves as the
-        handle does.
+        This is called when the supervisor has reduced the command, so that the virtual mass moves
+        like the handle.
+
+        Parameters
+        ----------
+        velocity
+            Velocity that the drive of the master applied [m/s].
+        dt
+            Duration of the last step [s].
         """
         self.position += (velocity - self.velocity) * dt
         self.velocity = velocity

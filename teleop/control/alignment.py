@@ -1,9 +1,9 @@
 """Alignment: position and force at the same time, from sensors with different sampling times.
 
-The estimators relate a force to the displacement at the same time. A time difference of 1 ms
-between the two causes a damping error of k * 1 ms. Each force sample is therefore paired with the
-position, interpolated at the sampling time of the force. A slow force sensor gives fewer pairs;
-its samples are not held.
+The estimators relate the force to the displacement at the same time. A time difference of 1 ms
+between the two causes a damping error of k * 1 ms. Therefore the position is interpolated at the
+sampling time of each force sample. If the force sensor is slower than the loop, there are fewer
+pairs than ticks. A force sample is not used in more than one pair.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import NamedTuple
 from drivers import Measurement
 
 SAME_TIME = 1e-6
-"""Times that differ by less are equal [s]."""
+"""Largest difference between two times that are treated as equal [s]."""
 KEPT = 128
 """Number of positions that are stored for interpolation, 0.13 s at 1 kHz."""
 
@@ -40,9 +40,10 @@ class Alignment:
         self._seen = self._paired = -math.inf
 
     def update(self, measurement: Measurement, dt: float) -> Pair | None:
-        """Add a measurement, and return the next pair if it is complete.
+        """Store the samples of a measurement, and return the next pair of position and force.
 
-        A force sample that is newer than the newest position has to wait for the next position.
+        A force sample that is newer than the newest position sample is paired after the next
+        position sample, because the position can only be interpolated between two samples.
 
         Parameters
         ----------
@@ -50,6 +51,11 @@ class Alignment:
             Measurement of this tick.
         dt
             Time since the previous tick [s]; used as the `dt` of the first pair.
+
+        Returns
+        -------
+        pair
+            The next pair; None if no force sample can be paired yet.
         """
         now, age = measurement.time, measurement.age
         positions, forces = self._positions, self._forces

@@ -12,12 +12,12 @@ SPIN = 200_000
 
 
 class Tick(NamedTuple):
-    """The start of one period of the loop."""
+    """Timing of the start of one period of the loop."""
 
     lateness: float
     """Delay of the start of the tick after its deadline [s]."""
     overrun: bool
-    """Whether the previous tick had not ended at this deadline."""
+    """Whether the previous tick was still running at the deadline of this tick."""
     skipped: int
     """Number of whole periods that were skipped because the previous tick took too long."""
     busy: float = 0.0
@@ -50,15 +50,15 @@ class Clock(ABC):
 
     @abstractmethod
     def stopwatch(self) -> float:
-        """Return a time [s] whose differences measure the parts of a tick."""
+        """Return a time [s], from which the durations of the parts of a tick are computed."""
 
     @abstractmethod
     def wait(self) -> Tick:
-        """Wait for the next deadline; the first call sets the first deadline to now."""
+        """Wait until the next deadline. The first call returns at once and starts the deadlines."""
 
 
 class VirtualClock(Clock):
-    """Virtual time that advances by one period per tick, the same in every run."""
+    """Virtual time that advances by exactly one period per tick, so that runs are repeatable."""
 
     def __init__(self, rate: float) -> None:
         super().__init__(rate)
@@ -79,9 +79,9 @@ class VirtualClock(Clock):
 class RealClock(Clock):
     """The machine's monotonic clock, with deadlines at whole periods after the first tick.
 
-    Deadlines do not depend on when earlier ticks began, so that lateness does not accumulate. If
-    a tick is late by whole periods, these periods are skipped, and the later deadlines stay the
-    same.
+    The deadlines do not depend on when earlier ticks began, so that delays do not accumulate. If
+    a tick takes longer than whole periods, these periods are skipped. The later deadlines do not
+    change.
     """
 
     def __init__(self, rate: float) -> None:

@@ -1,4 +1,7 @@
-"""The control conditions: the operator's force or the PE injector's drives the master."""
+"""The control conditions: which force moves the master, that of the operator or of the PE injector.
+
+The PE injector (persistent excitation) computes the force for a known signal.
+"""
 
 from __future__ import annotations
 
@@ -15,14 +18,14 @@ CONDITIONS = get_args(ConditionName)
 
 
 class Condition(ABC):
-    """Source of the force that moves the telemanipulator."""
+    """Control condition: computes the force that moves the telemanipulator."""
 
     finished = False
-    """Whether the condition has finished; the trial then ends before its full duration."""
+    """Whether the condition has finished. If it has, the trial ends before its full duration."""
 
     @abstractmethod
     def drive_force(self, t: float, measurement: Measurement) -> float:
-        """Return the force on the admittance [N].
+        """Return the force that acts on the virtual mass of the admittance [N].
 
         Parameters
         ----------
@@ -33,18 +36,23 @@ class Condition(ABC):
         """
 
     def target(self, t: float) -> float:
-        """Return the position of the slave [m] that the operator follows; NaN for none.
+        """Return the target that the operator follows with the slave.
 
         Parameters
         ----------
         t
             Time since the drives were armed [s].
+
+        Returns
+        -------
+        position
+            Target position of the slave [m]; NaN if the condition has no target.
         """
         return math.nan
 
 
 class Teleoperation(Condition):
-    """The operator's force."""
+    """Control condition in which the force of the operator moves the master."""
 
     def drive_force(self, t: float, measurement: Measurement) -> float:
         """Return the measured force on the handle [N]."""
@@ -52,7 +60,7 @@ class Teleoperation(Condition):
 
 
 class Mimicry(Teleoperation):
-    """The operator's force; the operator follows a target."""
+    """Control condition in which the operator moves the master and follows a target."""
 
     def __init__(self, target: Target) -> None:
         self._target = target
@@ -63,7 +71,7 @@ class Mimicry(Teleoperation):
 
 
 class Autonomous(Condition):
-    """The force of the PE injector; the operator does not hold the handle."""
+    """Control condition in which the PE injector moves the master, without an operator."""
 
     def __init__(self, injector: Injector) -> None:
         self._injector = injector

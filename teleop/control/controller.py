@@ -1,4 +1,4 @@
-"""One tick of the control loop, in the order in which data flows."""
+"""One tick of the control loop: the steps from the measurement to the estimates, in this order."""
 
 from __future__ import annotations
 
@@ -37,11 +37,11 @@ NO_ESTIMATE = Estimate(math.nan, math.nan, math.nan, math.nan, held=False)
 
 
 class Controller:
-    """Maps force to velocity within the limits and updates the estimators, at each tick.
+    """Runs one tick of the control loop: force to velocity, limits, and estimators.
 
-    An exception within a tick becomes a fault for the supervisor, which stops the drives; the
-    first one is stored in `error`. Only KeyboardInterrupt, and an exception of the first
-    measurement, are raised by `tick`.
+    An exception within a tick becomes a fault for the supervisor, which stops the drives. The
+    first exception is stored in `error`. `tick` raises only KeyboardInterrupt, and an exception
+    of the first measurement.
 
     Parameters
     ----------
@@ -50,21 +50,21 @@ class Controller:
     condition
         Source of the force that drives the master.
     admittance, coupling
-        They map that force to the velocities of master and slave.
+        Convert this force to the velocities of master and slave.
     conditioner
         Computes the regressors from slave position and contact force.
     bank
         The estimators.
     excitation
-        The excitation measure.
+        Computes the excitation measure from displacement and velocity.
     period
-        Nominal time between ticks [s]; the first tick's dt.
+        Nominal time between ticks [s]; used as the time step of the first tick.
     limits
         Limits of channels and commands for the supervisor.
     tare
-        Zeros of force and position.
+        Zero offsets of force and position.
     stopwatch
-        Returns a time [s] whose differences measure the parts of a tick.
+        Returns a time [s], from which the durations of the parts of a tick are computed.
     """
 
     def __init__(
@@ -133,14 +133,14 @@ class Controller:
         self.error = None
 
     def tick(self, tick: Tick, request: Request = NO_REQUEST) -> Record:
-        """Run one tick: read, map, limit, write, estimate.
+        """Run one tick: measurement, desired velocities, limits, command, estimates.
 
         Parameters
         ----------
         tick
-            Timing of the tick.
+            Timing of the start of the tick, from the clock.
         request
-            Requests of the person.
+            Requests of the person to arm or stop the drives.
 
         Returns
         -------
@@ -224,7 +224,7 @@ class Controller:
         )
 
     def _read(self) -> tuple[Measurement, float]:
-        """Return the tared measurement and the time since the previous one [s]."""
+        """Return the measurement relative to the tare, and the time since the previous one [s]."""
         last = self._measurement
         try:
             measurement = measurement_of(self._rig.read())
@@ -242,7 +242,7 @@ class Controller:
         return measurement, measurement.time - last.time
 
     def _complete(self, request: Request, tick: Tick) -> Request:
-        """Return the request with the loop's timing and the failures since the last verdict."""
+        """Return the request with the timing of the loop and the faults that were stored since."""
         elapsed = (1 + tick.skipped) * self._period + tick.lateness - self._lateness
         self._lateness = tick.lateness
         trips = (*request.faults, *self._faults)
@@ -250,7 +250,7 @@ class Controller:
         return Request(request.arm, request.stop, request.halt, trips, tick.skipped, elapsed)
 
     def _enable(self, now: float) -> bool:
-        """Enable the drives; return whether they are ready for commands."""
+        """Enable the drives, and return whether they are ready for commands."""
         self._energised, self._silent = True, False
         try:
             return bool(self._rig.enable())
@@ -259,11 +259,11 @@ class Controller:
             return False
 
     def _apply(self, verdict: Verdict, now: float) -> Command:
-        """Command the drives, or disable them; return the applied command.
+        """Send the command to the drives, or disable them, and return the applied command.
 
-        Before the drives are disabled, zero velocity is written once. While `Rig.idle` fails, it
-        is called again at each tick and nothing is written, so that the drives' watchdogs stop
-        them in any case.
+        Before the drives are disabled, zero velocity is commanded once. If `Rig.idle` fails, it
+        is called again at each tick, and no command is sent, so that the watchdogs of the drives
+        stop them.
         """
         applied = STANDSTILL
         operating = (verdict.enabled or verdict.arm) and not self._faults
@@ -285,7 +285,7 @@ class Controller:
         return applied
 
     def _fail(self, fault: Fault, error: BaseException, now: float) -> None:
-        """Store a failure for the next verdict of the supervisor; re-raise KeyboardInterrupt."""
+        """Store an exception as a fault for the supervisor, but raise KeyboardInterrupt again."""
         if isinstance(error, KeyboardInterrupt):
             raise error
         text, exception = failure(error)

@@ -11,10 +11,12 @@ from teleop.control.admittance import Admittance
 
 @dataclass(frozen=True)
 class Coupling:
-    """Scaled motion of the slave.
+    """Computes the desired velocity of the slave from the motion of the master.
 
-    v_s = scale v_m + position_gain (scale x_m - x_s). With a gain of zero only the velocity is
-    scaled, as in the paper. With a positive gain the slave follows the scaled position too.
+    v_s = scale v_m + position_gain (scale x_m - x_s), where v_m and x_m are velocity and position
+    of the virtual mass, and x_s is the position of the slave. With a gain of zero, as in the
+    paper, the slave follows the scaled velocity of the master. With a positive gain it also
+    follows the scaled position.
 
     Raises
     ------
@@ -34,10 +36,10 @@ class Coupling:
             raise ValueError(f"position gain must be >= 0, got {self.position_gain}")
 
     def align(self, master: Admittance, measurement: Measurement) -> None:
-        """Set the virtual mass to the position that matches the slave's.
+        """Put the virtual mass at rest at the position that corresponds to that of the slave.
 
-        Called each time the drives are armed. Without a force on the handle, the command is then
-        zero at any position of the slave.
+        This is called each time the drives are armed. Therefore the command is zero after arming,
+        at any position of the slave, until a force acts on the handle.
         """
         master.align(measurement.slave_position / self.scale)
 

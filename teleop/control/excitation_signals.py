@@ -9,7 +9,7 @@ from typing import Literal, NamedTuple
 
 
 class Motion(NamedTuple):
-    """A signal and its first two time derivatives."""
+    """Value of a signal at one time, and its first two time derivatives."""
 
     value: float
     rate: float
@@ -19,7 +19,7 @@ class Motion(NamedTuple):
 
 
 class Signal(ABC):
-    """An excitation signal with values in [-1, 1]."""
+    """An excitation signal: a dimensionless function of time with values in [-1, 1]."""
 
     @property
     @abstractmethod
@@ -118,7 +118,7 @@ class Chirp(Signal):
     high: float
     """Highest frequency [Hz], > low."""
     sweep: float = 5.0
-    """Time for one sweep up and down [s], > 0."""
+    """Time in which the frequency increases from low to high and decreases again [s], > 0."""
     kind: Literal["chirp"] = "chirp"
 
     def __post_init__(self) -> None:

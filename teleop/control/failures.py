@@ -1,4 +1,4 @@
-"""Exceptions of a tick, as a fault for the supervisor and for the report after the trial."""
+"""Convert an exception of a tick to the text of a fault and to the exception that is reported."""
 
 from __future__ import annotations
 
@@ -6,16 +6,22 @@ from teleop.printable import one_line
 
 
 def failure(error: BaseException) -> tuple[str, Exception]:
-    """Return the text of a failure on one line, and the exception to report.
+    """Return a text that describes an exception, and the exception to raise after the trial.
 
-    SystemExit and other exceptions that are not an `Exception` would end the program before the
-    failure is reported; SystemExit could even give exit code 0. They are reported as
-    RuntimeError.
+    SystemExit and other exceptions that do not derive from `Exception` would end the program
+    without a message, SystemExit even with exit code 0. A RuntimeError replaces them.
 
     Parameters
     ----------
     error
-        The exception that was raised.
+        The exception that was raised in a tick.
+
+    Returns
+    -------
+    text
+        Type and message of the exception, on one line.
+    exception
+        The same exception, or a RuntimeError if it does not derive from `Exception`.
     """
     name = type(error).__name__
     try:

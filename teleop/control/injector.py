@@ -9,11 +9,11 @@ from teleop.control.excitation_signals import Motion, Signal
 
 
 class Injector:
-    """Force that moves the master, and with it the slave, along an excitation signal.
+    """Computes the force that moves the slave along an excitation signal.
 
-    The slave moves between a light touch and a depth: x(t) = ramp(t) (mean + half signal(t)).
-    The force is the one that the admittance needs for this motion. Contact is therefore kept for
-    every signal, and a sinusoidal displacement needs a sinusoidal force.
+    The displacement of the slave is x(t) = ramp(t) (mean + half signal(t)). After the ramp at the
+    start it varies between `touch` times the depth and the depth, so that contact is kept. The
+    force is the force that the virtual mass of the admittance needs for this motion.
 
     Parameters
     ----------
@@ -22,15 +22,16 @@ class Injector:
     depth
         Greatest displacement of the slave [m], > 0.
     admittance
-        The virtual dynamics that the force acts on.
+        Mass, damping and stiffness of the virtual dynamics of the master.
     scale
         Ratio of slave motion to master motion.
     duration
-        Duration of the trial [s]; at its end the slave is back at zero.
+        Duration of the trial [s]. At its end the displacement is zero again.
     touch
         Smallest displacement as a fraction of the depth, 0 <= touch < 1.
     ramp
-        Duration of the ramps at start and end [s]; at most half of `duration` is used.
+        Duration of the ramp at the start and of the ramp at the end [s]; at most half of
+        `duration`.
 
     Raises
     ------
@@ -64,7 +65,7 @@ class Injector:
         self._ramp = min(ramp, 0.5 * duration)
 
     def motion(self, t: float) -> Motion:
-        """Return position [m], velocity and acceleration of the master at time t [s]."""
+        """Return position [m], velocity [m/s] and acceleration [m/s^2] of the master at t [s]."""
         in_out, sign = (t, 1.0) if 2.0 * t < self._duration else (self._duration - t, -1.0)
         u = min(max(in_out / self._ramp, 0.0), 1.0)
         ramp = u**3 * (10.0 - 15.0 * u + 6.0 * u * u)
@@ -81,5 +82,5 @@ class Injector:
         )
 
     def force(self, t: float) -> float:
-        """Return the force on the admittance [N] at time t [s]."""
+        """Return the force on the virtual mass of the admittance [N] at time t [s]."""
         return self._admittance.force(*self.motion(t))

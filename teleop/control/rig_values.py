@@ -1,4 +1,4 @@
-"""Conversion of a rig's return values to floats, on which the supervisor's checks rely."""
+"""Convert the values that a rig returns to floats, which the checks of the supervisor require."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ SAMPLES, VELOCITIES = Struct("11d"), Struct("2d")
 
 
 def measurement_of(returned: Measurement) -> Measurement:
-    """Return the measurement of a rig with each number as a float.
+    """Return the measurement that a rig returned, with each number converted to a float.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ def measurement_of(returned: Measurement) -> Measurement:
 
 
 def command_of(returned: Command) -> Command:
-    """Return the command that a rig applied with each velocity as a float.
+    """Return the command that a rig applied, with each velocity converted to a float.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Tare: the zeros of force and position, stored in a file and subtracted from measurements."""
+"""Tare: zero offsets of force and position, which are subtracted from each measurement."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from teleop.files import unreadable, write_text
 from teleop.json_documents import dumps
 
 LARGEST_ZERO = 15.0
-"""Largest force that is accepted as a sensor's zero [N]; above it the sensor is under load."""
+"""Largest zero offset of a force sensor that is accepted [N]; above it the sensor has a load."""
 FARTHEST = 1.0
 """Largest position that is accepted as the contact datum [m]."""
 LONGEST_TEXT = 1000
@@ -22,7 +22,7 @@ LONGEST_TEXT = 1000
 
 @dataclass(frozen=True)
 class Tare:
-    """Zeros of the channels, which are subtracted from every measurement."""
+    """Zero offsets of the channels, which are subtracted from every measurement."""
 
     master_force: float = 0.0
     """Reading of the handle's force sensor without load [N]."""
@@ -37,11 +37,11 @@ class Tare:
 
     @property
     def zeros(self) -> dict[str, float]:
-        """Nonzero zeros by channel, in SI units."""
+        """Zero offsets that are not zero, by the name of the channel, in SI units."""
         return {name: value for name, value in asdict(self).items() if name in CHANNELS and value}
 
     def apply(self, measurement: Measurement) -> Measurement:
-        """Return the measurement relative to these zeros."""
+        """Return a measurement with the zero offsets subtracted."""
         return measurement._replace(
             master_force=measurement.master_force - self.master_force,
             contact_force=measurement.contact_force - self.contact_force,
@@ -49,18 +49,17 @@ class Tare:
         )
 
     def check(self, rig: str) -> None:
-        """Check that the zeros are plausible and belong to the rig.
+        """Check that the zero offsets are plausible and were measured on the given rig.
 
         Parameters
         ----------
         rig
-            Name of the rig whose measurements they are applied to.
+            Name of the rig on which the zero offsets will be used.
 
         Raises
         ------
         InputError
-            A force or a position is too large for a zero, or is NaN, or the zeros were measured
-            on another rig.
+            A zero offset is too large or NaN, or was measured on another rig.
         """
         for name, value, most in (
             ("master_force", self.master_force, LARGEST_ZERO),
@@ -83,7 +82,7 @@ NO_TARE = Tare()
 
 
 def write_tare(tare: Tare, path: Path, overwrite: bool = False) -> None:
-    """Write zeros to a JSON file.
+    """Write the zero offsets to a JSON file.
 
     Raises
     ------
@@ -94,9 +93,9 @@ def write_tare(tare: Tare, path: Path, overwrite: bool = False) -> None:
 
 
 def read_tare(path: Path) -> Tare:
-    """Return the zeros in a file of `teleop rig tare`.
+    """Return the zero offsets in a file that `teleop rig tare` wrote.
 
-    Files of teleop 0.1 have no name of a rig.
+    A file of teleop 0.1 contains no name of a rig; `Tare.rig` is then empty.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The target of the mimic condition: a sine that the operator follows with the slave."""
+"""The target of the condition mimic: a sine that the operator follows with the slave."""
 
 from __future__ import annotations
 
@@ -6,15 +6,15 @@ import math
 from dataclasses import dataclass
 
 TOUCH = 0.1
-"""Smallest displacement of the target as a fraction of the depth; contact is kept."""
+"""Smallest displacement of the target as a fraction of the depth, > 0 so that contact is kept."""
 
 
 @dataclass(frozen=True)
 class Target:
-    """Position of the slave that the operator follows.
+    """Target position of the slave, which the operator follows.
 
-    It moves between a light touch and the depth: x(t) = depth (0.1 + 0.45 (1 - cos(2 pi f t)))
-    from the end of the count-in, and stays at the light touch before.
+    During the count-in, the target is constant at 0.1 depth. After it, the target is
+    depth (0.1 + 0.45 (1 - cos(2 pi f t))), where t is the time since the end of the count-in.
     """
 
     frequency: float
@@ -22,7 +22,7 @@ class Target:
     depth: float
     """Greatest displacement of the slave [m], > 0."""
     count_in: float = 0.0
-    """Time during which the target stays at the light touch [s], >= 0."""
+    """Time at the start during which the target is constant [s], >= 0."""
 
     @property
     def shortest(self) -> float:
@@ -30,6 +30,6 @@ class Target:
         return self.count_in + 2.0 / self.frequency
 
     def position(self, t: float) -> float:
-        """Return the target [m] at time t [s] since the drives were armed."""
+        """Return the target position [m] at time t [s] after the drives were armed."""
         angle = 2.0 * math.pi * self.frequency * max(t - self.count_in, 0.0)
         return self.depth * (TOUCH + 0.5 * (1.0 - TOUCH) * (1.0 - math.cos(angle)))

@@ -30,19 +30,19 @@ class Record(NamedTuple):
     dt: float
     """Time since the previous tick [s]."""
     measurement: Measurement
-    """Measurement of the rig, tared."""
+    """Measurement of the rig, with the tare subtracted."""
     drive_force: float
-    """Force on the admittance [N]."""
+    """Force on the virtual mass of the admittance [N]."""
     target: float
-    """Position of the slave that the operator follows [m]; NaN if there is none."""
+    """Target position of the slave, which the operator follows [m]; NaN if there is none."""
     desired: Command
-    """Command of the control condition."""
+    """Velocities that the condition and the coupling request, before the limits."""
     commanded: Command
-    """Command after the supervisor."""
+    """Velocities that the supervisor commanded, after the limits."""
     applied: Command
-    """Command that the drives applied."""
+    """Velocities that the drives applied."""
     pair: Pair
-    """Input of the conditioning; NaN if there is no new pair of position and force."""
+    """Position and force at the same time; NaN if there is no new pair."""
     x: float
     """Displacement passed to the estimators [m]; NaN if none."""
     v: float
@@ -50,11 +50,11 @@ class Record(NamedTuple):
     f: float
     """Force passed to the estimators [N]; NaN if none."""
     further: tuple[float, ...]
-    """Regressors of the model other than v and x."""
+    """Values of the regressors of the model other than v and x, such as x^3."""
     estimates: dict[str, Estimate]
     """Estimates by the name of the estimator; NaN if the estimators were not updated."""
     excitation: float
-    """Excitation measure; 0 for no excitation, 1 for a sine of 1 Hz about zero."""
+    """Excitation measure; 0 for no excitation, 1 for a sine of 1 Hz about the position x = 0."""
     contact: float
     """1 while the gate of the bank detects contact, else 0; NaN without a gate or estimates."""
     misfit: tuple[float, ...]
@@ -62,10 +62,10 @@ class Record(NamedTuple):
     mode: Mode
     """Mode of the supervisor."""
     limited: int
-    """Flags of the soft limits that reduced the command."""
+    """Bit flags of the soft limits that reduced the command."""
     tick: Tick
     """Timing of the tick by the loop's clock."""
     timing: Timing
     """Durations of the parts of the tick."""
     events: tuple[Event, ...]
-    """Changes of mode and faults."""
+    """Changes of the supervisor's mode, and faults, in this tick."""

@@ -1,4 +1,4 @@
-"""The figure of a comparison: stiffness and damping of recordings by group."""
+"""Figure of stiffness and damping of several recordings, by group."""
 
 from __future__ import annotations
 
@@ -14,28 +14,30 @@ from teleop.evaluation.result import Result
 from teleop.output.figure_style import legend, new_figure, plain
 
 SPREAD = 0.35
-"""Width over which the recordings of a group are spread, as a share of the distance of groups."""
+"""Width on the axis for the recordings of a group, as a share of the distance of two groups."""
 WIDE = 10.0
-"""Ratio of the largest to the smallest stiffness from which on the axis is logarithmic."""
+"""Ratio of the largest to the smallest stiffness above which the axis is logarithmic."""
 CHARACTERS = 9.0
-"""Characters of the names of groups per inch that fit beside one another."""
+"""Number of characters of the group names per inch of width above which the names are rotated."""
 LONGEST_LEVEL = 24
-"""Most characters of a group's name."""
+"""Largest number of characters that are shown of a level."""
 
 
 def comparison_figure(
     rows: Sequence[Compared], groups: Sequence[Group], by: Sequence[str]
 ) -> Figure:
-    """Return k and b of each recording and the mean of each group, with 95 % intervals.
+    """Return a figure of k and b of each recording and the mean of each group.
+
+    Error bars are 95 % intervals.
 
     Parameters
     ----------
     rows
         The recordings.
     groups
-        Their groups.
+        Groups of these recordings, with their means.
     by
-        Factors of the groups.
+        Names of the factors by which the recordings are grouped.
     """
     figure = new_figure(0.75, rows=2)
     panels = figure.subplots(2, 1, sharex=True)
@@ -69,7 +71,7 @@ def comparison_figure(
 
 
 def draw_results(axes: Axes, place: int, results: Sequence[Result], symbol: str) -> None:
-    """Draw the results of a group's recordings beside one another."""
+    """Draw k or b (`symbol`) of the recordings of a group side by side, at `place` on the axis."""
     if not results:
         axes.text(
             place,
@@ -101,7 +103,7 @@ def draw_results(axes: Axes, place: int, results: Sequence[Result], symbol: str)
 
 
 def draw_mean(axes: Axes, place: int, mean: Mean) -> None:
-    """Draw the mean of a group of two recordings or more."""
+    """Draw the mean of a group at `place` on the axis, if the group has at least two recordings."""
     if mean.recordings < 2:
         return
     axes.errorbar(

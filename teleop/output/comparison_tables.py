@@ -16,11 +16,11 @@ CAPTION = (
     "estimator over each record. \u00b1: 95 % interval of the mean, from the spread between the "
     "recordings; for n = 1 that of the recording."
 )
-"""What the table of groups shows."""
+"""Text below the table of groups, which explains its rows."""
 
 
 def group_table(groups: Iterable[Group], by: Sequence[str]) -> tuple[list[str], list[list[str]]]:
-    """Return headings and cells of the groups, one row per group and method."""
+    """Return headings and cells of the table of groups, one row per group and method."""
     headings = [*by, "method", "n", "k [N/m]", "b [N s/m]", "e_f [N]"]
     cells = [
         [
@@ -38,7 +38,7 @@ def group_table(groups: Iterable[Group], by: Sequence[str]) -> tuple[list[str], 
 
 
 def mean_text(mean: Mean) -> str:
-    """Return a mean with its interval, or a dash for none."""
+    """Return a mean and half of its 95 % interval as text; a dash for a mean that is not finite."""
     if not math.isfinite(mean.value):
         return "-"
     if not math.isfinite(mean.half):
@@ -66,7 +66,7 @@ def print_comparison(rows: Sequence[Compared], groups: Sequence[Group], by: Sequ
 
 
 def result_text(row: Compared, symbol: str) -> str:
-    """Return k or b of a result with its interval, or a dash for none."""
+    """Return k or b (`symbol`) with half of its 95 % interval as text; a dash for no result."""
     low, value, high = (getattr(row.result, f"{symbol}{end}") for end in ("_low", "", "_high"))
     if value is None:
         return "-"
@@ -90,4 +90,4 @@ def effect_cells(effects: Iterable[Mapping[str, Any]]) -> list[list[str]]:
 
 
 EFFECT_HEADINGS = ("", "F", "df", "p", "eta^2", "partial eta^2")
-"""Of the analysis of variance."""
+"""Headings of the table of an analysis of variance."""

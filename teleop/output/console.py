@@ -1,4 +1,4 @@
-"""The console: tables for a person, or one JSON document for a program."""
+"""Print results: tables for a person, or one JSON document for a program."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ from teleop.json_documents import dumps
 from teleop.printable import printable
 
 WIDTH, HEIGHT = 10_000, 25
-"""Size of the console that rich is given [characters]."""
+"""Size that rich uses as the size of the console [characters]."""
 BREAK = re.compile(r" (?=\[)| (?=[^ ]*$)|(/)")
-"""Where a heading is broken: before its unit, before its last word, or after a slash."""
+"""Where a heading is divided into two lines: before its unit or last word, or after a slash."""
 BORDERS = 3
-"""Characters between the text of a column of a table and that of the next."""
+"""Number of characters between the texts of two neighbouring columns of a table."""
 
 
 def terminal_width() -> int:
-    """Return the width of the terminal [characters]; `WIDTH` for a file or a pipe."""
+    """Return the width of the terminal [characters], or `WIDTH` if the output is no terminal."""
     return shutil.get_terminal_size((0, 0)).columns or WIDTH
 
 
@@ -37,10 +37,10 @@ def print_json(document: Mapping[str, Any]) -> None:
 
 
 class PlainConsole(Console):
-    """A console that shows control characters, and breaks lines of text only between words."""
+    """A console that prints escapes for control characters, and breaks lines between words."""
 
     def print(self, *objects: Any, **options: Any) -> None:
-        """Print objects; a text is wrapped to the terminal, unless `soft_wrap` is true."""
+        """Print objects. Text is wrapped to the terminal width, unless `soft_wrap` is true."""
         width = WIDTH if options.get("soft_wrap") else terminal_width()
         shown = (wrapped(one, width) if isinstance(one, str) else one for one in objects)
         super().print(*shown, **options)
@@ -50,15 +50,21 @@ class PlainConsole(Console):
         return super().render_str(printable(text), **options)
 
     def on_broken_pipe(self) -> None:
-        """Raise the BrokenPipeError. rich would exit before the rest is reported."""
+        """Raise the BrokenPipeError again, because rich would end the program at this point."""
         raise
 
 
 def plain_console(stream: TextIO | None = None) -> Console:
     """Return a console without markup, highlighting and truncation.
 
-    With both width and height, rich reads neither the terminal nor the environment. Otherwise it
-    assumes 80 columns for a terminal of the type `dumb`, even if COLUMNS has another value.
+    Width and height are given to rich, so that it does not read them from the terminal or from
+    environment variables. It would assume 80 columns for a terminal of the type `dumb`, even if
+    the variable COLUMNS has another value.
+
+    Parameters
+    ----------
+    stream
+        Stream to print to; None for standard output.
     """
     return PlainConsole(
         file=stream, highlight=False, markup=False, soft_wrap=True, width=WIDTH, height=HEIGHT
@@ -66,7 +72,7 @@ def plain_console(stream: TextIO | None = None) -> Console:
 
 
 def wrapped(text: str, width: int) -> str:
-    """Return a text whose lines are broken between words; a longer word is not broken."""
+    """Return a text with lines of at most `width` characters, broken only between words."""
     lines = []
     for line in text.split("\n"):
         indent = line[: len(line) - len(line.lstrip(" "))]
@@ -85,12 +91,12 @@ def wrapped(text: str, width: int) -> str:
 
 
 def number(value: float, digits: int) -> str:
-    """Return a number, or a dash if it is not finite."""
+    """Return a number as text with a number of decimals; a dash if it is not finite."""
     return f"{value:.{digits}f}" if math.isfinite(value) else "-"
 
 
 def small(value: float) -> str:
-    """Return a number of any size with three significant digits."""
+    """Return a number as text with at least three significant digits; a dash if not finite."""
     if not math.isfinite(value) or value == 0.0:
         return number(value, 3)
     return number(value, min(max(2 - math.floor(math.log10(abs(value))), 0), 9))
@@ -103,11 +109,11 @@ def print_table(
     rows: Iterable[Sequence[str]],
     left: int = 1,
 ) -> None:
-    """Print a table that fits the terminal.
+    """Print a table that fits the width of the terminal.
 
-    If it is too wide, headings are broken into two lines; if it is still too wide, its columns
-    are printed in several tables. If names in the first column are too long for that, they are
-    printed below with a number each.
+    If the table is too wide, headings are divided into two lines. If it is still too wide, the
+    columns are printed in several tables. If the names in the first column are too long even then,
+    numbers replace them in the table, and the names are printed below.
 
     Parameters
     ----------
@@ -118,8 +124,8 @@ def print_table(
     headings, rows
         Text of the cells.
     left
-        Number of the first columns, which are text and part of each table. The other columns are
-        numbers.
+        Number of columns with text, at the left, which are part of each of several tables. The
+        other columns are numbers.
     """
     cells = [list(row) for row in rows]
     width = terminal_width()
@@ -160,7 +166,21 @@ def total(columns: Sequence[int]) -> int:
 
 
 def parts(columns: Sequence[int], left: int, width: int) -> list[list[int]]:
-    """Return the columns of each table, so that it fits the width if a table with one does."""
+    """Divide columns that are too wide for one table between several tables.
+
+    Parameters
+    ----------
+    columns
+        Width of each column [characters].
+    left
+        Number of columns at the left that are part of each table.
+    width
+        Largest width of a table [characters].
+
+    Returns
+    -------
+    Indices of the columns of each table. Each table has at least one of the other columns.
+    """
     first = list(range(left))
     found = [first[:]]
     for i in range(left, len(columns)):

@@ -14,19 +14,19 @@ from teleop.output.result_tables import print_models, print_result
 from teleop.recording.gaps import Gap, missing_text
 
 STALL = 20.0
-"""A sample period this many times longer than the median is reported."""
+"""A sample period is printed if it is this many times longer than the median."""
 GAPS_LISTED = 3
 """Largest number of gaps that are listed."""
 MEANINGLESS = 1e6
-"""Ratio of an interval to its value from which on it is not shown, because nothing is known."""
+"""Ratio of an interval to its value above which the interval is so wide that it is not shown."""
 HEADINGS = ("", "k [N/m]", "b [N s/m]", "e_f [N]", "one-step rms [N]", "rise time [s]")
 """Headings of the table of averages."""
 AVERAGES = "averages, from the first estimate of each estimator on"
-"""What the table of averages shows."""
+"""Title of the table of averages."""
 AT_END = "estimates at the end, \u00b1 95 % interval"
-"""What the table of intervals shows."""
+"""Title of the table of estimates at the end."""
 COMPARISON = "compared with batch least squares"
-"""What the table of comparisons shows."""
+"""Title of the table of comparisons."""
 
 
 def estimate_cells(rows: Mapping[str, Mapping[str, Any]]) -> list[list[str]]:
@@ -45,12 +45,16 @@ def estimate_cells(rows: Mapping[str, Mapping[str, Any]]) -> list[list[str]]:
 
 
 def digits(value: float) -> int:
-    """Return the number of decimals of a damping."""
+    """Return the number of decimals with which a damping [N s/m] is printed."""
     return 1 if abs(value) < 1000.0 else 0
 
 
 def with_interval(value: float, half: float, decimals: int) -> str:
-    """Return a value and half of its 95 % interval with two digits; without one, the value."""
+    """Return a value and half of its 95 % interval as text.
+
+    The interval has two significant digits. If it is not known or too wide, only the value is
+    returned, with the given number of decimals.
+    """
     if not half < MEANINGLESS * max(abs(value), 1.0):
         return number(value, decimals)
     if half > 0.0:
@@ -68,7 +72,7 @@ def print_estimates(
     rows
         Summary of each estimator by its name.
     further
-        Rows for the table of averages only.
+        Summaries that are only in the table of averages, such as batch least squares.
     """
     console = plain_console()
     headings, cells = interval_table(rows)
@@ -78,21 +82,21 @@ def print_estimates(
     print_table(console, AVERAGES, HEADINGS, estimate_cells({**rows, **further}))
     for line in further_lines(rows):
         console.print(f"  {line}")
+    if doubtful := [name for name, row in rows.items() if row["misfit"] > LARGEST_MISFIT]:
+        console.print(
+            f"  misfit above {LARGEST_MISFIT:.0%}: {', '.join(doubtful)}\n"
+            "  (the model does not describe the body, or the estimate has not settled)",
+            style="yellow",
+        )
     for name, row in rows.items():
         if row["held"] == 1.0:
             console.print(f"  {name}: no estimate: no contact or no motion", style="red")
-        if row["misfit"] > LARGEST_MISFIT:
-            console.print(
-                f"  {name}: a systematic force error of {row['misfit']:.0%} at the end: the model "
-                "or the estimate does not describe the body",
-                style="yellow",
-            )
         if row["note"]:
             console.print(f"  {name}: {row['note']}", style="yellow")
 
 
 def further_lines(rows: Mapping[str, Mapping[str, Any]]) -> list[str]:
-    """Return a line for each estimator with further parameters: their values at the end."""
+    """Return the estimates of further parameters, such as k3, at the end: a line per estimator."""
     lines = []
     for name, row in rows.items():
         texts = []
@@ -106,7 +110,11 @@ def further_lines(rows: Mapping[str, Mapping[str, Any]]) -> list[str]:
 
 
 def interval_table(rows: Mapping[str, Mapping[str, Any]]) -> tuple[list[str], list[list[str]]]:
-    """Return headings and cells: estimates at the end with intervals, held samples and misfit."""
+    """Return headings and cells of the table of estimates at the end.
+
+    The columns are the estimates with 95 % intervals, the share of held samples, the misfit and,
+    if it was measured, the computing time.
+    """
     timed = any("cost_us" in row for row in rows.values())
     headings = ["", "k [N/m]", "b [N s/m]", "held", "misfit", *(["cost [us]"] if timed else [])]
     cells = [
@@ -126,9 +134,10 @@ def interval_table(rows: Mapping[str, Mapping[str, Any]]) -> tuple[list[str], li
 def comparison_table(
     rows: Mapping[str, Mapping[str, Any]],
 ) -> tuple[list[str], list[list[str]]] | None:
-    """Return headings and cells of a comparison with batch least squares; None for none.
+    """Return headings and cells of the comparison of estimators with batch least squares.
 
-    See `teleop.evaluation.model_comparison.Comparison`.
+    None if no summary contains a comparison, see
+    `teleop.evaluation.model_comparison.Comparison`.
     """
     cells = [
         [
@@ -149,7 +158,7 @@ def percent(share: float) -> str:
 
 
 def print_estimated(console: Console, summary: Mapping[str, Any]) -> None:
-    """Print which channels no sensor measured."""
+    """Print the channels that an observer estimated and no sensor measured."""
     for name in summary.get("estimated_channels", ()):
         console.print(f"  {name}: estimated by an observer, not measured", style="yellow")
 
@@ -161,7 +170,7 @@ def print_reading(console: Console, summary: Mapping[str, Any]) -> None:
 
 
 def print_evaluation(summary: Mapping[str, Any], name: str) -> None:
-    """Print a recording's tables: the number to publish, the models, then the estimators."""
+    """Print the evaluation of a file: the result to publish, batch models, online estimators."""
     console = plain_console()
     print_result(summary, name)
     print_models(summary)
@@ -176,7 +185,7 @@ def print_evaluation(summary: Mapping[str, Any], name: str) -> None:
 
 
 def evaluation_lines(summary: Mapping[str, Any]) -> list[str]:
-    """Return what the estimates depend on: samples, datum, conditioning and version."""
+    """Return lines that state the conditions of the estimates, such as datum and conditioning."""
     datum = summary["datum"]
     lag = summary["force_lag_s"]
     return [
@@ -193,7 +202,7 @@ def evaluation_lines(summary: Mapping[str, Any]) -> list[str]:
 
 
 def print_gaps(console: Console, summary: Mapping[str, Any]) -> None:
-    """Print where samples are missing, and whether the estimates are those of the run."""
+    """Print gaps between samples, and whether the estimates are equal to those of the run."""
     gaps = summary["gaps"]
     for gap in gaps[:GAPS_LISTED]:
         console.print(
@@ -218,12 +227,13 @@ def print_gaps(console: Console, summary: Mapping[str, Any]) -> None:
         console.print(
             "  the estimates are exactly those that the run computed"
             if summary["as_online"]
-            else "  other settings than the run: the estimates differ from those that it computed"
+            else "  the settings are not those of the run, so that the estimates differ from those "
+            "of the run"
         )
 
 
 def print_model(console: Console, summary: Mapping[str, Any]) -> None:
-    """Print which estimators have their own model, and which need the contact point."""
+    """Print which estimators use a model of their own, and which ones need the contact point."""
     from_contact = summary["from_contact"]
     if summary["own_model"]:
         console.print(f"  model {summary['model']}, but for {', '.join(summary['own_model'])}")

@@ -1,4 +1,4 @@
-"""The report on a fault: cause, channels at that time, stopping time, and timing of the loop."""
+"""Report of a fault: its cause, the channels at that time, the stopping time, and loop timing."""
 
 from __future__ import annotations
 
@@ -19,7 +19,18 @@ LISTED = (*CHANNELS, "desired_slave_velocity", "applied_slave_velocity")
 
 
 def write_fault_report(folder: Path, recording: Recording, fault: dict[str, Any]) -> None:
-    """Write the text and a figure of the channels about a fault; existing files are overwritten.
+    """Write the report of a fault: `cause.txt` and the figure `channels.svg`.
+
+    Existing files are overwritten.
+
+    Parameters
+    ----------
+    folder
+        An existing folder.
+    recording
+        Ticks before and after the fault.
+    fault
+        Event of the fault.
 
     Raises
     ------
@@ -31,7 +42,7 @@ def write_fault_report(folder: Path, recording: Recording, fault: dict[str, Any]
 
 
 def fault_text(recording: Recording, fault: dict[str, Any]) -> str:
-    """Return cause, limit, value and time of a fault, the channels then, and the loop's timing."""
+    """Return the text of the report of a fault, for the parameters of `write_fault_report`."""
     t = recording["time"]
     lines = [
         f"what      {fault['text']}",
@@ -71,7 +82,10 @@ def fault_text(recording: Recording, fault: dict[str, Any]) -> str:
 
 
 def stopping_time(recording: Recording, fault: dict[str, Any]) -> float:
-    """Return the time from a fault to a lasting commanded standstill [s]; NaN for never."""
+    """Return the time from a fault until the commanded velocity remains zero [s].
+
+    NaN if the commanded velocity is not zero at the end of the recording.
+    """
     t, speed = recording["time"], abs(recording["commanded_slave_velocity"])
     moving = (t >= fault["time"]) & (speed > 0.0)
     if not moving.any():

@@ -1,4 +1,4 @@
-"""Style of all figures: widths, fonts, line styles, titles, thinning, and files."""
+"""Style of all figures: widths, fonts, lines, titles, reduction of samples, and file formats."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ from teleop.names import WidthName
 from teleop.printable import printable
 
 WIDTHS: dict[WidthName, float] = {"screen": 8.0, "single": 3.5, "double": 7.16, "a4": 6.3}
-"""Widths of figures [in]: screen, one and two columns of IEEE, A4 with margins of 25 mm."""
+"""Widths of figures [in]: screen, one and two columns of an IEEE paper, text width of A4."""
 FONTS: dict[WidthName, float] = {"screen": 10.0, "single": 7.0, "double": 8.0, "a4": 9.0}
 """Sizes of text [pt]."""
 CHOSEN: ContextVar[WidthName] = ContextVar("CHOSEN", default="screen")
-"""The width of the style."""
+"""Name of the width for which figures are drawn at present, see `figure_style`."""
 NARROW = 5.0
 """Width below which a figure has one column of panels [in]."""
 FILES: Any = {"pdf.fonttype": 42, "svg.fonttype": "none"}
-"""Type 42 fonts in PDF files, and text as text in SVG files."""
+"""Settings of matplotlib: Type 42 fonts in PDF files, and text stored as text in SVG files."""
 LINES: tuple[dict[str, Any], ...] = (
     {"color": "#0072B2", "linewidth": 2.4, "alpha": 0.55},
     {"color": "#D55E00", "linewidth": 1.2},
@@ -38,17 +38,17 @@ LINES: tuple[dict[str, Any], ...] = (
     {"color": "#009E73", "linewidth": 1.2, "linestyle": (0, (6, 1.5, 1, 1.5))},
     {"color": "#CC79A7", "linewidth": 1.4, "linestyle": (0, (1, 1.2))},
 )
-"""Lines that differ in colour (Okabe and Ito), width and dashes, also for the colour-blind."""
+"""Line styles that differ in colour (palette of Okabe and Ito), width and dashes."""
 BLUE, ORANGE, GREY, PROFILE = "#0072B2", "#D55E00", "#555555", "#8C8C8C"
 LONGEST_TITLE = 120
 """Largest number of characters of a title; a longer title leaves no room for the figure."""
 BINS = 1000
-"""Number of bins of a line, each drawn with its smallest and largest value."""
+"""Number of bins into which the samples of a line are divided, see `extremes`."""
 
 
 @contextlib.contextmanager
 def figure_style(width: WidthName = "screen") -> Iterator[None]:
-    """Draw figures for a width within the block."""
+    """Within the block, draw figures for a width: for a screen, columns of a paper, or A4."""
     font = FONTS[width]
     parameters: Any = {
         "font.size": font,
@@ -65,7 +65,7 @@ def figure_style(width: WidthName = "screen") -> Iterator[None]:
 
 
 def new_figure(ratio: float, rows: int = 1) -> Figure:
-    """Return a figure with the width of the style.
+    """Return an empty figure with the present width, see `figure_style`.
 
     Parameters
     ----------
@@ -80,31 +80,42 @@ def new_figure(ratio: float, rows: int = 1) -> Figure:
 
 
 def is_narrow() -> bool:
-    """Whether the style is for one column of a page."""
+    """Return whether figures are drawn for one column of a page at present."""
     return WIDTHS[CHOSEN.get()] < NARROW
 
 
 def line(index: int) -> dict[str, Any]:
-    """Return the style of a line; the first five differ. Lines are thin in a narrow figure."""
+    """Return the style of the line with an index; the styles repeat after five lines."""
     style = LINES[index % len(LINES)]
     return style | {"linewidth": style["linewidth"] * (0.65 if is_narrow() else 1.0)}
 
 
 def plain(text: str) -> str:
-    """Return a text for a figure, with escapes for control characters and for `$`."""
+    """Return a text for a figure: shortened, with escapes for control characters and `$`."""
     shown = printable(" ".join(text.split()))
     shown = shown if len(shown) <= LONGEST_TITLE else f"{shown[: LONGEST_TITLE - 4]} ..."
     return shown.replace("$", r"\$")
 
 
 def draw(axes: Axes, t: Floats, values: Floats, **style: Any) -> None:
-    """Draw a line without the samples that a screen cannot show; see `extremes`."""
+    """Draw values over time t, both of shape (n,), at the samples that `extremes` returns."""
     shown = extremes(values)
     axes.plot(t[shown], values[shown], **style)
 
 
 def shade(axes: Axes, t: Floats, low: Floats, high: Floats, **style: Any) -> None:
-    """Fill between two lines, of which each bin shows its lowest and its highest value."""
+    """Fill the area between two lines.
+
+    Parameters
+    ----------
+    axes
+        The axes.
+    t, low, high
+        Times and values of the lower and the upper line, each of shape (n,). If n is larger than
+        `BINS`, the lowest and the highest value of each bin are drawn.
+    **style
+        Options of matplotlib's `fill_between`.
+    """
     size = -(-len(t) // BINS)
     if size > 1:
         starts = np.arange(0, len(t), size)
@@ -144,16 +155,18 @@ def extremes(values: Floats) -> NDArray[np.int_]:
 
 
 def limits(axes: Axes, series: Sequence[Floats], levels: Sequence[float] = ()) -> None:
-    """Set limits that show levels, and all but the 2 % largest and smallest samples of lines.
+    """Set the limits of the vertical axis.
+
+    The axis shows the 2nd to the 98th percentile of each line, all given levels, and a margin.
 
     Parameters
     ----------
     axes
         The axes.
     series
-        Lines, each of shape (n,). Samples that are not finite are left out.
+        Values of the lines, each of shape (n,). Values that are not finite are not used.
     levels
-        Values that are shown.
+        Values that the axis must show.
     """
     parts = [one[np.isfinite(one)] for one in series]
     ends = [np.percentile(one, (2, 98)) for one in parts if len(one)]
@@ -171,7 +184,7 @@ def legend(
     names: Sequence[str],
     place: Literal["upper", "lower"] = "upper",
 ) -> None:
-    """Draw the legend of a figure above or below its panels, in columns that fit."""
+    """Draw the legend above or below the panels, with as many columns as fit (at most four)."""
     font = 0.9 * FONTS[CHOSEN.get()]
     fits = [n for n in (4, 3, 2, 1) if columns_width(names, n, font) < figure.get_figwidth()]
     figure.legend(
@@ -184,7 +197,7 @@ def legend(
 
 
 def columns_width(names: Sequence[str], columns: int, font: float) -> float:
-    """Return the approximate width of a legend [in] with text of a size in points."""
+    """Return the approximate width of a legend [in] for a size of the font [pt]."""
     rows = -(-len(names) // columns)
     longest = [max(map(len, names[i : i + rows])) for i in range(0, len(names), rows)]
     return sum(0.62 * length + 5.0 for length in longest) * font / 72.0
@@ -197,7 +210,7 @@ def tidy(axes: Axes) -> None:
 
 
 def save(figure: Figure, path: Path, overwrite: bool = False) -> None:
-    """Write a figure in the format of the ending of the file.
+    """Write a figure to a file, in the format that the extension of the file selects.
 
     Parameters
     ----------
@@ -218,12 +231,12 @@ def save(figure: Figure, path: Path, overwrite: bool = False) -> None:
 
 
 def is_small(figure: Figure) -> bool:
-    """Whether a figure is for print, where a pixel is smaller than on a screen."""
+    """Return whether a figure is for print, which needs more pixels per inch than a screen."""
     return bool(figure.get_figwidth() < WIDTHS["screen"])
 
 
 def render(figure: Figure, file: IO[Any], **options: Any) -> None:
-    """Write a figure to an open file; a character that the font does not have becomes a box."""
+    """Write a figure to an open file, without warnings about characters missing in the font."""
     with warnings.catch_warnings(), mpl.rc_context(FILES):
         warnings.filterwarnings("ignore", "Glyph .* missing from font")
         figure.savefig(file, **options)

@@ -1,4 +1,4 @@
-"""Figures of estimates: stiffness over displacement, damping over velocity, as in Figure 3."""
+"""Figures of estimates over time: stiffness with displacement, and damping with velocity."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ from teleop.output.figure_style import (
 )
 
 TOGETHER = len(LINES)
-"""Largest number of estimators in one panel; each of more estimators has panels of its own."""
+"""Largest number of estimators in one panel. If there are more, each has panels of its own."""
 START = 0.1
-"""Share of the time at the start that does not set the limits of an axis."""
+"""Share of the time, at the start, that is not used to compute the limits of an axis."""
 TRUTH: dict[str, Any] = {"color": "#009E73", "linewidth": 1.0, "linestyle": (0, (2, 2))}
 """Style of the true values of the simulated rig."""
 
@@ -50,7 +50,10 @@ class Truth(NamedTuple):
 
 
 class Drawn(NamedTuple):
-    """Estimates of one estimator as they are drawn, arrays of shape (n,), NaN before the first."""
+    """Stiffness and damping of one estimator, and half of their 95 % intervals, in a figure.
+
+    Each has the shape (n,), the unit of its axis, and NaN before the first estimate.
+    """
 
     k: Floats
     k_half: Floats
@@ -66,16 +69,16 @@ def estimates_figure(
     estimates: Mapping[str, Estimates],
     truth: Truth | None = None,
 ) -> Figure:
-    """Return estimated stiffness and damping over time, with displacement and velocity.
+    """Return a figure of estimated stiffness and damping over time, with the motion.
 
     Parameters
     ----------
     title
-        What was run.
+        Title of the figure.
     t, x, v
         Time [s], displacement [m], velocity [m/s], each of shape (n,).
     estimates
-        The estimates by estimator. More than `TOGETHER` are drawn in panels of their own.
+        Estimates by name of the estimator; each of more than `TOGETHER` has panels of its own.
     truth
         True values of the simulated rig; None if they are not known.
     """
@@ -118,7 +121,21 @@ def small_multiples(
     labels: tuple[str, str],
     truth: Truth | None,
 ) -> Figure:
-    """Return stiffness and damping of each estimator in panels of its own, with common axes."""
+    """Return a figure with separate panels for each estimator, with common axes.
+
+    Parameters
+    ----------
+    title
+        Title of the figure.
+    t
+        Time [s], shape (n,).
+    shown
+        Estimates by the name of the estimator.
+    labels
+        Labels of the axes of stiffness and damping.
+    truth
+        True values, with the stiffness in the unit of its axis; None if they are not known.
+    """
     pairs = 1 if is_narrow() else 2
     rows = -(-len(shown) // pairs)
     figure = new_figure(0.1, rows=rows)
@@ -167,7 +184,7 @@ def small_multiples(
 
 
 def drawn(series: Estimates, scale: float) -> Drawn:
-    """Return the estimates of an estimator with NaN before the first estimate."""
+    """Return the estimates of an estimator for a figure, with k multiplied by `scale`."""
     unknown = np.logical_and.accumulate(series.held)
     k, b = (np.where(unknown, np.nan, values) for values in (series.k, series.b))
     k_half, b_half = (
@@ -211,7 +228,7 @@ def frame(
     shown: Mapping[str, Drawn],
     truth: Truth | None,
 ) -> None:
-    """Set the limits of the axes from all samples but those of the start."""
+    """Set the limits of the axes of k and b, computed without the samples at the start."""
     later = t >= t[0] + START * (t[-1] - t[0])
     k_levels = (0.0, truth.k_surface, truth.k_deepest) if truth else (0.0,)
     limits(panels[0], [one.k[later] for one in shown.values()], k_levels)
@@ -226,7 +243,7 @@ def interval(axes: Axes, t: Floats, values: Floats, half: Floats) -> None:
 
 
 def profile(axes: Axes, t: Floats, values: Floats, label: str) -> None:
-    """Draw the motion as a thin grey line on an axis of its own, behind the estimates."""
+    """Draw displacement or velocity as a thin grey line on a second axis, behind the estimates."""
     twin = axes.twinx()
     draw(twin, t, values, color=PROFILE, linewidth=0.8, alpha=0.8)
     twin.set_ylabel(label, color=PROFILE)
@@ -241,14 +258,14 @@ def stiffness_figure(
     paper: Mapping[str, float],
     same_scale: bool = False,
 ) -> Figure:
-    """Return the estimated stiffness of several trials, one above the other.
+    """Return a figure of the estimated stiffness of several trials, one panel per trial.
 
     Parameters
     ----------
     panels
-        For each trial, by its title, time [s] and the estimates by estimator.
+        For each trial, by its title: time [s], shape (n,), and estimates by name of the estimator.
     paper
-        The paper's average stiffness for each trial [N/m], drawn as a level.
+        The paper's average stiffness [N/m] by the title of the trial, drawn as a horizontal line.
     same_scale
         Whether all trials have the same axis of the stiffness.
     """

@@ -1,4 +1,4 @@
-"""Figures of a batch evaluation: model, residual and phases; the complex modulus."""
+"""Figures of a batch evaluation: fitted model, residual and phases, and the complex modulus."""
 
 from __future__ import annotations
 
@@ -19,24 +19,24 @@ PHASE_COLOURS = {
     "hold": "#E69F00",
     "unloading": "#009E73",
 }
-"""Colours that colour-blind readers distinguish (Okabe and Ito)."""
+"""Colours of the phases of a palpation (palette of Okabe and Ito)."""
 MODEL = "#D55E00"
 MOST_POINTS = 4000
 """Largest number of samples of a line that are drawn."""
 
 
 def fit_figure(title: str, evaluation: Evaluation) -> Figure:
-    """Return force over displacement with the best model, force over time, and the residual.
+    """Return a figure of the force over displacement and time, with the best model and residual.
 
-    Position and force are those to which the models were fitted: without the baseline that is
-    slower than the palpation.
+    In the diagram over displacement and in the residual, position and force are those to which the
+    models were fitted. They do not contain the baseline that varies more slowly than the palpation.
 
     Parameters
     ----------
     title
-        Name of the record.
+        Title of the figure, the name of the file.
     evaluation
-        Its evaluation.
+        Evaluation of the file.
     """
     record, datum = evaluation.analysis.record, evaluation.datum
     figure = new_figure(1.05, rows=3)
@@ -74,7 +74,7 @@ def fit_figure(title: str, evaluation: Evaluation) -> Figure:
 
 
 def best_fit(evaluation: Evaluation) -> BatchFit | None:
-    """Return the best model whose parameters are identified; None without a result."""
+    """Return the best model whose parameters are identifiable; None if there is no result."""
     if not evaluation.analysis.result.identifiable:
         return None
     return next((fit for fit in evaluation.models if fit.identifiable), None)
@@ -104,7 +104,7 @@ def draw_fit(
     measured: tuple[np.ndarray, np.ndarray],
     every: int,
 ) -> None:
-    """Draw the model's force over displacement and time."""
+    """Draw the force of the fitted model over displacement and over time."""
     x, t = measured
     part = slice(None, None, every)
     over_x.plot(
@@ -116,12 +116,14 @@ def draw_fit(
 
 
 def modulus_figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
-    """Return k', k'' and tan delta over frequency with 95 % intervals.
+    """Return a figure of the complex modulus over frequency, with 95 % intervals.
+
+    The panels are the storage modulus k', the loss modulus k'', and tan delta = k'' / k'.
 
     Parameters
     ----------
     rows
-        Moduli of the files, see `Analysis.modulus`.
+        Complex modulus of each file, see `Analysis.modulus`.
     """
     figure = new_figure(0.9, rows=3)
     panels = figure.subplots(3, 1, sharex=True)

@@ -1,4 +1,4 @@
-"""Figure of the force: measured and predicted, over time and over displacement."""
+"""Figure of the measured and the predicted force over time and over displacement."""
 
 from __future__ import annotations
 
@@ -30,21 +30,24 @@ MODEL: dict[str, Any] = {"color": "#000000", "linewidth": 0.9}
 def force_figure(
     title: str, t: Floats, regression: Regression, name: str, estimates: Estimates, fit: Fit
 ) -> Figure:
-    """Return the force over time with its prediction, and over displacement with a model.
+    """Return a figure of the measured and the predicted force.
+
+    Over time, the prediction is that of an online estimator. Over displacement, it is that of a
+    batch fit.
 
     Parameters
     ----------
     title
-        What was run.
+        Title of the figure.
     t
         Time [s], shape (n,).
     regression
         The n samples that the estimators processed.
     name, estimates
-        An estimator and its estimates. Each sample of the force is predicted with the estimate
-        after the previous one.
+        Name of an estimator, and its estimates. Each sample of the force is predicted with the
+        estimate after the previous sample.
     fit
-        Batch least squares of the same samples.
+        Batch least-squares fit to the same samples.
     """
     figure = new_figure(0.95, rows=3)
     grid = figure.add_gridspec(3, 1, height_ratios=(2.0, 1.0, 2.5))

@@ -33,11 +33,14 @@ from teleop.recording.gaps import missing_text
 from teleop.recording.recording import Recording
 
 MARGIN = 0.1
-"""Candidates are separated when their monitoring signals differ by more than this share."""
+"""Candidates of the multi-estimator are tied if their monitoring signals differ by at most this.
+
+It is a share of the smallest monitoring signal. The data do not separate tied candidates.
+"""
 LOOKS = 400
-"""Approximate number of times at which the tied candidates of a recording are determined."""
+"""Approximate number of times in a recording at which the tied candidates are computed."""
 STATED = ("condition", "specimen", "cube", "operator", "notes", "duration_s", "clock")
-"""Settings at the top of the page, where they are known."""
+"""Settings that are shown at the top of the page, if they are known."""
 
 
 def report_page(
@@ -48,17 +51,17 @@ def report_page(
     truth: Truth | None = None,
     link: str = "",
 ) -> str:
-    """Return the page for one recording.
+    """Return the HTML page for one recording.
 
     Parameters
     ----------
     name
         Name of the recording, the title of the page.
     evaluation, summary
-        Its evaluation and the summary of this; None for a trial that ended before there were
-        samples.
+        Evaluation of the recording, and the summary of the evaluation. None for a trial that was
+        stopped before there were enough samples.
     recording
-        The recorded trial; None for a table.
+        The recorded trial; None for a file of another program.
     truth
         True values of a simulated trial; None if they are not known.
     link
@@ -70,7 +73,7 @@ def report_page(
 
 
 def of_recording(recording: Recording | None) -> dict[str, Any]:
-    """Return what the page shows of a recorded trial."""
+    """Return the variables of the template of the page that describe a recorded trial."""
     values: dict[str, Any] = {
         "facts": [],
         "estimated_channels": [],
@@ -103,7 +106,7 @@ def of_recording(recording: Recording | None) -> dict[str, Any]:
 
 
 def facts(recording: Recording) -> Iterator[tuple[str, str]]:
-    """Yield what was run, when, and with which software, as names and values."""
+    """Yield the date, the rig, the settings in `STATED` and the software, as names and values."""
     session = recording.session
     yield "date", session.get("created", "not known")
     yield "rig", session.get("rig", "not known")
@@ -115,7 +118,7 @@ def facts(recording: Recording) -> Iterator[tuple[str, str]]:
 
 
 def flat(settings: Mapping[str, Any], start: str = "") -> Iterator[tuple[str, str]]:
-    """Yield the settings in a document with their names joined by dots."""
+    """Yield the settings in a nested document, each with the keys on its path joined by dots."""
     for name, value in settings.items():
         if isinstance(value, Mapping):
             yield from flat(value, f"{start}{name}.")
@@ -129,7 +132,7 @@ def of_evaluation(
     summary: Mapping[str, Any] | None,
     truth: Truth | None,
 ) -> dict[str, Any]:
-    """Return what the page shows of an evaluation."""
+    """Return the variables of the template of the page that describe an evaluation."""
     if evaluation is None or summary is None:
         return {"summary": None, "gaps": ()}
     e = evaluation
@@ -157,7 +160,7 @@ def of_evaluation(
 
 
 def ambiguity_drawing(evaluation: Evaluation) -> Markup:
-    """Return the bands of tied candidates over time as an SVG element."""
+    """Return a figure of the tied candidates over time (see `MARGIN`) as an SVG element."""
     e = evaluation
     every = max(1, len(e.t) // LOOKS)
     alone = replace(e.preset, estimators=("me",), model=KELVIN_VOIGT)

@@ -1,4 +1,4 @@
-"""Tables of a result: the number to publish, the batch models, several files together."""
+"""Tables of an evaluation: the result to publish, the batch models, and several files together."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from teleop.output.console import number, plain_console, print_table, small
 
 
 def print_result(summary: Mapping[str, Any], name: str) -> None:
-    """Print the result block of a record."""
+    """Print the result of the evaluation of a file: k and b, or why there are none."""
     console = plain_console()
     result = summary["result"]
     console.print(f"{name}: result", style="bold")
@@ -39,7 +39,7 @@ def print_result(summary: Mapping[str, Any], name: str) -> None:
 
 
 def result_lines(summary: Mapping[str, Any]) -> list[str]:
-    """Return stiffness and damping with their intervals, or that there are none."""
+    """Return lines with stiffness, damping and their 95 % intervals, or that there are none."""
     result = summary["result"]
     if not result["identifiable"]:
         return ["no stiffness and no damping can be given:"]
@@ -52,7 +52,7 @@ def result_lines(summary: Mapping[str, Any]) -> list[str]:
 
 
 def print_tangent(tangent: Mapping[str, Any]) -> None:
-    """Print where the stiffness is taken, and how a secant depends on the datum."""
+    """Print the force and depth of the tangent stiffness, and the secant stiffness there."""
     if tangent["force_n"] is None:
         return
     console = plain_console()
@@ -68,7 +68,7 @@ def print_tangent(tangent: Mapping[str, Any]) -> None:
 
 
 def print_material(material: Mapping[str, Any]) -> None:
-    """Print the elastic modulus."""
+    """Print the elastic modulus with its 95 % interval, and the method of its computation."""
     low, value, high = (material[f"modulus{end}_pa"] for end in ("_low", "", "_high"))
     plain_console().print(
         f"  elastic modulus E = {value / 1e3:.4g} kPa "
@@ -78,7 +78,7 @@ def print_material(material: Mapping[str, Any]) -> None:
 
 
 def print_models(summary: Mapping[str, Any]) -> None:
-    """Print the batch models of a record, the best first."""
+    """Print the batch models of a file, the best model first."""
     console = plain_console()
     models = summary["models"]
     if not models:
@@ -104,7 +104,7 @@ def print_models(summary: Mapping[str, Any]) -> None:
 
 
 def parameter_text(name: str, one: Mapping[str, Any]) -> str:
-    """Return a parameter with half of its interval, or that it is not identifiable."""
+    """Return a parameter and half of its interval as text, or that it is not identifiable."""
     if not one["identifiable"]:
         return f"{name} not identifiable"
     half = 0.5 * (one["high"] - one["low"])
@@ -112,13 +112,13 @@ def parameter_text(name: str, one: Mapping[str, Any]) -> str:
 
 
 def significant(value: float, width: float) -> str:
-    """Return a value with two digits of its interval."""
+    """Return a value as text, rounded to two significant digits of `width`, its uncertainty."""
     decimals = 1 - math.floor(math.log10(width)) if width > 0.0 else 3
     return number(round(value, decimals), max(decimals, 0))
 
 
 def print_together(together: Mapping[str, Any]) -> None:
-    """Print one Kelvin-Voigt fit for each file, one for all of them, and whether that fits."""
+    """Print a Kelvin-Voigt fit to each file and to all files, and whether one body fits all."""
     console = plain_console()
     names = [Path(row["file"]).name for row in together["alone"]]
     if len(set(names)) < len(names):

@@ -21,13 +21,13 @@ if TYPE_CHECKING:
     from drivers.ports import Port
 
 Row = Mapping[str, Any]
-"""Report of a channel or of a drive, by the names of its fields."""
+"""Result of the check of a channel or of a drive, by the names of its fields."""
 SHOWN_IN = {"N": ("N", 1.0), "m": ("mm", 1e3), "m/s": ("mm/s", 1e3)}
-"""Unit in which a quantity is shown, and its number in the SI unit."""
+"""For each SI unit, the unit that is shown and the factor that converts a value to it."""
 
 
 def table(title: str, *headings: str) -> Table:
-    """Return an empty table; its first two columns are text, the others numbers."""
+    """Return an empty table. The first two columns are for text, the others for numbers."""
     made = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, title_style="bold")
     for i, heading in enumerate(headings):
         made.add_column(heading, justify="left" if i < 2 else "right", no_wrap=True)
@@ -69,7 +69,12 @@ def channels_table(title: str, channels: Sequence[Row]) -> Table:
 
 @contextlib.contextmanager
 def live_channels(stream: TextIO) -> Iterator[Callable[[Sequence[Row]], None]]:
-    """Draw the channels as they are measured, where the stream is a terminal."""
+    """Within the block, show a table of the channels that is updated, if `stream` is a terminal.
+
+    Yields
+    ------
+    Function that updates the table. Its argument is the present result of each channel.
+    """
     if not stream.isatty():
         yield lambda channels: None
         return
@@ -121,7 +126,7 @@ def print_ports(ports: Sequence[Port]) -> None:
 def print_emulation(
     name: str, ports: Mapping[str, str], out: Path, palpation: Mapping[str, Any]
 ) -> None:
-    """Print the ports of the emulated devices and the command to run against them.
+    """Print the ports of the emulated devices, and a command that uses the emulated rig.
 
     Parameters
     ----------
@@ -130,7 +135,7 @@ def print_emulation(
     ports
         Ports by the name of their bus.
     out
-        Rig file for runs against the emulator.
+        Rig file for runs with the emulator.
     palpation
         Options of `teleop run` for the emulated palpation, by name.
     """
@@ -144,7 +149,7 @@ def print_emulation(
 
 
 def print_lag(summary: Mapping[str, Any]) -> None:
-    """Print the lag of a force channel and the lost motion before it."""
+    """Print the lag of the force channel and the lost motion, with their 95 % intervals."""
     console = plain_console()
     low, high = summary["lag_low_s"] * 1e3, summary["lag_high_s"] * 1e3
     lost_low, lost_high = summary["lost_motion_low_m"] * 1e6, summary["lost_motion_high_m"] * 1e6
@@ -169,13 +174,25 @@ def print_lag(summary: Mapping[str, Any]) -> None:
             f"lost motion {summary['true_lost_motion_m'] * 1e6:.1f} um"
         )
     console.print(
-        f"take it into account with: teleop estimate FILE --force-lag {summary['lag_s']:.5f}",
+        f"compensate the lag with: teleop estimate FILE --force-lag {summary['lag_s']:.5f}",
         soft_wrap=True,
     )
 
 
 def print_tare(tare: Tare, noise: float, path: Path, rig: Path | None) -> None:
-    """Print the zeros of a rig, and the command that applies them."""
+    """Print the zero offsets of a rig, and a command that uses them.
+
+    Parameters
+    ----------
+    tare
+        The zero offsets.
+    noise
+        Root mean square of the noise of the contact force [N].
+    path
+        File with the zero offsets.
+    rig
+        Rig file; None for the simulated rig.
+    """
     on_rig = f"--rig {rig} " if rig else ""
     needed = " --specimen NAME --depth DEPTH" if rig else ""
     plain_console().print(

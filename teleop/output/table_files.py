@@ -1,4 +1,4 @@
-"""Tables in files: CSV, LaTeX with booktabs, and Markdown."""
+"""Write tables to files: CSV, LaTeX with booktabs, and Markdown."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from teleop.errors import InputError
 from teleop.files import write_text
 
 ENDINGS = (".csv", ".tex", ".md")
-"""Endings of files with a table."""
+"""Extensions of the file formats for tables."""
 LATEX = {
     "\\": r"\textbackslash{}",
     "&": r"\&",
@@ -32,13 +32,19 @@ LATEX = {
 
 
 def check_table_ending(path: Path) -> None:
-    """Raise InputError for a file whose ending is not that of a table."""
+    """Check that the extension of a file is that of a format for tables.
+
+    Raises
+    ------
+    InputError
+        The extension is not one of `ENDINGS`.
+    """
     if path.suffix.lower() not in ENDINGS:
         raise InputError(f"{path}: expected a file ending in {', '.join(ENDINGS)}")
 
 
 def csv_text(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Return rows as CSV, with the keys of the first as headings; None is an empty cell."""
+    """Return rows as CSV. The headings are the keys of the first row; None is an empty cell."""
     text = io.StringIO(newline="")
     writer = csv.DictWriter(text, fieldnames=[*rows[0]] if rows else [])
     writer.writeheader()
@@ -47,16 +53,16 @@ def csv_text(rows: Sequence[Mapping[str, Any]]) -> str:
 
 
 def latex_text(headings: Sequence[str], rows: Sequence[Sequence[str]], left: int) -> str:
-    """Return a tabular of the package booktabs.
+    """Return a table as a LaTeX tabular, with rules of the package booktabs.
 
     Parameters
     ----------
     headings, rows
         Text of the cells.
     left
-        Number of the first columns, which are aligned to the left. Where the text of such columns
-        is that of the row above, it is left out, and a rule separates rows that differ in the
-        first column.
+        Number of columns, from the first, that are aligned to the left. In these columns, except
+        the last of them, text that is the same as in the row above is left out. A rule separates
+        rows that differ in the first column.
     """
     lines = [
         "% \\usepackage{booktabs}",
@@ -82,7 +88,11 @@ def markdown_text(headings: Sequence[str], rows: Sequence[Sequence[str]], left: 
 
 
 def shortened(rows: Sequence[Sequence[str]], left: int) -> list[list[str]]:
-    """Return rows without the first of `left` cells that are those of the row above."""
+    """Return rows in which repeated cells at the left are empty.
+
+    A cell is left out if it and all cells to its left are the same as in the row above. The last
+    of the `left` columns, and the columns after it, are not changed.
+    """
     found = []
     for i, row in enumerate(rows):
         same = 0
@@ -93,7 +103,7 @@ def shortened(rows: Sequence[Sequence[str]], left: int) -> list[list[str]]:
 
 
 def latex(text: str) -> str:
-    """Return a text with the characters replaced that have a meaning in LaTeX."""
+    """Return a text with replacements for the characters that have a special meaning in LaTeX."""
     return "".join(LATEX.get(character, character) for character in text)
 
 
@@ -105,16 +115,16 @@ def write_table_file(
     left: int,
     overwrite: bool = False,
 ) -> None:
-    """Write a table in the format of the ending of the file.
+    """Write a table to a file, in the format that the extension of the file selects.
 
     Parameters
     ----------
     path
-        The file, which ends in one of `ENDINGS`.
+        The file, whose extension is one of `ENDINGS`.
     tidy
-        Rows of a CSV file.
+        Rows that are written to a CSV file: values by column.
     headings, rows, left
-        Table of a LaTeX or Markdown file; see `latex_text`.
+        Table that is written to a LaTeX or Markdown file; see `latex_text`.
     overwrite
         Whether to overwrite an existing file.
 

@@ -1,4 +1,4 @@
-"""Figures of a trial: channels at a fault, timing of the loop, candidates that data allow."""
+"""Figures of a trial: channels at a fault, timing of the loop, candidates that remain possible."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ from teleop.recording.recording import Recording
 
 
 def fault_figure(recording: Recording, fault: Mapping[str, Any]) -> Figure:
-    """Return the channels before and after a fault, and the command that followed it.
+    """Return a figure of the channels and the commands in the second around a fault.
 
     Parameters
     ----------
     recording
         Ticks before and after the fault.
     fault
-        The event.
+        Event of the fault.
     """
     t = recording["time"]
     part = (t > fault["time"] - 0.5) & (t < fault["time"] + 0.5)
@@ -67,12 +67,12 @@ def fault_figure(recording: Recording, fault: Mapping[str, Any]) -> Figure:
 
 
 def timing_figure(recording: Recording) -> Figure:
-    """Return histograms of the lateness and of the duration of the ticks of a loop.
+    """Return a figure with histograms of the delay (lateness) and the duration of the ticks.
 
     Parameters
     ----------
     recording
-        All ticks.
+        All ticks of a trial.
     """
     figure = new_figure(0.35)
     axes = figure.subplots(1, 2, sharey=True)
@@ -90,16 +90,16 @@ def timing_figure(recording: Recording) -> Figure:
 
 
 def ambiguity_figure(t: Floats, tied: Ambiguity, winner: Estimates) -> Figure:
-    """Return the candidates that the data do not distinguish, as bands around the best one.
+    """Return a figure of the candidates that the data cannot separate from the best candidate.
 
     Parameters
     ----------
     t
         Times at which the candidates are compared [s], shape (n,).
     tied
-        The candidates that the data do not distinguish at each time.
+        Ranges of k and b of these candidates at each time.
     winner
-        The estimate of the multi-estimator at each time.
+        Estimate of the multi-estimator at each time, which is the best candidate.
     """
     figure = new_figure(0.57, rows=2)
     upper, lower = figure.subplots(2, 1, sharex=True)

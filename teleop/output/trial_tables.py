@@ -1,4 +1,4 @@
-"""Tables of a trial: estimates, truth, timing of the loop, safety, recording."""
+"""Print the results of a trial: estimates, true values, timing of the loop, safety, recording."""
 
 from __future__ import annotations
 
@@ -13,11 +13,17 @@ from teleop.recording.gaps import Gap, missing_text
 from teleop.safety.events import time_text
 
 STALL = 0.05
-"""A gap between ticks longer than this is reported as a stall [s]."""
+"""A warning is printed if the time between two ticks is longer than this [s]."""
 
 
 def print_trial(summary: Mapping[str, Any]) -> None:
-    """Print the tables of a trial."""
+    """Print the results of a trial.
+
+    Parameters
+    ----------
+    summary
+        The results, from `Trial.summary`.
+    """
     console = plain_console()
     console.print(f"{summary['condition']}, {palpated(summary)}, {duration(summary)}", style="bold")
     if summary["interrupted"]:
@@ -48,7 +54,8 @@ def print_trial(summary: Mapping[str, Any]) -> None:
     print_safety(console, summary["safety"])
     recording = summary["recording"]
     if recording["path"]:
-        console.print(f"  recording: {recording['path']}")
+        path = recording["path"]
+        console.print(f"  recording: {path}\n  result to publish: teleop estimate {path}")
     print_incomplete(console, recording)
     if recording["black_box"]:
         console.print(f"  black box: {recording['black_box']}", style="red")
@@ -57,7 +64,7 @@ def print_trial(summary: Mapping[str, Any]) -> None:
 
 
 def print_incomplete(console: Console, recording: Mapping[str, Any]) -> None:
-    """Print which ticks are missing in the recording, and how it can be repaired."""
+    """Print which ticks are missing in the recording, and how to recover the intact part."""
     if recording["missing_ticks"]:
         missing = missing_text([Gap(*row.values()) for row in recording["missing_ticks"]])
         console.print(
@@ -78,12 +85,12 @@ def print_incomplete(console: Console, recording: Mapping[str, Any]) -> None:
 
 
 def palpated(summary: Mapping[str, Any]) -> str:
-    """Return what was palpated."""
+    """Return the name of the palpated body: the cube or the specimen."""
     return f"{summary['cube']} cube" if summary["cube"] else str(summary["specimen"])
 
 
 def duration(summary: Mapping[str, Any]) -> str:
-    """Return the duration of a trial, with the planned one if it ended before."""
+    """Return the duration of a trial as text, with the planned duration if it ended earlier."""
     planned = f"{summary['duration_s']:g} s"
     if summary["interrupted"] or summary["safety"]["fault"]:
         return f"{summary['actual_duration_s']:.2f} of {planned}"
@@ -93,15 +100,17 @@ def duration(summary: Mapping[str, Any]) -> str:
 def print_truth(console: Console, truth: Mapping[str, Any]) -> None:
     """Print the true stiffness, damping, lag and lost motion of the simulated rig."""
     console.print(
-        f"  truth (simulated): b {truth['b']:.3g} N s/m, k {number(truth['k_surface'], 0)} N/m at "
-        f"the surface\n  to {number(truth['k_deepest'], 0)} N/m at the deepest; the force channel "
-        f"lags by {truth['force_lag_s'] * 1e3:g} ms\n  and the tip loses "
-        f"{truth['lost_motion_m'] * 1e6:g} um of motion; both bias the estimate of b downwards"
+        f"  true values of the simulated rig: b {truth['b']:.3g} N s/m, secant stiffness k\n"
+        f"  {number(truth['k_surface'], 0)} N/m at the surface and "
+        f"{number(truth['k_deepest'], 0)} N/m at the greatest depth; lag of the force\n"
+        f"  channel {truth['force_lag_s'] * 1e3:g} ms; lost motion of the slave "
+        f"{truth['lost_motion_m'] * 1e6:g} um.\n"
+        "  Lag and lost motion make the estimate of b too low."
     )
 
 
 def print_tracking(console: Console, tracking: Mapping[str, Any] | None) -> None:
-    """Print how the slave followed the target of the mimic condition."""
+    """Print gain, phase and error of the slave relative to the target of the condition mimic."""
     if tracking:
         console.print(
             f"  tracking: gain {tracking['gain']:.2f}, phase {tracking['phase_deg']:.0f} deg "
@@ -141,14 +150,14 @@ def print_loop(console: Console, summary: Mapping[str, Any]) -> None:
 
 
 def print_rejected(console: Console, rejected: Mapping[str, Mapping[str, int]]) -> None:
-    """Print how many frames of each device were rejected, and why."""
+    """Print how many messages (frames) of each device were rejected, and why."""
     for device, counts in rejected.items():
         reasons = ", ".join(f"{count} for {reason}" for reason, count in counts.items())
         console.print(f"  {device}: rejected {reasons}", style="yellow")
 
 
 def print_safety(console: Console, safety: Mapping[str, Any]) -> None:
-    """Print which soft limits limited the command, and the fault."""
+    """Print which soft limits reduced the command, and the fault that stopped the trial."""
     held = [f"{name} {count} ticks" for name, count in safety["limited_ticks"].items() if count]
     if held:
         console.print(f"  soft limits limited the command: {', '.join(held)}", style="yellow")

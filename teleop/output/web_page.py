@@ -13,16 +13,17 @@ from teleop.output.figure_style import render
 
 
 def web_page(template: str, package: str = __package__, **values: Any) -> str:
-    """Return a page from a template; text in its values is escaped.
+    """Return an HTML page that is made from a jinja2 template.
 
     Parameters
     ----------
     template
-        Name of the template. It may extend `page.html` and use the macros of `macros.html`.
+        Name of the template. The template may extend `page.html` and use the macros of
+        `macros.html`.
     package
-        Package whose folder `templates` has it.
+        Package whose folder `templates` contains the template.
     values
-        Values of its variables. Markup is inserted as it is.
+        Values of the variables of the template. Text is escaped; Markup is inserted unchanged.
     """
     loaders = [PackageLoader(package), PackageLoader(__package__)]
     environment = Environment(

@@ -1,9 +1,10 @@
 """Analysis of variance of repeated trials, by statsmodels.
 
-All estimators run on the same trials. Without subjects the design is a split plot: factors between
-trials are tested against the variance between trials with the same levels, and the estimator and
-its interactions against the interaction of estimator and trial. With subjects, who have all trials,
-each effect is tested against its interaction with the subject, a random factor.
+All estimators process the data of the same trials. Without subjects the design is a split plot.
+Factors that vary between trials are tested against the variance between trials with the same
+levels. The estimator and its interactions are tested against the interaction of estimator and
+trial. With subjects, each of whom does all trials, the subject is a random factor, and each effect
+is tested against its interaction with the subject.
 
 References
 ----------
@@ -21,32 +22,38 @@ import numpy as np
 from teleop.errors import InputError
 
 ESTIMATOR = "estimator"
-"""Factor within a trial."""
+"""Name of the factor that varies within a trial."""
 VALUE = "y"
-"""Column of the response in the data frames."""
+"""Name of the column of the response (dependent variable) in the data frames."""
 
 
 class Effect(NamedTuple):
     """One effect of an analysis of variance."""
 
     source: str
-    """Factor, or factors of the interaction."""
+    """Name of the factor, or names of the factors of an interaction."""
     degrees: int
     """Degrees of freedom of the effect."""
     error_degrees: int
-    """Degrees of freedom of the error."""
+    """Degrees of freedom of the error term of the F test."""
     f: float
     """F statistic."""
     p: float
     """p value of the F test."""
     partial_eta_squared: float
-    """Sum of squares of the effect, divided by that of effect and error."""
+    """Sum of squares of the effect, divided by the sum of squares of effect and error term."""
     eta_squared: float
     """Sum of squares of the effect, divided by the total sum of squares."""
 
 
 def check_available() -> None:
-    """Raise InputError, which names the extra to install, if statsmodels is not available."""
+    """Check that statsmodels is installed.
+
+    Raises
+    ------
+    InputError
+        statsmodels is not installed.
+    """
     try:
         import statsmodels.formula.api  # noqa: F401
     except ImportError as error:
@@ -62,20 +69,21 @@ def analysis_of_variance(
     trial: str,
     subject: str | None = None,
 ) -> list[Effect]:
-    """Return the effects of a balanced design.
+    """Return the effects of the factors on a response, in a balanced design.
 
     Parameters
     ----------
     rows
-        One row per trial and estimator, with the columns named below and `estimator`.
+        One row per trial and estimator: values by column. The columns are `estimator` and those
+        that the other parameters name.
     response
-        Column of the response.
+        Name of the column of the response (dependent variable).
     factors
-        Columns of the factors between trials.
+        Names of the columns of the factors that vary between trials.
     trial
-        Column with a different value for each trial.
+        Name of a column with a different value for each trial.
     subject
-        Column of the subjects, a random factor; None for none.
+        Name of the column of the subjects, a random factor; None for a design without subjects.
 
     Returns
     -------
@@ -118,7 +126,13 @@ def analysis_of_variance(
 
 
 def check_design(frame: Any, factors: Sequence[str], response: str, subject: str | None) -> None:
-    """Raise InputError unless the design is balanced and has enough trials."""
+    """Check that the design is balanced and has enough trials.
+
+    Raises
+    ------
+    InputError
+        The response is not finite or constant, or the design is not balanced or too small.
+    """
     values = frame[VALUE]
     if not values.map(math.isfinite).all() or values.nunique() < 2:
         raise InputError(
@@ -142,7 +156,10 @@ def check_design(frame: Any, factors: Sequence[str], response: str, subject: str
 
 
 def sums_of_squares(frame: Any, factors: Sequence[str]) -> dict[tuple[str, ...], tuple[float, int]]:
-    """Return sum of squares and degrees of freedom of each effect; of the residual by `()`."""
+    """Return sum of squares and degrees of freedom of each effect.
+
+    An effect is a tuple of factors. The empty tuple stands for the residual.
+    """
     from statsmodels.formula.api import ols
     from statsmodels.stats.anova import anova_lm
 
@@ -168,7 +185,7 @@ def split_plot(
     squares: Mapping[tuple[str, ...], tuple[float, int]],
     within: str,
 ) -> Tests:
-    """Return the tests of a split plot; `within` is the factor within a trial."""
+    """Return the F tests of a split plot; `within` is the factor that varies within a trial."""
     from scipy.special import fdtrc
 
     between = [name for name in factors if name != within]
@@ -195,7 +212,7 @@ def split_plot(
 
 
 def repeated_measures(frame: Any, factors: Sequence[str]) -> Tests:
-    """Return the tests of a design in which each subject has all trials."""
+    """Return the F tests of a design in which each subject does all trials."""
     from statsmodels.stats.anova import AnovaRM
 
     model = AnovaRM(frame, VALUE, "subject", within=list(factors), aggregate_func="mean")

@@ -1,4 +1,4 @@
-"""The recordings that a comparison is given: files, series and folders, with their factors."""
+"""Find the files of a comparison, and the levels of their factors, in files, series and folders."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from teleop.files import RECORDING, unreadable
 from teleop.studies.series.table import NAME, RECORDINGS
 
 SUBJECT = "subject"
-"""Factor whose levels are persons or specimens drawn at random."""
+"""Name of the random factor, whose levels are a sample of persons or specimens."""
 
 
 @dataclass(frozen=True)
 class Source:
-    """A file that is compared."""
+    """A file that is compared, with the levels of its factors."""
 
     path: Path
     """The file."""
@@ -28,18 +28,18 @@ class Source:
 
 
 def sources(paths: Iterable[Path]) -> list[Source]:
-    """Return the files that paths name.
+    """Return the files that are compared.
 
     Parameters
     ----------
     paths
-        Files; folders of series, of which each trial in `trials.csv` is taken; or other folders,
-        of which each recording is taken.
+        Files and folders. For the folder of a series, the recordings of the trials in
+        `trials.csv` are returned. For any other folder, all recordings in it are returned.
 
     Raises
     ------
     InputError
-        A folder has no recordings or cannot be read, or a file is named twice.
+        A folder has no recordings or cannot be read, or a file is given twice.
     """
     found: dict[str, Source] = {}
     for path in paths:
@@ -52,7 +52,7 @@ def sources(paths: Iterable[Path]) -> list[Source]:
 
 
 def of_folder(folder: Path) -> list[Source]:
-    """Return the recordings of a series or of another folder."""
+    """Return the recordings in a folder, which may be the folder of a series."""
     series = trials(folder)
     if series:
         return [Source(folder / RECORDINGS / file, levels) for file, levels in series.items()]
@@ -66,7 +66,7 @@ def of_folder(folder: Path) -> list[Source]:
 
 
 def of_file(path: Path) -> Source:
-    """Return a file, with its factors if it is the recording of a trial of a series."""
+    """Return a file with the levels of its factors, which are empty outside of a series."""
     folder = path.absolute().parent
     if folder.name != RECORDINGS:
         return Source(path)
@@ -74,7 +74,9 @@ def of_file(path: Path) -> Source:
 
 
 def trials(folder: Path) -> dict[str, dict[str, str]]:
-    """Return the levels of the trials of a series by the names of their recordings.
+    """Return the levels of the factors for each recording of a series, by the name of the file.
+
+    The result is empty if the folder is not that of a series.
 
     Raises
     ------
@@ -95,7 +97,10 @@ def trials(folder: Path) -> dict[str, dict[str, str]]:
 
 
 def factors_of(row: dict[str, str]) -> Iterator[tuple[str, str]]:
-    """Yield the levels in a row of the table of a series: its columns up to the repetition."""
+    """Yield the factors and their levels in a row of the table of a series.
+
+    These are the columns up to the repetition, without the number of the trial.
+    """
     for name in takewhile(lambda name: name != "repetition", row):
         if name != "trial":
             yield name, row[name]
@@ -103,10 +108,17 @@ def factors_of(row: dict[str, str]) -> Iterator[tuple[str, str]]:
 
 
 def known_factors(source: Source, settings: Mapping[str, Any]) -> dict[str, str]:
-    """Return the factors by which a file can be grouped.
+    """Return the factors by which a file can be grouped, with their levels.
 
-    These are its name and folder, the settings of a recorded trial that are a text or a number,
-    and the factors of its series.
+    The factors are the name and the folder of the file, the settings of its trial that are a text
+    or a number, and the factors of its series.
+
+    Parameters
+    ----------
+    source
+        The file.
+    settings
+        Settings of the recorded trial by name; empty for a file of another program.
     """
     found = {"file": source.path.name, "folder": source.path.absolute().parent.name}
     for name, value in settings.items():
@@ -118,7 +130,10 @@ def known_factors(source: Source, settings: Mapping[str, Any]) -> dict[str, str]
 
 
 def usual_factors(found: Iterable[Source]) -> list[str]:
-    """Return the factors of the series with two levels or more, other than the subject."""
+    """Return the factors of the series that have two levels or more in the given files.
+
+    The subject and the repetition are left out.
+    """
     levels: dict[str, set[str]] = {}
     for source in found:
         for name, level in source.levels.items():

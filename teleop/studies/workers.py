@@ -16,7 +16,7 @@ from teleop.interruption import SIGNALS
 
 @contextlib.contextmanager
 def workers() -> Iterator[ProcessPoolExecutor]:
-    """Provide a pool of processes, one per core, that ends with the block.
+    """Provide a pool of worker processes, one per processor core, within the block.
 
     If the block raises an exception, including KeyboardInterrupt, the processes are killed
     without waiting for their tasks. If this process is killed, they end by themselves.
@@ -48,10 +48,10 @@ def workers() -> Iterator[ProcessPoolExecutor]:
 
 
 def end_with_parent() -> None:
-    """Ignore signals except SIGTERM, and end this process when its parent process has ended.
+    """Prepare a worker process: ignore signals except SIGTERM, and end when the parent has ended.
 
-    Called at the start of each worker process. A terminal sends its signals to the workers too,
-    but the parent process handles them.
+    This is called at the start of each worker process. A terminal sends its signals to the parent
+    process too, which then ends the workers.
     """
     for name in SIGNALS:
         if number := getattr(signal, name, None):

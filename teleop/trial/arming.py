@@ -1,4 +1,4 @@
-"""What a person states and confirms before a trial on a rig of devices."""
+"""Arming: the settings that a person must give, and the confirmation, before devices move."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def check_stated(settings: TrialSettings) -> None:
 
 
 def discard_typed_ahead() -> None:
-    """Discard keys that were typed in the terminal before a prompt, so that they do not answer."""
+    """Discard keys that were typed before a prompt, so that they are not taken as its answer."""
     try:
         import termios
     except ImportError:  # a system without these terminals
@@ -38,7 +38,7 @@ def discard_typed_ahead() -> None:
 
 
 def ask_to_arm(settings: TrialSettings) -> bool:
-    """Ask the person at the terminal to arm the drives; return whether Enter alone was the answer.
+    """Ask the person at the terminal to arm the drives, and return whether the answer was Enter.
 
     Raises
     ------
@@ -57,7 +57,7 @@ def ask_to_arm(settings: TrialSettings) -> bool:
 
 
 def arming_text(settings: TrialSettings) -> str:
-    """Return what a trial is about to do, for the person who arms the drives."""
+    """Return a text that describes a trial, for the person who arms the drives."""
     limits = settings.limits
     depth = "not stated" if settings.depth is None else f"{settings.depth * 1e3:g} mm"
     return (

@@ -1,4 +1,4 @@
-"""Assembly of the parts of a trial from its settings."""
+"""Create the clock, the rig, the condition and the controller of a trial from its settings."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from teleop.control.injector import Injector
 from teleop.trial.settings import TrialSettings
 
 RigMaker = Callable[[Callable[[], float]], Rig]
-"""Makes a rig from the function that returns the time of the clock [s]."""
+"""Function that creates a rig. Its argument is a function that returns the time [s]."""
 
 
 def make_clock(settings: TrialSettings) -> Clock:
@@ -25,7 +25,7 @@ def make_clock(settings: TrialSettings) -> Clock:
 
 
 def make_rig(settings: TrialSettings, now: Callable[[], float]) -> Rig:
-    """Return a new rig of devices, or a simulated one if the settings have no rig file.
+    """Return a new rig of devices, or a new simulated rig if the settings have no rig file.
 
     Parameters
     ----------

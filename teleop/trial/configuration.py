@@ -1,4 +1,7 @@
-"""Configuration files: the settings of a trial in TOML, with the names of their JSON document."""
+"""Configuration files: the settings of a trial in TOML.
+
+The keys of a configuration file are those of the JSON document of the settings.
+"""
 
 from __future__ import annotations
 
@@ -30,15 +33,15 @@ def read_configuration(path: Path) -> TrialSettings:
     Parameters
     ----------
     path
-        A TOML file, or a recording (.mcap), whose trial is then run again. In a TOML file `rig`
-        is the path of a rig file and `tare` the path of a file of `teleop rig tare`, both
-        relative to the folder of the file. Settings that it does not have keep their defaults.
+        A TOML file, or a recording (.mcap). In a TOML file, `rig` is the path of a rig file, and
+        `tare` the path of a file that `teleop rig tare` wrote. The two paths are relative to the
+        folder of the TOML file. A setting that is not in the file has its default.
 
     Raises
     ------
     InputError
-        The file cannot be read; or a setting is unknown or not as expected. All problems are
-        named, a line for each.
+        The file cannot be read, or a setting is unknown or invalid. The message has one line for
+        each problem.
     """
     recorded = path.suffix.lower() == RECORDING
     document = as_recorded_now(load(path).settings) if recorded else read_toml(path)
@@ -53,16 +56,27 @@ def read_configuration(path: Path) -> TrialSettings:
 
 
 def as_recorded_now(document: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the settings in a recording of any version as the present version records them.
+    """Convert the settings in a recording of any version to those of the present version.
 
-    Before version 0.2 the operator of mimic did not follow the signal.
+    Before version 0.2, the setting `signal` had no effect in the condition mimic. It is removed.
+
+    Parameters
+    ----------
+    document
+        Recorded settings by key.
     """
     ignored = document.get("condition") == "mimic" and NAMES["count_in"] not in document
     return {key: value for key, value in document.items() if not (ignored and key == "signal")}
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """Return the document in a TOML file; InputError if it cannot be read or is no TOML."""
+    """Return the contents of a TOML file as a dictionary.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, or is not a TOML file.
+    """
     try:
         return tomllib.loads(read_input(path).decode())
     except OSError as error:
@@ -72,19 +86,19 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 
 def settings_from(document: Mapping[str, Any], folder: Path) -> TrialSettings:
-    """Return the settings in the document of a configuration file.
+    """Return the settings in a configuration file.
 
     Parameters
     ----------
     document
-        Values by key.
+        Contents of the file: values by key.
     folder
-        Folder to which paths in the document are relative.
+        Folder to which paths in the file are relative.
 
     Raises
     ------
     InputError
-        A setting is unknown or not as expected, or a file that it names cannot be read.
+        A setting is unknown or invalid, or its rig file or tare file cannot be read.
     """
     problems = [f"{key}: unknown setting{hint}" for key, hint in DERIVED.items() if key in document]
     if "rig" in document and "cube" in document:
@@ -114,7 +128,7 @@ def settings_from(document: Mapping[str, Any], folder: Path) -> TrialSettings:
 
 
 def write_configuration(settings: TrialSettings) -> str:
-    """Return the text of a configuration file that gives these settings again, with comments."""
+    """Return the text of a configuration file with these settings and comments."""
     document = without_none(to_document(settings))
     if MODELS.get(settings.model.name) == settings.model:
         document["model"] = settings.model.name
@@ -139,7 +153,7 @@ def write_configuration(settings: TrialSettings) -> str:
 
 
 def without_none(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a mapping without the keys whose value is None, which TOML does not have."""
+    """Return a mapping without the keys whose value is None, because TOML has no such value."""
     return {
         key: without_none(value) if isinstance(value, Mapping) else value
         for key, value in values.items()
@@ -148,16 +162,16 @@ def without_none(values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def table(values: Mapping[str, Any], properties: Mapping[str, Any]) -> Table:
-    """Return a table of TOML with a comment for each value that has a description.
+    """Return a table of TOML, with the description of each key as a comment.
 
-    A key without a value is a comment.
+    A key that has a description but no value is written as a comment.
 
     Parameters
     ----------
     values
         Values by key.
     properties
-        Properties of the table in the JSON schema, by key.
+        Properties of the table in the JSON schema, with the descriptions, by key.
     """
     found = tomlkit.table()
     for key in {**properties, **values}:
@@ -172,7 +186,7 @@ def table(values: Mapping[str, Any], properties: Mapping[str, Any]) -> Table:
 
 
 def configuration_schema() -> dict[str, Any]:
-    """Return the JSON schema of configuration files, with which editors complete them."""
+    """Return the JSON schema of configuration files, for editors that complete and check them."""
     schema = adapter().json_schema()
     properties = schema["properties"]
     for key, given in {

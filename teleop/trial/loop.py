@@ -1,4 +1,7 @@
-"""The control loop of a trial: ticks from arming to standstill, pushed to the sinks."""
+"""The control loop of a trial: runs ticks until standstill, and passes them to the sinks.
+
+A sink receives the message of each tick, for example the recorder.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +33,7 @@ class Loop:
     layout
         Layout of the message of a tick.
     sinks
-        They receive the ticks and events.
+        Receivers of the ticks and events, such as the recorder and the black box.
     switch
         Stop switch, by which a person stops the trial.
     duration
@@ -82,7 +85,7 @@ class Loop:
             pass
 
     def step(self) -> bool:
-        """Run one tick; return whether another one follows.
+        """Run one tick, and return whether the loop continues.
 
         Raises
         ------

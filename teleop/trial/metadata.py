@@ -13,11 +13,11 @@ from teleop.trial.settings import TrialSettings
 from teleop.trial.settings_json import to_document
 
 TEXTS = ("operator", "notes")
-"""Settings that a session has where they are not empty."""
+"""Settings that are part of the session metadata if they are not empty."""
 
 
 def session_metadata(settings: TrialSettings) -> dict[str, dict[str, str]]:
-    """Return the text records about a session that its recording contains, by name."""
+    """Return the metadata of a recording: the records `session` and `settings`, as text by name."""
     return {
         "session": {
             "software": f"teleop {version('teleop')}",
@@ -35,7 +35,7 @@ def session_metadata(settings: TrialSettings) -> dict[str, dict[str, str]]:
 
 
 def estimated_channels(settings: TrialSettings) -> Iterator[str]:
-    """Yield the channels that an observer estimates, because no sensor measures them."""
+    """Yield the names of the channels that an observer estimates instead of a sensor."""
     if settings.rig:
         devices = settings.rig.devices
         for name, channel in settings.rig.sections.channels.items():

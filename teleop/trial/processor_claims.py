@@ -1,4 +1,4 @@
-"""Claims on names; at most one process of this machine can hold the claim on a name at a time."""
+"""Claims: at most one process of this machine at a time can claim a name, such as a processor."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ import socket
 
 
 def claim(name: str) -> socket.socket | None:
-    """Claim a name until the socket is closed, at the latest when the process ends.
+    """Claim a name until the returned socket is closed or the process ends.
 
-    A claim is an abstract Unix socket: the names are common to all users, no file remains, and
-    the kernel releases the name when the process ends, also if it is killed.
+    The claim is an abstract Unix socket with this name. Such names are common to all users, and
+    no file remains. The kernel releases the name when the process ends, also if it is killed.
 
     Parameters
     ----------

@@ -1,9 +1,10 @@
 """Real-time settings of a process, applied step by step and reverted at the end.
 
-Several processes on one machine must not disturb each other. Each process claims one processor
-for itself while there are free ones. One processor always remains for everything else: recorders,
-kernel drivers, other programs. A process that finds no free processor shares the remaining ones
-at a lower priority; each further process has a lower priority than the previous one.
+Several control loops on one machine must not disturb each other. Each process claims one
+processor for itself, if there is a free one. One processor always remains for recorders, kernel
+drivers and other programs. If there is no free processor, the process shares the processors that
+are not claimed, at a lower priority. Each further such process has a lower priority than the
+previous one.
 """
 
 from __future__ import annotations
@@ -27,16 +28,16 @@ It is above the interrupt threads (50) and below the kernel's watchdogs (99).
 SHARED_PRIORITIES = range(60, 50, -1)
 """Priorities of SCHED_FIFO on shared processors, each for one process."""
 RECORDER_PRIORITY = 40
-"""Priority of SCHED_FIFO for the recorder process, which reads the loop's pipe.
+"""Priority of SCHED_FIFO for the recorder process, which reads the pipe of the loop.
 
-It is above all normal processes: the kernel locks the pipe while it is read, so that a reader
-that waits for a processor would delay the loop. It is below all loops, because compression takes
-longer than their periods.
+The priority is above all normal processes. The kernel locks the pipe while it is read. If the
+recorder waited for a processor during this time, it would delay the loop. The priority is below
+that of all loops, because the recorder compresses data for longer than a period of a loop.
 """
 MCL_CURRENT, MCL_FUTURE = 1, 2
 """Flags of mlockall on Linux."""
 DONE = "done"
-"""Report of a step that was applied."""
+"""Result of a step that was applied."""
 FIFO = "SCHED_FIFO"
 """Name of the step that sets the real-time priority."""
 PROCESSOR = "one processor"
@@ -44,7 +45,7 @@ PROCESSOR = "one processor"
 
 
 def set_priority(process: int, priority: int) -> None:
-    """Set a process to SCHED_FIFO at a priority that its children do not inherit.
+    """Set the scheduling policy of a process to SCHED_FIFO, but not that of its child processes.
 
     Parameters
     ----------
@@ -63,14 +64,16 @@ def set_priority(process: int, priority: int) -> None:
 
 
 def set_fifo_priority(priority: int = PRIORITY) -> Callable[[], object]:
-    """Set SCHED_FIFO, so that no normal process delays the loop; return a function to revert."""
+    """Set the policy SCHED_FIFO for this process, and return a function that reverts it."""
     before = os.sched_getscheduler(0), os.sched_getparam(0)
     set_priority(0, priority)
     return lambda: os.sched_setscheduler(0, *before)
 
 
 def set_shared_fifo_priority() -> Callable[[], object]:
-    """Set SCHED_FIFO at the highest free priority for shared processors.
+    """Set the policy SCHED_FIFO at the highest priority that no other process has claimed.
+
+    This is for a process that shares a processor, see `SHARED_PRIORITIES`.
 
     Returns
     -------
@@ -79,7 +82,7 @@ def set_shared_fifo_priority() -> Callable[[], object]:
     Raises
     ------
     OSError
-        Another process has claimed each of the priorities, or none is permitted.
+        All of the priorities are claimed by other processes, or the priority is not permitted.
     """
     for priority in SHARED_PRIORITIES:
         if not (taken := claim(f"priority {priority}")):
@@ -97,9 +100,9 @@ def processor_name(processor: int) -> str:
 
 
 def claim_processor() -> Callable[[], object]:
-    """Restrict this process to the last free processor, and claim it.
+    """Claim the last free processor, and run this process only on it.
 
-    Its caches then keep the data of the loop, and no other teleop process runs on it.
+    No other teleop process runs on this processor, so that its caches keep the data of the loop.
 
     Returns
     -------
@@ -126,7 +129,7 @@ def claim_processor() -> Callable[[], object]:
 
 
 def lock_memory() -> Callable[[], object]:
-    """Lock the memory, so that it is never paged out; return a function to revert.
+    """Lock the memory so that it is never paged out, and return a function that reverts this.
 
     Raises
     ------
@@ -140,9 +143,9 @@ def lock_memory() -> Callable[[], object]:
 
 
 def disable_garbage_collection() -> Callable[[], object]:
-    """Disable garbage collection; return a function to revert.
+    """Disable Python's garbage collection, and return a function that reverts this.
 
-    A tick creates no reference cycles, so that memory does not grow.
+    A tick creates no reference cycles. Therefore the memory does not grow without collection.
     """
     was_enabled = gc.isenabled()
     gc.collect()
@@ -162,7 +165,7 @@ SET_UP = {
     "no garbage collection": disable_garbage_collection,
     PROCESSOR: claim_processor,
 }
-"""Slow steps, applied at normal priority. Each returns a function that reverts it."""
+"""Slow steps, which are applied at normal priority. Each returns a function that reverts it."""
 STEPS = (*SET_UP, FIFO)
 """Names of all steps."""
 
@@ -183,7 +186,7 @@ class RealTime:
         self._undo = contextlib.ExitStack()
 
     def start(self, recorder: int | None = None) -> None:
-        """Set the real-time priority; called directly before the loop.
+        """Set the real-time priority. This is called directly before the loop starts.
 
         Parameters
         ----------
@@ -256,10 +259,10 @@ def realtime(mode: RealtimeName, steps: Iterable[str] = STEPS) -> RealTime:
 
 @contextlib.contextmanager
 def avoid_claimed_processors() -> Iterator[None]:
-    """Do not run on the processors that other processes have claimed, within the block.
+    """Within the block, do not run on the processors that other processes have claimed.
 
-    If the real-time priority is not permitted, nothing else protects the loops of these
-    processes.
+    This protects the control loops of these processes, also if the system does not permit
+    real-time priorities.
     """
     if not hasattr(os, "sched_setaffinity"):
         yield

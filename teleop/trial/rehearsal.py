@@ -31,17 +31,23 @@ SHARE = 0.9
 
 
 def tick_cost(settings: TrialSettings) -> float:
-    """Return the 90th percentile of the duration of a tick on this machine [s].
+    """Measure the duration of a tick on this machine, without the devices of a rig.
 
-    The rehearsal runs in virtual time on the simulated rig, without the tare and the limits of
-    the real one. Its rate is at most 1 kHz, so that it reaches the motion within `TICKS`.
+    A rehearsal of the trial runs on the simulated rig in virtual time, without the tare and the
+    limits of the real rig. The simulated rate is at most 1 kHz, so that the motion begins within
+    `TICKS` ticks.
+
+    Returns
+    -------
+    cost
+        90th percentile of the measured durations [s].
 
     Raises
     ------
     InputError
-        The rehearsal was stopped by a fault, so that its ticks do not represent a trial.
+        A fault stopped the rehearsal.
     Exception
-        An exception of a tick.
+        An exception that a tick raised.
     """
     rate = min(settings.rate, 1000.0)
     rehearsal = replace(
@@ -77,11 +83,13 @@ def tick_cost(settings: TrialSettings) -> float:
 
 
 def check_rate(settings: TrialSettings) -> float:
-    """Check, by the fastest of up to three rehearsals, that this machine can run at the rate.
+    """Check that this machine can run the loop at its rate, without the devices of a rig.
+
+    Up to three rehearsals are made, until one of them is fast enough.
 
     Returns
     -------
-    Duration of a tick without the devices of a rig [s].
+    Duration of a tick in the fastest rehearsal, without the devices of a rig [s].
 
     Raises
     ------
@@ -102,14 +110,14 @@ def check_rate(settings: TrialSettings) -> float:
 def check_wire(rig: Rig, clock: Clock, cost: float) -> None:
     """Check that reading the devices of a rig leaves enough time for the rest of a tick.
 
-    The rig is read at the rate of the clock for `WIRE_TIME`; nothing is sent to its drives. It
-    is assumed that the commands to the drives take no longer than the simulated rig takes in
-    the rehearsal.
+    The rig is read at the rate of the clock for `WIRE_TIME`. Nothing is sent to its drives. The
+    time to send commands is not measured. It is assumed to be at most the time that the simulated
+    rig takes in the rehearsal.
 
     Parameters
     ----------
     rig
-        The rig, opened, its drives idle.
+        The rig, which has been opened. Its drives are disabled.
     clock
         The clock of the trial.
     cost

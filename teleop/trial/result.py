@@ -26,7 +26,7 @@ from teleop.trial.settings import TrialSettings
 from teleop.trial.settings_json import from_document
 
 LEAST_CONTACT = 1.0
-"""Time in contact below which an interrupted trial gives no estimates [s]."""
+"""Shortest time in contact for which the summary of an interrupted trial has estimates [s]."""
 
 
 @dataclass(frozen=True)
@@ -36,13 +36,13 @@ class Trial:
     settings: TrialSettings
     """Settings of the trial."""
     recording: Recording
-    """All ticks; the intact ones if the recording is not complete."""
+    """All ticks of the trial. If the file is not complete, the intact ticks."""
     bank: Bank
     """The estimators in their final state."""
     interrupted: bool
     """Whether a person ended the trial before its full duration."""
     outcome: Outcome
-    """State of the recording at the end."""
+    """Path, number of ticks and problems of the recording file at the end."""
     realtime: dict[str, str]
     """Result of each step of the real-time settings."""
     fault: dict[str, Any] | None
@@ -66,7 +66,7 @@ class Trial:
 
     @property
     def incomplete(self) -> str:
-        """Text that states what is missing in the files of the trial; empty if nothing is."""
+        """Text that states which data are missing in the files of the trial; empty for none."""
         path, _, dropped, problem, _ = self.outcome
         problems = []
         if problem:
@@ -79,7 +79,10 @@ class Trial:
         return "; ".join(problems)
 
     def tracking(self) -> dict[str, Any] | None:
-        """Return how the slave followed the target of mimic; None if there is no target."""
+        """Return gain, phase and error of the slave relative to the target of mimic.
+
+        None if the condition is not mimic, or if the target moved for less than two periods.
+        """
         if self.settings.condition != "mimic":
             return None
         t, target, position = (self.recording[n] for n in ("time", "target", "slave_position"))
@@ -145,9 +148,17 @@ class Trial:
 
 
 def truth(settings: TrialSettings, depth: float) -> dict[str, float]:
-    """Return the truth of the simulated rig, up to the greatest displacement [m].
+    """Return the true damping, stiffness, lag and lost motion of the simulated rig.
 
-    The stiffness is that of cube and transmission in series, as at the encoder.
+    The stiffness is that of the cube and the transmission in series, because the encoder measures
+    the position before the transmission.
+
+    Parameters
+    ----------
+    settings
+        Settings of the trial.
+    depth
+        Greatest displacement in the trial [m], for the stiffness at this depth.
     """
     setup = settings.setup
     cube, transmission = setup.cube, setup.transmission
@@ -161,7 +172,7 @@ def truth(settings: TrialSettings, depth: float) -> dict[str, float]:
 
 
 def recorded_truth(recording: Recording) -> dict[str, float] | None:
-    """Return the truth of a recorded trial on the simulated rig; None for other recordings."""
+    """Return the true values of a recorded trial on the simulated rig; None for other rigs."""
     if not recording.settings or recording.session.get("rig") != "simulated":
         return None
     try:
@@ -172,7 +183,17 @@ def recorded_truth(recording: Recording) -> dict[str, float] | None:
 
 
 def safety_summary(active: Recording, fault: dict[str, Any] | None) -> dict[str, Any]:
-    """Return the first fault, further ones, and the number of ticks limited by each soft limit."""
+    """Return the first fault, the texts of further faults, and the effect of the soft limits.
+
+    The effect of a soft limit is the number of ticks at which it reduced the command.
+
+    Parameters
+    ----------
+    active
+        Ticks at which the estimators were updated.
+    fault
+        Event of the first fault; None for none.
+    """
     flags = active["limited"].astype(int)
     names = {"velocity": VELOCITY, "acceleration": ACCELERATION, "position": POSITION}
     held = {

@@ -37,7 +37,7 @@ def run_trial(
     condition: Condition | None = None,
     rig_maker: RigMaker | None = None,
 ) -> Trial:
-    """Run a trial until its end, a fault, or Ctrl-C; the drives are disabled afterwards.
+    """Run a trial until its end, a fault, or Ctrl-C, and then disable the drives.
 
     Parameters
     ----------
@@ -48,15 +48,16 @@ def run_trial(
     show
         Whether to show a progress line on standard error.
     switch
-        Stop switch, whose context has been entered; by default only signals stop the trial.
+        Stop switch, which has been entered as a context manager. By default, signals stop the
+        trial, but no key.
     real
         Whether to apply real-time settings: `require`, `try` or `off`, see `realtime`.
     overwrite
         Whether to overwrite an existing MCAP file.
     condition
-        Control condition instead of that of the settings.
+        Control condition that replaces that of the settings.
     rig_maker
-        Creates the rig instead of that of the settings.
+        Function that creates a rig, which replaces that of the settings.
 
     Raises
     ------
@@ -66,7 +67,8 @@ def run_trial(
     RigError
         The rig cannot be opened, a device cannot be read, or the drives did not get ready.
     Exception
-        An exception of a tick, raised after the drives stopped and the recording was completed.
+        An exception of a tick. It is raised after the drives have stopped and the recording is
+        complete.
     """
     if switch is None:
         with StopSwitch() as switch:
@@ -154,7 +156,7 @@ def run_trial(
 def write_black_box(
     folder: Path, box: BlackBox, metadata: dict[str, dict[str, str]], start: int
 ) -> None:
-    """Write the ticks before and after a fault, and a report on it.
+    """Write the ticks before and after a fault, and the cause of the fault, to a folder.
 
     matplotlib is imported here, after the loop has ended, because its import is slow.
 

@@ -42,9 +42,9 @@ LONGEST = 3600.0
 The summary reads all ticks into memory, 0.4 MB per second at 1 kHz.
 """
 FREQUENCY = {"mimic": 1.0, "autonomous": 2.0}
-"""Frequency of the sine that a condition has without a signal [Hz]."""
+"""Frequency of the sine in a condition, if the settings have no signal [Hz]."""
 COUNT_IN = 3.0
-"""Time in which the target of mimic stands still at first, on a rig of devices [s]."""
+"""Time at the start of mimic in which the target does not move, on a rig of devices [s]."""
 LONGEST_NAME = 100
 """Largest number of characters of the name of a specimen or an operator."""
 LONGEST_NOTES = 10_000
@@ -80,11 +80,11 @@ class TrialSettings:
     seed: int = 0
     """Seed of operator and sensor noise."""
     signal: Annotated[AnySignal, Discriminator("kind")] | None = None
-    """Excitation of the autonomous condition, or the target that the operator follows in mimic,
-    which is a sine. None for a sine of 1 Hz in mimic and of 2 Hz otherwise."""
+    """Excitation signal of the autonomous condition. In mimic, the sine that the operator follows.
+    None for a sine of 1 Hz in mimic and of 2 Hz otherwise."""
     count_in: float | None = None
-    """Time at the start of a mimic trial in which the target stands still [s]. None for 3 s on a
-    rig of devices and 0 on the simulated one."""
+    """Time at the start of a mimic trial in which the target does not move [s]. None for 3 s on a
+    rig of devices and 0 on the simulated rig."""
     admittance: AdmittanceParameters = field(default_factory=AdmittanceParameters)
     """Virtual dynamics of the master."""
     coupling: Coupling = field(default_factory=Coupling)
@@ -96,9 +96,9 @@ class TrialSettings:
     force_lag: float = 0.0
     """Lag of the force channel that matched conditioning compensates [s]."""
     preset: Preset | None = None
-    """All settings of the estimators. None for those of the paper; their adaptation gain is that
-    for this cube or, on a rig of devices, that for the soft cube times (d / depth)^2, where d is
-    the depth of the paper on the soft cube."""
+    """All settings of the estimators. None for those of the paper. The adaptation gain is that of
+    this cube. On a rig of devices, it is that of the soft cube times (d / depth)^2, where d is the
+    depth of palpation for the soft cube."""
     estimators: tuple[str, ...] = PAPER
     """Names of the estimators, used if `preset` is None."""
     model: Model = KELVIN_VOIGT
@@ -108,18 +108,19 @@ class TrialSettings:
     custom_setup: Setup | None = None
     """Body, force channel and depth of the palpation, instead of those of the named cube."""
     custom_limits: Limits | None = None
-    """Limits of the safety supervisor; None for those of the rig file or of the palpation."""
+    """Limits of the safety supervisor. None for those of the rig file or, on the simulated rig,
+    limits that are computed from the depth."""
     tightened_limits: TightenedLimits = NOT_TIGHTENED
-    """Limits that are tighter than those of the rig file or of the palpation."""
+    """Limits of the safety supervisor that are tighter than those of the rig."""
     sensors: Sensors = field(default_factory=Sensors)
     """Imperfections of the simulated sensors."""
     tare: Tare = NO_TARE
-    """Zeros of force and position."""
+    """Zero offsets of force and position."""
     rig: RigFile | None = None
-    """The rig of devices; None for the simulated one."""
+    """The rig of devices; None for the simulated rig."""
     depth: float | None = None
-    """Target depth of palpation [m]; None for that of the paper on this cube. A rig of devices
-    needs one."""
+    """Depth of palpation [m]. None for the depth of the paper on this cube. A rig of devices
+    needs a depth."""
 
     def __post_init__(self) -> None:
         problems = [*self._values_out_of_range()] or [*self._inconsistent_values()]
@@ -228,7 +229,7 @@ class TrialSettings:
 
     @property
     def palpated(self) -> str:
-        """What is palpated: the specimen or, if it has no name, the rig or its cube."""
+        """Name of the palpated body: the specimen or, if it has no name, the rig or its cube."""
         return self.specimen or (self.rig_name if self.rig else f"{self.cube} cube")
 
     @property
@@ -243,7 +244,7 @@ class TrialSettings:
 
     @property
     def untightened_limits(self) -> Limits:
-        """Limits that may be tightened: those of the rig file or of the palpation."""
+        """Limits of the supervisor before `tightened_limits` is applied."""
         if self.custom_limits:
             return self.custom_limits
         if self.rig:
@@ -283,7 +284,7 @@ class TrialSettings:
 
     @property
     def estimation_preset(self) -> Preset:
-        """Settings of the estimators, with the defaults filled in."""
+        """Settings of the estimators: `preset` or, if it is None, those of the paper, adapted."""
         if self.preset:
             return self.preset
         preset = paper_preset("soft" if self.rig else self.cube)

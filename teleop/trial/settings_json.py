@@ -1,4 +1,4 @@
-"""Settings of a trial as a JSON document, with an exact round trip."""
+"""Convert the settings of a trial to a JSON document and back without any change."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ DERIVED = {
     "limits": ": expected tightened_limits",
     "setup": ": expected custom_setup",
 }
-"""Values in the document that follow from the settings, and what states them in a file."""
+"""Values in the document that are computed from the settings, each with the hint of its error."""
 PARTS = (
     AdmittanceParameters,
     Axis,
@@ -67,7 +67,7 @@ PARTS = (
 
 
 def to_document(settings: TrialSettings) -> dict[str, Any]:
-    """Return the settings as values of JSON, together with values derived from them.
+    """Return the settings as a JSON document, together with values computed from them.
 
     An infinite number becomes the text `Infinity`, which `from_document` converts back.
     """
@@ -88,14 +88,14 @@ def to_document(settings: TrialSettings) -> dict[str, Any]:
 
 
 def from_document(document: Mapping[str, Any]) -> TrialSettings:
-    """Return the settings in a document of `to_document`.
+    """Return the settings in a document that `to_document` returned.
 
-    A setting that the document does not have keeps its default.
+    A setting that is not in the document has its default.
 
     Raises
     ------
     InputError
-        Names everything that is not as expected, a line for each problem.
+        A setting is unknown or invalid. The message has one line for each problem.
     """
     given = {key: value for key, value in document.items() if key not in DERIVED}
     if isinstance(given.get("rig"), Mapping):
@@ -114,7 +114,7 @@ def from_document(document: Mapping[str, Any]) -> TrialSettings:
 
 
 def problems(error: ValidationError) -> list[str]:
-    """Return the problems that pydantic found, each with the path in the document."""
+    """Return the problems that pydantic found, each as a line with the key in the document."""
     lines = []
     for part in error.errors():
         path, message = ".".join(map(str, part["loc"] or ("document",))), as_phrase(part["msg"])
@@ -137,7 +137,13 @@ def adapter() -> TypeAdapter[TrialSettings]:
 
 
 def rig_file(document: Mapping[str, Any]) -> RigFile:
-    """Return the rig file whose text stands in a document; InputError if it is not as expected."""
+    """Return the rig file whose path and text are in a document.
+
+    Raises
+    ------
+    InputError
+        The document has no path or no text, or the text is not a valid rig file.
+    """
     try:
         return parse_rig_file(Path(document["path"]), document["toml"])
     except (TypeError, KeyError) as error:

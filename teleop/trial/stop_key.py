@@ -23,11 +23,12 @@ IN_BACKGROUND = (
 
 
 class StopKey:
-    """Reads the keys of the terminal on standard input in a thread.
+    """Emergency-stop key: reads the keys of the terminal on standard input in a thread.
 
-    Used as a context manager around a run, in the main thread. Within it, the terminal passes
-    each key to the process immediately and does not show it; Ctrl-C and Ctrl-Z work as usual. The
-    terminal's modes are restored on exit, and while the process is suspended.
+    This is a context manager for the time of a run, entered in the main thread. Within it, the
+    terminal passes each key to the process immediately and does not show it. Ctrl-C and Ctrl-Z
+    have their usual effect. The modes of the terminal are restored on exit, and while the process
+    is suspended.
 
     Attributes
     ----------
@@ -46,7 +47,7 @@ class StopKey:
         self._undo = contextlib.ExitStack()
         self._descriptor = -1
         self._before: list[Any] | None = None
-        """Modes of the terminal before the run; None if they are restored."""
+        """Modes of the terminal before the run; None if they have been restored."""
 
     def __enter__(self) -> Self:
         if self.missing:
@@ -104,9 +105,9 @@ class StopKey:
         self._before = None
 
     def _on_suspend(self, number: int, frame: FrameType | None) -> None:
-        """Restore the terminal after Ctrl-Z, and stop the process as without a handler.
+        """Restore the terminal after Ctrl-Z, and suspend the process.
 
-        If there is no shell that could continue the process, the system does not stop it.
+        If no shell can continue the process, the system does not suspend it.
         """
         self._restore_modes()
         signal.signal(signal.SIGTSTP, signal.SIG_DFL)
@@ -125,9 +126,9 @@ class StopKey:
     def _watch(self, ended: int) -> None:
         """Read keys until the end of the run.
 
-        Ctrl-D has no special meaning. If a read returns no data or fails, and standard input is
-        still a terminal, then the process is in the background, or another program changed the
-        modes; reading is tried again. Otherwise the terminal is lost.
+        Ctrl-D has no special meaning. A read can return no data, or fail. If standard input is
+        still a terminal then, the process is in the background, or another program has changed
+        the modes of the terminal, and the read is repeated. Otherwise the terminal is lost.
         """
         while not self.lost:
             try:

@@ -22,9 +22,10 @@ RESPONSE_TIME = 0.1
 class StopSwitch(Interruption):
     """Converts signals and the stop key to requests to the safety supervisor.
 
-    Used as a context manager around a run and its output. Before the first tick of the loop, when
-    nothing moves yet, a signal raises KeyboardInterrupt. Afterwards it becomes a request to the
-    supervisor, and raises KeyboardInterrupt only if the loop does not respond.
+    This is a context manager for the time of a run and its output. Before the first tick of the
+    loop, when nothing moves yet, a signal raises KeyboardInterrupt. After the first tick, a signal
+    becomes a request to the supervisor. It then raises KeyboardInterrupt only if the loop does not
+    respond to the request.
 
     Parameters
     ----------
@@ -53,7 +54,7 @@ class StopSwitch(Interruption):
 
     @property
     def instructions(self) -> str:
-        """How to stop the run, in one line."""
+        """Text of one line that describes how to stop the run."""
         if self._has_key:
             return "Enter or Space stops at once, Ctrl-C ramps down"
         no_key = f"; no stop key: {self.key.missing}" if self.key.missing else ""

@@ -106,6 +106,8 @@ def test_other_settings_than_those_of_the_run_are_reported(capsys, tmp_path):
     capsys.readouterr()
     assert main(["estimate", str(path), "--preset", "scaled", "--json"]) == 0
     assert not json.loads(capsys.readouterr().out)["as_online"]
+    assert main(["estimate", str(path), "--preset", "scaled"]) == 0
+    assert "the settings are not those of the run" in " ".join(capsys.readouterr().out.split())
 
 
 def test_a_run_is_recorded_in_a_dated_folder_and_prints_the_path(capsys, tmp_path):

@@ -1,16 +1,16 @@
-"""Calibrate the simulated rig against part of Table I: `python -m teleop.studies.paper.calibrate`.
+"""Calibrate the simulated rig with part of Table I: `python -m teleop.studies.paper.calibrate`.
 
 The calibration uses b and k of the RLS rows under the conditions free and autonomous. These are
 twelve numbers for eight unknowns: k1 and k3 of each cube, the lag of the force channel, and the
 lost motion of the slave. All other cells of Table I are predictions. The following are assumptions.
 
-- Depths. Table I determines only k3 times the depth squared. The depths were chosen by trial such
-  that the force errors, which grow with depth, are about those of the paper. The force errors are
-  therefore not an independent prediction. Under `autonomous` the depths are smaller, as the paper
-  states. These depths, and the frequency of 2 Hz, were chosen such that the rise time of adaptive
-  identification with the paper's gains is about the 0.6 s of the paper. The rise time of `ai` is
-  therefore not an independent prediction either. The depths under `mimic` are not known; they are
-  those of `free`.
+- Depths. Table I determines only k3 times the depth squared. The depths were chosen by trial and
+  error such that the force errors, which increase with depth, are about those of the paper. The
+  force errors are therefore not independent predictions. Under `autonomous` the depths are
+  smaller, as the paper states. These depths, and the frequency of 2 Hz, were chosen such that the
+  rise time of adaptive identification with the paper's gains is about the 0.6 s of the paper. The
+  rise time of `ai` is therefore not an independent prediction either. The paper does not state the
+  depths under `mimic`; those of `free` are used.
 - The operator's tremor, given in `sim_backend/operators.py`, was also chosen to match the force
   errors: in the paper those on the soft and the medium cube are larger under `free` and `mimic`
   than under `autonomous`.
@@ -41,7 +41,7 @@ from teleop.trial.run import run_trial
 K_TOLERANCE = 0.02
 """Relative error of k that has a weight of 1 in the sum of squares."""
 B_TOLERANCE = 0.3
-"""Error of the logarithm of b that has a weight of 1 in the sum of squares."""
+"""Error of the natural logarithm of b that has a weight of 1 in the sum of squares."""
 STEP = 0.03
 """Step of difference quotients, relative to the value."""
 EVALUATIONS = 5
@@ -52,7 +52,7 @@ TRIALS = [(condition, cube) for cube in CUBES for condition in CALIBRATED]
 
 
 def rls_averages(condition: ConditionName, cube: CubeName, setup: Setup) -> tuple[float, float]:
-    """Return the averages of RLS's b [N s/m] and k [N/m] over a trial of the paper.
+    """Run a trial of the paper, and return the averages of b [N s/m] and k [N/m] of RLS.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ def rls_averages(condition: ConditionName, cube: CubeName, setup: Setup) -> tupl
 
 
 def setups(values: Vector) -> dict[tuple[str, str], Setup]:
-    """Return the set-up of each trial by condition and cube.
+    """Return the cube, force channel and depth of each trial, by condition and cube.
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ def averages(values: Vector, pool: Executor) -> Mapping[tuple[str, str], tuple[f
 
 
 def calibrate(start: Vector, pool: Executor) -> Vector:
-    """Return the values whose RLS averages are closest to those of the paper.
+    """Return the values for which the averages of RLS are closest to those of the paper.
 
     Parameters
     ----------

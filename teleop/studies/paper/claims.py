@@ -1,4 +1,4 @@
-"""The paper's claims about its results, checked against the simulated trials."""
+"""Check whether the paper's claims about its results are true for the simulated trials."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from teleop.studies.paper.trials import Damping, Outcome, as_rows
 RISE = 0.6
 """The paper's longest rise time [s]."""
 FACTOR = 2.0
-"""Largest ratio to the paper's value at which a damping or a force error agrees with it."""
+"""Largest ratio to the paper's value at which a damping or a force error agrees with the paper."""
 NEAR_DAMPING, NEAR_ERROR = 16, 22
-"""Number of the 27 cells of damping, and of force error, that are expected to agree."""
+"""Smallest number of the 27 cells in which damping, and force error, must agree with the paper."""
 
 
 class Claim(NamedTuple):
-    """A claim of the paper, and whether it holds for the simulated trials."""
+    """A claim of the paper, and whether it is true for the simulated trials."""
 
     claim: str
-    """The claim in words."""
+    """The claim as a text."""
     holds: bool
-    """Whether the claim holds."""
+    """Whether the claim is true."""
     evidence: str
-    """Numbers that show whether the claim holds."""
+    """Numbers that show whether the claim is true."""
 
 
 def check_claims(outcomes: Sequence[Outcome]) -> list[Claim]:
@@ -44,7 +44,7 @@ def check_claims(outcomes: Sequence[Outcome]) -> list[Claim]:
 
 
 def table_claims(rows: list[dict[str, Any]]) -> list[Claim]:
-    """Check how closely the cells of Table I agree with the paper."""
+    """Check stiffness, damping and force error in the cells of Table I against the paper."""
     off = {
         f"{row['condition']} {row['cube']} {row['estimator']}": row["k"] / row["paper"]["k"] - 1.0
         for row in rows
@@ -140,7 +140,15 @@ def stiffness_claims(cell: dict[tuple[str, str, str], dict[str, Any]]) -> list[C
 
 
 def damping_claims(steps: list[Damping], outcomes: Sequence[Outcome]) -> list[Claim]:
-    """Check that damping is negative as in the paper, and correct without the causes of bias."""
+    """Check that the damping is negative as in the paper, and correct without the causes of bias.
+
+    Parameters
+    ----------
+    steps
+        Damping of each trial, with the causes of bias removed one after the other.
+    outcomes
+        Results of the same trials.
+    """
     positive = [
         f"{outcome.condition} {outcome.cube}: {step.rls:+.1f}"
         for outcome, step in zip(outcomes, steps, strict=True)

@@ -1,4 +1,4 @@
-"""Comparison of further estimators on the nine trials with the true values of the cubes."""
+"""Compare further estimators on the nine trials with the true values of the simulated cubes."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ class MethodResult(NamedTuple):
     b_error: float
     """Root mean square error of the damping [N s/m]."""
     k_coverage: float
-    """Fraction of samples whose 95 % interval of the stiffness contains the truth."""
+    """Fraction of samples whose 95 % interval of the stiffness contains the true value."""
     b_coverage: float
-    """Fraction of samples whose 95 % interval of the damping contains the truth."""
+    """Fraction of samples whose 95 % interval of the damping contains the true value."""
     rise_time_s: float
     """Rise time of the stiffness [s]."""
     e_f: float
@@ -88,9 +88,10 @@ def compare_methods(trial: Trial, methods: Methods) -> dict[str, MethodResult]:
 
 
 def averages(results: Sequence[Mapping[str, MethodResult]]) -> dict[str, MethodResult]:
-    """Return the mean of each estimator's results over trials.
+    """Return the results of each estimator, averaged over several trials.
 
-    The errors of the stiffness are averaged by their root mean square.
+    The average is the mean, except for the error of the stiffness, for which it is the root mean
+    square.
 
     Parameters
     ----------

@@ -54,7 +54,7 @@ def method_cells(methods: Mapping[str, MethodResult]) -> list[list[str]]:
 
 
 def table_one(outcomes: Sequence[Outcome]) -> Iterator[tuple[str, list[dict[str, object]]]]:
-    """Yield the rows of Table I: the name, and cells with the simulated value and the paper's."""
+    """Yield the name of each row of Table I, and its cells with simulated and paper's values."""
     by_trial = {(outcome.condition, outcome.cube): outcome for outcome in outcomes}
     for condition in CONDITIONS:
         for estimator in ESTIMATORS:
@@ -75,7 +75,7 @@ def table_one(outcomes: Sequence[Outcome]) -> Iterator[tuple[str, list[dict[str,
 
 
 def damping_cells(outcomes: Sequence[Outcome]) -> list[list[str]]:
-    """Return the damping of each trial, with the causes of bias removed one after the other."""
+    """Return the damping of each trial as text, with the causes of bias removed one by one."""
     return [
         [
             f"{outcome.condition} {outcome.cube}",
@@ -91,7 +91,7 @@ def damping_cells(outcomes: Sequence[Outcome]) -> list[list[str]]:
 
 
 def slow_cells(slow: Sequence[SlowTrial]) -> list[list[str]]:
-    """Return lag and damping, fitted together to one trial, for each frequency of its motion."""
+    """Return lag and damping as text, fitted together to one trial, one row per frequency."""
     return [
         [
             f"{trial.frequency:g}",

@@ -115,8 +115,8 @@ def reproduce(
     Raises
     ------
     InputError
-        There is less than one seed, worker processes are not available, or with several seeds
-        statsmodels is not.
+        `seeds` is less than 1, worker processes are not available, or there are several seeds and
+        statsmodels is not installed.
     """
     if seeds < 1:
         raise InputError(f"seeds {seeds}: expected at least 1")
@@ -137,7 +137,7 @@ def reproduce(
 
 
 def check_folder(folder: Path, overwrite: bool) -> None:
-    """Create the folder, and check before the trials that its files can be written.
+    """Create the folder of the results, and check that the result files can be written.
 
     Raises
     ------
@@ -157,7 +157,7 @@ def check_folder(folder: Path, overwrite: bool) -> None:
 
 
 def write(reproduction: Reproduction, folder: Path, overwrite: bool = False) -> Path:
-    """Write the table as CSV, the figures as SVG and PNG, and the page; return the page's path.
+    """Write table (CSV), figures (SVG and PNG) and page (HTML), and return the path of the page.
 
     Parameters
     ----------
@@ -202,7 +202,7 @@ def csv_table(rows: Sequence[dict[str, Any]]) -> str:
 
 
 def draw(name: str, outcomes: Sequence[Outcome], folder: Path, overwrite: bool) -> Markup:
-    """Draw one of the paper's Figures 3, 4 and 5 as PNG and SVG; return the SVG element.
+    """Write one of the paper's Figures 3, 4 and 5 as PNG and SVG, and return the SVG element.
 
     Parameters
     ----------

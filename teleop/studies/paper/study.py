@@ -9,7 +9,7 @@ from teleop.studies.paper.table1 import ESTIMATORS
 from teleop.studies.paper.trials import Outcome
 
 RESPONSES = {"e_f": "Average force error [N]", "rise_time_s": "Rise time [s]"}
-"""Responses that are analysed, with their headings."""
+"""Responses (dependent variables) of the analyses of variance, with their headings."""
 
 
 def effects_on(outcomes: Sequence[Outcome], response: str) -> list[Effect]:

@@ -12,7 +12,7 @@ from teleop.output.console import number, plain_console
 
 
 def print_reproduction(summary: Mapping[str, Any]) -> None:
-    """Print Table I with the paper's numbers, one table per cube, and whether its claims hold.
+    """Print Table I with the paper's numbers, one table per cube, and the check of its claims.
 
     Parameters
     ----------

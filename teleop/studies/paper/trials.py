@@ -26,7 +26,7 @@ BANDWIDTH = 50.0
 NO_METHODS = Methods()
 """No further estimators."""
 DRAWN = 10
-"""Interval between the ticks that figures show, in ticks."""
+"""The figures show every `DRAWN`-th tick."""
 
 
 class Damping(NamedTuple):
@@ -39,11 +39,11 @@ class Damping(NamedTuple):
     rls: float
     """Average of RLS in the simulated trial, with the paper's settings."""
     matched: float
-    """Kelvin-Voigt, with force and position matched."""
+    """Kelvin-Voigt fit, with the lag compensated and the same filter for force and position."""
     tip: float
-    """Matched, with the position of the tip instead of the encoder's."""
+    """As `matched`, with the position of the tip instead of that of the encoder."""
     stiffening: float
-    """With the position of the tip, and x^3 among the regressors."""
+    """As `tip`, with x^3 as an additional regressor."""
 
 
 class Outcome(NamedTuple):
@@ -104,7 +104,7 @@ def paper_trial(condition: ConditionName, cube: CubeName, seed: int = 0) -> Tria
 
 
 def damping_steps(trial: Trial) -> Damping:
-    """Return the damping estimated as in the paper, and with the causes of bias removed in turn."""
+    """Return the damping, estimated as in the paper and with the causes of bias removed."""
     settings, columns = trial.settings, trial.columns
     force, dt = columns["contact_force"], columns["dt"]
     encoder = MatchedSignals(columns["slave_position"], force, dt)
@@ -150,9 +150,13 @@ def palpate(trial: tuple[ConditionName, CubeName, int], methods: Methods = NO_ME
 def lag_and_damping(frequency: float) -> SlowTrial:
     """Estimate lag and damping together from an autonomous trial on the medium cube.
 
-    The ramps at the begin and end of the trial are not used.
+    The ramps at the start and the end of the trial are not used. The position is that of the tip,
+    so that there is no lost motion.
 
-    The position is that of the tip, so that there is no lost motion.
+    Parameters
+    ----------
+    frequency
+        Frequency of the excitation [Hz].
     """
     settings = replace(
         paper_trial("autonomous", "medium"),

@@ -1,4 +1,4 @@
-"""Conduct a series: prompt, run, record and repeat the trials of a plan until all are done."""
+"""Run a series: ask, run, record and repeat the trials of a plan until all are done."""
 
 from __future__ import annotations
 
@@ -21,28 +21,28 @@ from teleop.trial.settings import TrialSettings
 
 Answer = Literal["run", "skip", "repeat", "quit"]
 Ask = Callable[[PlannedTrial, str], tuple[Answer, str]]
-"""Function that asks a person; called with trial and prompt, it returns the answer and a note."""
+"""Function of a trial and a prompt that asks a person, and returns the answer and a note."""
 AskNote = Callable[[PlannedTrial], str]
-"""Function that asks for a note on the trial that has just ended; it returns "" for none."""
+"""Function that asks a person for a note on the trial that has ended; it returns "" for none."""
 Run = Callable[[TrialSettings, Path], Trial]
 """Function that runs and records a trial."""
 INTERRUPTED = "interrupted"
 ATTEMPTS = 3
-"""Attempts after which an unattended series ends with an error."""
+"""Number of failed attempts of a trial after which an unattended series ends with an error."""
 
 
 def unattended(trial: PlannedTrial, prompt: str) -> tuple[Answer, str]:
-    """Answer that every trial is to be run, without asking a person."""
+    """Return the answer "run" and no note, without asking a person."""
     return "run", ""
 
 
 def no_note(trial: PlannedTrial) -> str:
-    """Return no note."""
+    """Return an empty note, without asking a person."""
     return ""
 
 
 def open_journal(folder: Path, plan: Plan, trials: Sequence[PlannedTrial]) -> Journal:
-    """Return the journal of a new series, or of one that is resumed.
+    """Return the journal of a series, which is new or is resumed.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ def open_journal(folder: Path, plan: Plan, trials: Sequence[PlannedTrial]) -> Jo
     plan
         The plan.
     trials
-        Its trials in their order.
+        The trials of the plan, in the order in which they are run.
 
     Raises
     ------
@@ -79,10 +79,10 @@ def conduct(
     run: Run = run_trial,
     report: Callable[[str], None] = print,
 ) -> Journal:
-    """Run the trials that are not done yet.
+    """Run the trials of a series that are not done yet.
 
-    A trial that was stopped for safety, interrupted or incompletely recorded is repeated. Its
-    recording is kept. The table of results is written after each trial.
+    A trial that was stopped for safety, interrupted or incompletely recorded is repeated, and
+    the recording of the failed attempt is kept. The table of results is written after each trial.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ def conduct(
     plan
         The plan.
     trials
-        Its trials in their order.
+        The trials of the plan, in the order in which they are run.
     ask
         Function that asks a person before each trial.
     ask_note
@@ -108,7 +108,7 @@ def conduct(
     KeyboardInterrupt
         A trial of an unattended series was interrupted.
     SafetyStop
-        A trial of an unattended series was stopped for safety `ATTEMPTS` times.
+        A trial of an unattended series failed `ATTEMPTS` times.
     """
     make_folder(folder / NAME)
     with locked(folder):
@@ -140,7 +140,7 @@ def conduct(
 
 
 def attempt(folder: Path, journal: Journal, trial: PlannedTrial, run: Run, note: str) -> str:
-    """Run a trial once; return the reason to repeat it, empty for none."""
+    """Run a trial once, and return the reason why it must be repeated; empty for none."""
     number = journal.attempts(trial.number) + 1
     path = folder / RECORDINGS / f"{trial.number:03d}-{trial.label}-{number}.mcap"
     make_folder(path)
@@ -160,7 +160,7 @@ def attempt(folder: Path, journal: Journal, trial: PlannedTrial, run: Run, note:
 
 
 def spoilt(trial: Trial) -> str:
-    """Return the reason to repeat a trial; empty for none."""
+    """Return the reason why a trial must be repeated; empty for none."""
     if trial.fault:
         return f"stopped {time_text(trial.fault['time'])}: {trial.fault['text']}"
     if trial.interrupted:
@@ -169,7 +169,7 @@ def spoilt(trial: Trial) -> str:
 
 
 def prompt_of(plan: Plan, trial: PlannedTrial, count: int) -> str:
-    """Return the prompt before a trial."""
+    """Return the text that is shown before a trial."""
     text = plan.prompt.replace("{trial}", trial.label)
     for name, level in trial.levels.items():
         text = text.replace(f"{{{name}}}", level)

@@ -1,7 +1,8 @@
 """The journal of a series: a line for each trial that was started, done, spoilt or skipped.
 
-The journal is a text file of JSON lines. Lines are only appended, and each line is written to the
-disk before the series continues. A series that was interrupted or killed is resumed from it.
+A spoilt trial has failed and must be repeated. The journal is a text file of JSON lines. Lines are
+only appended, and each line is written to the disk before the series continues. After a series was
+interrupted or killed, the journal contains what is needed to resume it.
 """
 
 from __future__ import annotations
@@ -41,14 +42,14 @@ class Journal:
             self._add(entry)
 
     def write(self, entry: Entry, trial: int = 0, **values: Any) -> None:
-        """Append a line and wait until it is on the disk.
+        """Append a line to the journal, and wait until it is written to the disk.
 
         Parameters
         ----------
         entry
             Kind of the entry.
         trial
-            Number of the trial, from 1; 0 for the series.
+            Number of the trial, from 1; 0 for an entry about the whole series.
         values
             Further values of the entry, which JSON can represent.
 
@@ -69,7 +70,7 @@ class Journal:
         self._add(loads(dumps(record)))
 
     def last(self, trial: int) -> dict[str, Any] | None:
-        """Return the last entry of a trial other than notes; None for none."""
+        """Return the last entry of a trial that is not a note; None for none."""
         return self._last.get(trial)
 
     def attempts(self, trial: int) -> int:
@@ -77,7 +78,7 @@ class Journal:
         return self._attempts[trial]
 
     def note(self, trial: int, attempt: int) -> str:
-        """Return the notes before and after an attempt, separated by semicolons."""
+        """Return the notes on an attempt of a trial, separated by semicolons."""
         return "; ".join(self._notes[trial, attempt])
 
     def is_finished(self, trial: int) -> bool:
@@ -101,7 +102,7 @@ class Journal:
             self._last[entry["trial"]] = entry
 
     def _read(self) -> Iterator[dict[str, Any]]:
-        """Yield the entries; an incomplete last line, as after a crash, is ignored."""
+        """Yield the entries of the file, and remove an incomplete last line, as after a crash."""
         if not self.path.exists():
             return
         text = self.path.read_bytes()
@@ -118,7 +119,7 @@ class Journal:
 
 @contextlib.contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Lock a folder against other series within the block.
+    """Within the block, prevent that another series runs in the same folder.
 
     Raises
     ------

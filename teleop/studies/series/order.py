@@ -9,9 +9,9 @@ OrderName = Literal["listed", "random", "latin-square"]
 
 
 def ordered(count: int, order: OrderName, seed: int, block: int) -> list[int]:
-    """Return the order of the cells of a block, as indices.
+    """Return the order in which the cells of a block are run, as indices of the cells.
 
-    A cell is a combination of levels of the factors.
+    A cell is a combination of levels of the factors, together with a repetition.
 
     Parameters
     ----------
@@ -39,8 +39,16 @@ def ordered(count: int, order: OrderName, seed: int, block: int) -> list[int]:
 def williams_row(count: int, row: int) -> list[int]:
     """Return a row of a Williams square, a Latin square balanced for first-order carry-over.
 
-    For an even number of cells each cell follows each other cell once in `count` rows; for an
-    odd number twice in `2 count` rows, of which every second one is reversed.
+    If the number of cells is even, each cell directly follows each other cell once in `count`
+    rows. If it is odd, each cell follows each other cell twice in `2 count` rows, of which every
+    second row is reversed.
+
+    Parameters
+    ----------
+    count
+        Number of cells.
+    row
+        Number of the row, from 0.
 
     References
     ----------

@@ -34,9 +34,10 @@ class Plan(BaseModel):
     """Name of the series."""
     description: str = ""
     factors: dict[Name, list[Name]] = Field(min_length=1)
-    """Levels of each factor. A factor with the name of a setting sets this setting."""
+    """Levels of each factor. The factors condition, cube, specimen and operator set the setting of
+    the same name."""
     blocks: list[Name] = []
-    """Factors whose levels are run one after the other, such as the subjects."""
+    """Factors such as the subject: all trials of one level are run before those of the next."""
     repetitions: Annotated[int, Field(ge=1, le=1000)] = 1
     """Repetitions of each combination."""
     order: OrderName = "random"
@@ -46,11 +47,11 @@ class Plan(BaseModel):
     rest_s: Annotated[float, Field(ge=0.0, le=3600.0)] = 0.0
     """Shortest pause between two trials [s]."""
     prompt: str = "Next: {trial}."
-    """Text before each trial; {trial} and the names of the factors are replaced."""
+    """Text that is shown before each trial. {trial}, and factors in braces, are replaced."""
     settings: dict[str, Any] = {}
     """Settings of all trials, as in a configuration file."""
     levels: dict[Name, dict[Name, dict[str, Any]]] = {}
-    """Settings that a level of a factor sets, by factor and level."""
+    """Settings of the trials with a certain level of a factor, by factor and level."""
 
 
 @dataclass(frozen=True)
@@ -67,22 +68,22 @@ class PlannedTrial:
 
     @property
     def label(self) -> str:
-        """Levels and repetition as a part of a file name."""
+        """Levels and repetition, joined by hyphens, for file names."""
         return "-".join([*self.levels.values(), str(self.repetition)])
 
 
 def read_plan(path: Path) -> Plan:
-    """Return a plan.
+    """Read the plan of a series from a file, and check it.
 
     Parameters
     ----------
     path
-        A TOML file, or the name of a plan that comes with the package, such as `paper`.
+        A TOML file, or the name of a plan that is part of this package, such as `paper`.
 
     Raises
     ------
     InputError
-        The file cannot be read, or is not as expected. All problems are named.
+        The file cannot be read, or is not a valid plan. The message lists all problems.
     """
     packaged = files(__package__).joinpath("plans", f"{path}.toml")
     if not path.suffix and packaged.is_file():
@@ -122,7 +123,7 @@ def inconsistencies(plan: Plan) -> Iterator[str]:
 
 
 def planned_trials(plan: Plan, folder: Path) -> list[PlannedTrial]:
-    """Return the trials of a plan in their order.
+    """Return the trials of a plan in the order in which they are run.
 
     Parameters
     ----------
@@ -134,7 +135,7 @@ def planned_trials(plan: Plan, folder: Path) -> list[PlannedTrial]:
     Raises
     ------
     InputError
-        Settings of a trial are not as expected. The problems of all trials are named.
+        Settings of a trial are invalid. The message lists the problems of all trials.
     """
     chosen = chosen_settings(plan, folder)
     blocked = [plan.factors[name] for name in plan.blocks]
@@ -174,7 +175,7 @@ def chosen_settings(plan: Plan, folder: Path) -> dict[tuple[str, ...], TrialSett
 
 
 def document_of(plan: Plan, levels: Mapping[str, str]) -> dict[str, Any]:
-    """Return the settings of one combination of levels as a document of a configuration file."""
+    """Return the settings of one combination of levels, with the keys of a configuration file."""
     document = dict(plan.settings)
     for name, level in levels.items():
         own = plan.levels.get(name, {}).get(level)

@@ -44,4 +44,4 @@ def test_a_misfit_that_is_not_known_yet_is_not_marked(drawn):
 
 def test_on_a_narrow_terminal_whole_estimates_are_shown(drawn):
     estimates = [("rls", 5.0, 2000.0, 0.01), ("me", 5.0, 1000.0, 0.2)]
-    assert drawn(estimates, 40).endswith("  k, b:  rls 2000 +5\x1b[K")
+    assert drawn(estimates, 45).endswith("  k, b:  rls 2000 +5\x1b[K")

@@ -238,7 +238,7 @@ def test_a_command_names_the_missing_ticks_and_does_not_advise_to_recover(slow, 
     out = capsys.readouterr().out
     assert f"the estimates are not those of the run: {text}" in out
     assert "no samples from" in out
-    assert "to the bit" not in out
+    assert "exactly those" not in out
 
 
 def test_ticks_that_were_dropped_last_are_reported(slow, tmp_path):

@@ -111,7 +111,9 @@ def test_the_command_measures_a_recording(tmp_path, capsys):
     assert printed["lag_low_s"] < 6e-3 < printed["lag_high_s"]
     assert printed["lost_motion_low_m"] <= printed["lost_motion_m"] <= printed["lost_motion_high_m"]
     assert main(["lag", "--cube", "hard"]) == 0
-    assert "true lag (simulated)" in capsys.readouterr().out
+    out = capsys.readouterr().out
+    assert "true lag (simulated)" in out
+    assert "compensate the lag with: teleop estimate FILE --force-lag 0.00266\n" in out
 
 
 def test_the_command_says_when_a_recording_cannot_separate_them(tmp_path, capsys):
