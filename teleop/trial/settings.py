@@ -30,10 +30,8 @@ from teleop.safety.rig_limits import rig_limits
 from teleop.safety.tightened_limits import NOT_TIGHTENED, TightenedLimits
 
 RATES = (50.0, 100_000.0)
-"""Lowest and highest rate of the loop [Hz].
-
-Below the lowest rate, the operator's hand and the admittance are not stable together.
-"""
+"""Lowest and highest rate of the loop [Hz]. Below the lowest rate, the hand of the operator and the
+admittance are not stable together."""
 DEEPEST = 0.1
 """Largest depth of palpation [m]."""
 LONGEST = 3600.0

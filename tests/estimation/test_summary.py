@@ -21,7 +21,8 @@ def record(seconds=4.0):
 
 def summary(estimator, t, regression):
     bank = replace(scaled_preset(*regression[:4]), estimators=(estimator,)).bank()
-    return summarise(t, regression, bank.run(*regression)[estimator], bank[estimator])
+    estimates = bank.run(*regression)[estimator]
+    return summarise(t, regression, estimates, bank[estimator], np.zeros(t.size))
 
 
 def test_averages_leave_out_the_samples_before_the_first_estimate():
