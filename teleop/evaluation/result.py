@@ -78,6 +78,8 @@ class Result:
     """Relative change of the secant for a datum error of 0.1 mm."""
     times: tuple[float, ...] = field(default=())
     """Relaxation time constants of the best model [s]."""
+    depth_from: str = "lowest position"
+    """Position at which `depth` is zero: the contact point or the lowest position in contact."""
 
     def summary(self) -> dict[str, Any]:
         """Return the result as a dictionary for JSON."""
@@ -86,6 +88,7 @@ class Result:
         document["tangent"] = {
             "force_n": document.pop("force"),
             "depth_m": document.pop("depth"),
+            "depth_from": document.pop("depth_from"),
             "secant_n_per_m": document.pop("secant"),
             "secant_change_per_0.1mm": document.pop("secant_change"),
         }
@@ -146,6 +149,7 @@ def publishable(
         secant,
         change,
         local.best.times,
+        "contact point" if phases.contact_point else "lowest position",
     )
 
 

@@ -28,8 +28,8 @@ MOST_POINTS = 4000
 def fit_figure(title: str, evaluation: Evaluation) -> Figure:
     """Return a figure of the force over displacement and time, with the best model and residual.
 
-    In the diagram over displacement and in the residual, position and force are those to which the
-    models were fitted. They do not contain the baseline that varies more slowly than the palpation.
+    The models are fitted to the force without the baseline that varies more slowly than the
+    palpation. The figure shows the measured force, and adds this baseline to that of the model.
 
     Parameters
     ----------
@@ -45,8 +45,8 @@ def fit_figure(title: str, evaluation: Evaluation) -> Figure:
     residual.sharex(over_t)
     every = max(1, len(record.t) // MOST_POINTS)
     fitted = evaluation.analysis.data or record
-    x, f, t = ((fitted.x - datum.x) * 1e3, fitted.raw_f - datum.f, record.t)
-    draw_phases(over_x, evaluation, x, fitted.f - datum.f, every)
+    x, f, t = ((record.x - datum.x) * 1e3, record.raw_f - datum.f, record.t)
+    draw_phases(over_x, evaluation, x, record.f - datum.f, every)
     over_t.plot(t[::every], f[::every], color="#555555", linewidth=0.9, label="measured")
     for phase in evaluation.analysis.phases.phases:
         over_t.axvspan(
@@ -54,8 +54,9 @@ def fit_figure(title: str, evaluation: Evaluation) -> Figure:
         )
     fit = best_fit(evaluation)
     if fit is not None:
-        draw_fit(over_x, over_t, fit, (x, t), every)
-        left = fitted.f - datum.f - fit.predicted
+        force = fit.predicted + record.f - fitted.f
+        draw_fit(over_x, over_t, fit.name, (x, t, force), every)
+        left = record.f - datum.f - force
         residual.plot(t[::every], left[::every], color=MODEL, linewidth=0.6)
     over_x.set_title(plain(title), loc="left")
     over_x.set_xlabel("displacement from the datum [mm]")
@@ -100,19 +101,26 @@ def draw_phases(
 def draw_fit(
     over_x: Axes,
     over_t: Axes,
-    fit: BatchFit,
-    measured: tuple[np.ndarray, np.ndarray],
+    name: str,
+    modelled: tuple[np.ndarray, np.ndarray, np.ndarray],
     every: int,
 ) -> None:
-    """Draw the force of the fitted model over displacement and over time."""
-    x, t = measured
-    part = slice(None, None, every)
-    over_x.plot(
-        x[part], fit.predicted[part], color=MODEL, linewidth=1.2, linestyle="--", label=fit.name
-    )
-    over_t.plot(
-        t[part], fit.predicted[part], color=MODEL, linewidth=1.0, linestyle="--", label=fit.name
-    )
+    """Draw the force of a model over displacement and over time.
+
+    Parameters
+    ----------
+    over_x, over_t
+        Axes with displacement [mm] and with time [s].
+    name
+        Name of the model.
+    modelled
+        Displacement [mm], time [s] and force of the model [N], each of shape (n,).
+    every
+        One of this number of samples is drawn.
+    """
+    x, t, force = (values[::every] for values in modelled)
+    over_x.plot(x, force, color=MODEL, linewidth=1.2, linestyle="--", label=name)
+    over_t.plot(t, force, color=MODEL, linewidth=1.0, linestyle="--", label=name)
 
 
 def modulus_figure(rows: Sequence[Mapping[str, Any]]) -> Figure:

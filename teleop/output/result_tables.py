@@ -58,7 +58,7 @@ def print_tangent(tangent: Mapping[str, Any]) -> None:
     console = plain_console()
     console.print(
         f"  k is the tangent stiffness at {tangent['force_n']:.3g} N, "
-        f"{tangent['depth_m'] * 1e3:.3g} mm"
+        f"{tangent['depth_m'] * 1e3:.3g} mm from the {tangent['depth_from']}"
     )
     if tangent["secant_n_per_m"] is not None:
         console.print(

@@ -176,6 +176,8 @@ def test_the_residual_of_a_fit_is_that_of_the_data_without_baseline():
     f = 2000.0 * x + 90e-3 * np.sin(6.0 * t) + 0.5 * t + rng.normal(0.0, 0.02, t.size)
     signals = Signals(t, x, f, np.full(t.size, 2e-3), "Position", ())
     evaluation = evaluate(signals, EstimateSettings())
-    residual = fit_figure("title", evaluation).axes[2].get_lines()[0].get_ydata()
+    _, over_time, below = fit_figure("title", evaluation).axes
+    measured, residual = (axes.get_lines()[0].get_ydata() for axes in (over_time, below))
+    assert np.ptp(measured + evaluation.datum.f) == pytest.approx(np.ptp(f), rel=0.05)
     drift = 0.5 * 20.0 / np.sqrt(12.0)
     assert np.nanstd(residual) < 0.2 * drift
