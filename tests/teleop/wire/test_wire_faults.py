@@ -83,8 +83,8 @@ def test_noise_on_an_slcan_line_without_checksums_is_tolerated_or_stops_the_rig(
 
 @pytest.mark.parametrize("kind", ["delay", "silence", "baud"])
 @pytest.mark.parametrize("wired", WIRES, ids=NAMES)
-def test_a_wire_without_new_samples_is_reported_as_stale(stepped, wired, kind):
-    trial, emulator = run(stepped, wired, kind)
+def test_a_wire_without_new_samples_is_reported_as_stale(in_memory, wired, kind):
+    trial, emulator = run(in_memory, wired, kind)
     assert trial.fault["fault"] == Fault.STALE
     assert AT < trial.fault["time"] < AT + 0.1
     check_stopped(trial, emulator)
@@ -135,8 +135,8 @@ def test_a_line_at_another_baud_rate_is_reported_at_the_start(stepped, wired, mo
 
 
 @pytest.mark.parametrize("wired", [ODRIVE, CIA402], ids=["can", "drives"])
-def test_bus_off_is_reported(stepped, wired):
-    trial, emulator = run(stepped, wired, "bus-off")
+def test_bus_off_is_reported(in_memory, wired):
+    trial, emulator = run(in_memory, wired, "bus-off")
     assert trial.fault["fault"] == Fault.RIG_FAILURE
     assert "is off" in trial.fault["text"]
     check_stopped(trial, emulator)
