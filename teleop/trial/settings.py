@@ -79,9 +79,9 @@ class TrialSettings:
     """Seed of operator and sensor noise."""
     signal: Annotated[AnySignal, Discriminator("kind")] | None = None
     """Excitation signal of the autonomous condition. In mimic, the sine that the operator follows.
-    None for a sine of 1 Hz in mimic and of 2 Hz otherwise."""
+    Default: a sine of 1 Hz in mimic and of 2 Hz otherwise."""
     count_in: float | None = None
-    """Time at the start of a mimic trial in which the target does not move [s]. None for 3 s on a
+    """Time at the start of a mimic trial in which the target does not move [s]. Default: 3 s on a
     rig of devices and 0 on the simulated rig."""
     admittance: AdmittanceParameters = field(default_factory=AdmittanceParameters)
     """Virtual dynamics of the master."""
@@ -94,19 +94,19 @@ class TrialSettings:
     force_lag: float = 0.0
     """Lag of the force channel that matched conditioning compensates [s]."""
     preset: Preset | None = None
-    """All settings of the estimators. None for those of the paper. The adaptation gain is that of
+    """All settings of the estimators. Default: those of the paper. The adaptation gain is that of
     this cube. On a rig of devices, it is that of the soft cube times (d / depth)^2, where d is the
     depth of palpation for the soft cube."""
     estimators: tuple[str, ...] = PAPER
-    """Names of the estimators, used if `preset` is None."""
+    """Names of the estimators. Not used if all their settings are given."""
     model: Model = KELVIN_VOIGT
-    """Model of the estimators that support any model, used if `preset` is None."""
+    """Model of the estimators that support any model. Not used if all settings are given."""
     estimator_parameters: Mapping[str, OwnSettings] = field(default_factory=dict)
-    """Settings of single estimators by name, such as forgetting; used if `preset` is None."""
+    """Settings of single estimators by name, such as forgetting, besides the shared ones."""
     custom_setup: Setup | None = None
     """Body, force channel and depth of the palpation, instead of those of the named cube."""
     custom_limits: Limits | None = None
-    """Limits of the safety supervisor. None for those of the rig file or, on the simulated rig,
+    """Limits of the safety supervisor. Default: those of the rig file or, on the simulated rig,
     limits that are computed from the depth."""
     tightened_limits: TightenedLimits = NOT_TIGHTENED
     """Limits of the safety supervisor that are tighter than those of the rig."""
@@ -115,9 +115,9 @@ class TrialSettings:
     tare: Tare = NO_TARE
     """Zero offsets of force and position."""
     rig: RigFile | None = None
-    """The rig of devices; None for the simulated rig."""
+    """The rig of devices. Default: the simulated rig."""
     depth: float | None = None
-    """Depth of palpation [m]. None for the depth of the paper on this cube. A rig of devices
+    """Depth of palpation [m]. Default: the depth of the paper on this cube. A rig of devices
     needs a depth."""
 
     def __post_init__(self) -> None:
