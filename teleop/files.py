@@ -39,7 +39,7 @@ def check_outputs(
     sources
         Files that the command reads, which must not be overwritten; None for no file.
     overwrite
-        Whether an output may replace an existing file. A recording is never replaced.
+        Whether an output may replace an existing file; recordings are never replaced.
 
     Raises
     ------
@@ -113,7 +113,7 @@ def new_file(path: Path, overwrite: bool = False) -> Iterator[BinaryIO]:
     path
         The file.
     overwrite
-        Whether to replace an existing file. A recording is never replaced.
+        Whether to replace an existing file; recordings are never replaced.
 
     Yields
     ------

@@ -229,7 +229,7 @@ class Board(SerialDevice):
         self.error = self._reset or self._latched or error
 
     def ping(self) -> bool:
-        """Send DISABLE, unless operation is requested; a later sample acknowledges it."""
+        """Send DISABLE if no operation is requested; a later message of the board confirms it."""
         if self._wanted:
             return False
         self._pinged, self._ping_answered = self._sequence, False

@@ -220,7 +220,10 @@ def report(
 
 
 def variance(state: LogarithmicState, p: float, q: float, r: float) -> float:
-    """Return the variance of p level + q n + r v0 B/K for a noise variance of 1 N^2."""
+    """Return the variance of p a + q n + r v0 B/K for a noise variance of 1 N^2.
+
+    a, n and v0 B/K are the estimated parameters: level of ln f, exponent, and scaled damping.
+    """
     total = p * (p * state.c + 2.0 * (q * state.c_l + r * state.c_u))
     total += q * (q * state.c_ll + 2.0 * r * state.c_lu) + r * r * state.c_uu
     return total if total > 0.0 else 0.0

@@ -177,7 +177,7 @@ def add(state: FactoredState, weight: float, columns: int) -> None:
 
 
 def add_variance(state: FactoredState, i: int, weight: float) -> None:
-    """Add `weight` to the variance P_ii, by the method of `add` with the i-th unit vector as y."""
+    """Add `weight` to the variance P_ii; the equations are those of `add`, y the unit vector i."""
     D, column, y = state.D, state.U[i], state.y
     former = D[i]
     D[i] = former + weight

@@ -111,7 +111,7 @@ def achieved_frequency(t: Floats, position: Floats, frequency: float) -> float:
     position
         Position [m], of shape (n,).
     frequency
-        Frequency about which the search is made [Hz].
+        Frequency at the centre of the search [Hz].
     """
     from scipy.optimize import minimize_scalar
 

@@ -121,7 +121,7 @@ def small_multiples(
     labels: tuple[str, str],
     truth: Truth | None,
 ) -> Figure:
-    """Return a figure with separate panels for each estimator, with common axes.
+    """Return a figure with separate panels for each estimator, all with the same axis limits.
 
     Parameters
     ----------

@@ -23,7 +23,7 @@ def web_page(template: str, package: str = __package__, **values: Any) -> str:
     package
         Package whose folder `templates` contains the template.
     values
-        Values of the variables of the template. Text is escaped; Markup is inserted unchanged.
+        Values of the variables of the template. A `str` is escaped; a `Markup` is not.
     """
     loaders = [PackageLoader(package), PackageLoader(__package__)]
     environment = Environment(
