@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import compileall
 import gc
 import os
 import re
@@ -25,9 +26,13 @@ for name in ("SIGINT", "SIGHUP", "SIGQUIT"):
 os.environ.pop("COLUMNS", None)  # set by readline for the workers of pytest-xdist
 # Threads of a linear-algebra library would compete with the other worker for the two cores.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
-# The tests start hundreds of processes: each would compile all modules without the bytecode.
-os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
-sys.dont_write_bytecode = False
+ROOT = Path(__file__).parents[1]
+# The tests start hundreds of processes, which read this bytecode instead of compiling all modules.
+# They write none, since a process whose disk is full would leave a truncated file.
+if "PYTEST_XDIST_WORKER" not in os.environ:
+    for package in ("estimation", "drivers", "sim_backend", "teleop"):
+        compileall.compile_dir(ROOT / package, quiet=1)
+os.environ["PYTHONDONTWRITEBYTECODE"] = "1"
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -35,9 +40,6 @@ def quick_garbage_collection():
     """Exempt from garbage collection what earlier files have left: modules, tests, reports."""
     gc.collect()
     gc.freeze()
-
-
-ROOT = Path(__file__).parents[1]
 
 
 class DocsPage:
