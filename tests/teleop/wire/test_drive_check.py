@@ -263,9 +263,9 @@ def test_the_command_ends_with_the_exit_code_of_its_result(
 
 
 def test_the_drives_stay_idle_while_a_channel_has_a_problem(command, stepped, capsys):
-    old = rewritten("channels", "contact_force", max_age_ms=1e-3)
+    beyond = rewritten("channels", "contact_force", range_n=[100.0, 200.0])
     emulators: list[Emulator] = []
-    made = stepped("serial-board", prepare=emulators.append, rewrite=old)
+    made = stepped("serial-board", prepare=emulators.append, rewrite=beyond)
     assert command(made) == 2
     assert "contact_force: " in capsys.readouterr().err
     assert not math.isfinite(emulators[0]._started)
