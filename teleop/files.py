@@ -24,7 +24,7 @@ RECORDING = ".mcap"
 
 def check_outputs(
     *outputs: Path | None,
-    picture: Path | None = None,
+    pictures: tuple[Path | None, ...] = (),
     sources: tuple[Path | None, ...] = (),
     overwrite: bool = False,
 ) -> None:
@@ -34,8 +34,8 @@ def check_outputs(
     ----------
     outputs
         Files to be written; None for an output that was not requested.
-    picture
-        Picture file to be written; None if no picture was requested.
+    pictures
+        Picture files to be written; None for a picture that was not requested.
     sources
         Files that the command reads, which must not be overwritten; None for no file.
     overwrite
@@ -44,13 +44,14 @@ def check_outputs(
     Raises
     ------
     InputError
-        A file cannot be written, or would overwrite another file, or the ending of the picture is
+        A file cannot be written, or would overwrite another file, or the ending of a picture is
         unknown.
     """
-    if picture and picture.suffix.lower() not in PICTURES:
-        raise InputError(f"{picture}: expected a file ending in {', '.join(PICTURES)}")
+    for picture in pictures:
+        if picture and picture.suffix.lower() not in PICTURES:
+            raise InputError(f"{picture}: expected a file ending in {', '.join(PICTURES)}")
     taken = {resolved(source) for source in sources if source}
-    for path in (*outputs, picture):
+    for path in (*outputs, *pictures):
         if path is None:
             continue
         if resolved(path) in taken:

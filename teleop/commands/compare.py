@@ -112,7 +112,7 @@ def compare(
     if out:
         check_table_ending(out)
     inputs = tuple(source.path for source in found)
-    check_outputs(out, picture=plot, sources=inputs, overwrite=overwrite)
+    check_outputs(out, pictures=(plot,), sources=inputs, overwrite=overwrite)
     given = {
         "preset": preset,
         "conditioning": conditioning,

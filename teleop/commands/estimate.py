@@ -136,8 +136,6 @@ def estimate(
 
     if more and (out or plot or plot_force):
         raise InputError("--out, --plot and --plot-force need exactly one file")
-    if plot_fit:
-        check_outputs(None, picture=plot_fit, sources=(file, *more), overwrite=overwrite)
     tip = None
     if indenter:
         tip = Indenter(
@@ -149,8 +147,8 @@ def estimate(
         )
     elif radius is not None or angle is not None or thickness is not None:
         raise InputError("--radius, --angle and --thickness need --indenter")
-    check_outputs(out, picture=plot, sources=(file,), overwrite=overwrite)
-    check_outputs(out, plot, picture=plot_force, sources=(file,), overwrite=overwrite)
+    pictures = (plot, plot_force, plot_fit)
+    check_outputs(out, pictures=pictures, sources=(file, *more), overwrite=overwrite)
     for i, path in enumerate(more):
         if path.resolve() in [other.resolve() for other in (file, *more[:i])]:
             raise InputError(f"{path} is given twice: expected different recordings")

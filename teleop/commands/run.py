@@ -198,8 +198,8 @@ def run(
     if record:
         check_ending(record, RECORDING)
         make_folder(record)
-    check_outputs(record, picture=plot, sources=(config, rig, tare), overwrite=overwrite)
-    check_outputs(plot, picture=plot_force, sources=(record,), overwrite=overwrite)
+    sources = (config, rig, tare)
+    check_outputs(record, pictures=(plot, plot_force), sources=sources, overwrite=overwrite)
     if settings.rig and not yes and not ask_to_arm(settings):
         print_error("not armed: nothing was moved")
         return 130

@@ -13,7 +13,7 @@ from teleop.files import check_outputs
 def test_a_link_whose_target_does_not_exist_remains_after_the_check(tmp_path):
     link, target = tmp_path / "a.png", tmp_path / "b.png"
     link.symlink_to(target)
-    for arguments in ({}, {"picture": link}):
+    for arguments in ({}, {"pictures": (link,)}):
         with suppress(InputError):
             check_outputs(*(() if arguments else (link,)), **arguments)
         assert link.is_symlink()
@@ -41,3 +41,10 @@ def test_a_link_to_another_output_is_refused(tmp_path):
     link.symlink_to(target)
     with pytest.raises(InputError, match="would overwrite"):
         check_outputs(target, link)
+
+
+def test_two_pictures_of_the_same_name_are_refused(tmp_path):
+    picture = tmp_path / "a.png"
+    with pytest.raises(InputError, match="would overwrite an input or another output"):
+        check_outputs(pictures=(picture, picture))
+    assert not picture.exists()
