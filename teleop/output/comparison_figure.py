@@ -11,7 +11,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from teleop.evaluation.comparison import BATCH, Compared, Group, Mean
 from teleop.evaluation.result import Result
-from teleop.output.figure_style import legend, new_figure, plain
+from teleop.output.figure_style import BLUE, legend, new_figure, plain, tidy
 
 SPREAD = 0.35
 """Width on the axis for the recordings of a group, as a share of the distance of two groups."""
@@ -48,8 +48,7 @@ def comparison_figure(
             draw_results(axes, place, [one for one in members if one.identifiable], symbol)
             draw_mean(axes, place, group.means[BATCH][symbol])
         axes.set_ylabel(labels[symbol])
-        axes.grid(axis="y", alpha=0.25, linewidth=0.6)
-        axes.spines[["top", "right"]].set_visible(False)
+        tidy(axes, "y")
     names = ["\n".join(plain(level[:LONGEST_LEVEL]) for level in one.levels) for one in groups]
     stiffness = [one.result.k for one in rows if one.result.k is not None]
     if stiffness and 0.0 < WIDE * min(stiffness) < max(stiffness):
@@ -94,7 +93,7 @@ def draw_results(axes: Axes, place: int, results: Sequence[Result], symbol: str)
         value,
         [value - low, high - value],
         fmt="o",
-        color="#0072B2",
+        color=BLUE,
         markersize=3.5,
         linewidth=0.8,
         capsize=2,

@@ -203,9 +203,9 @@ def columns_width(names: Sequence[str], columns: int, font: float) -> float:
     return sum(0.62 * length + 5.0 for length in longest) * font / 72.0
 
 
-def tidy(axes: Axes) -> None:
-    """Draw a light grid, and no border above and to the right."""
-    axes.grid(alpha=0.25, linewidth=0.6)
+def tidy(axes: Axes, grid: Literal["both", "y"] = "both") -> None:
+    """Draw a light grid for these axes, and no border above and to the right."""
+    axes.grid(axis=grid, alpha=0.25, linewidth=0.6)
     axes.spines[["top", "right"]].set_visible(False)
 
 

@@ -11,16 +11,16 @@ from matplotlib.figure import Figure
 
 from estimation.batch_models import BatchFit
 from teleop.evaluation.evaluation import Evaluation
-from teleop.output.figure_style import new_figure, plain, tidy
+from teleop.output.figure_style import BLUE, GREY, ORANGE, new_figure, plain, tidy
 
 PHASE_COLOURS = {
     "free": "#BBBBBB",
-    "loading": "#0072B2",
+    "loading": BLUE,
     "hold": "#E69F00",
     "unloading": "#009E73",
 }
 """Colours of the phases of a palpation (palette of Okabe and Ito)."""
-MODEL = "#D55E00"
+MODEL = ORANGE
 MOST_POINTS = 4000
 """Largest number of samples of a line that are drawn."""
 
@@ -47,7 +47,7 @@ def fit_figure(title: str, evaluation: Evaluation) -> Figure:
     fitted = evaluation.analysis.data or record
     x, f, t = ((record.x - datum.x) * 1e3, record.raw_f - datum.f, record.t)
     draw_phases(over_x, evaluation, x, record.f - datum.f, every)
-    over_t.plot(t[::every], f[::every], color="#555555", linewidth=0.9, label="measured")
+    over_t.plot(t[::every], f[::every], color=GREY, linewidth=0.9, label="measured")
     for phase in evaluation.analysis.phases.phases:
         over_t.axvspan(
             t[phase.start], t[phase.end - 1], color=PHASE_COLOURS[phase.name], alpha=0.10, lw=0
@@ -141,8 +141,8 @@ def modulus_figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
     for axes, (name, label, size, colour) in zip(
         panels,
         (
-            ("storage", f"storage k\u2032 [{prefix}]", scale, "#0072B2"),
-            ("loss", f"loss k\u2033 [{prefix}]", scale, "#D55E00"),
+            ("storage", f"storage k\u2032 [{prefix}]", scale, BLUE),
+            ("loss", f"loss k\u2033 [{prefix}]", scale, ORANGE),
             ("tan_delta", "tan \u03b4 = k\u2033 / k\u2032", 1.0, "#000000"),
         ),
         strict=True,
