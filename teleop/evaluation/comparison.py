@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.special import stdtrit
 
-from estimation.summary import EstimatorSummary, summarise
+from estimation.summary import EstimatorSummary
 from teleop.errors import InputError
 from teleop.evaluation.evaluation import Evaluation
 from teleop.evaluation.result import Result
@@ -62,12 +62,7 @@ class Group:
 
 def compared(file: str, factors: Mapping[str, str], evaluation: Evaluation) -> Compared:
     """Return the results of one evaluated recording."""
-    e = evaluation
-    estimates = {
-        name: summarise(e.t, e.regression, series, e.bank[name], e.misfit[name])
-        for name, series in e.estimates.items()
-    }
-    return Compared(file, dict(factors), e.analysis.result, estimates)
+    return Compared(file, dict(factors), evaluation.analysis.result, evaluation.summaries())
 
 
 def mean_of(values: Sequence[float], halves: Sequence[float]) -> Mean:

@@ -29,7 +29,7 @@ from estimation.estimate_columns import estimate_arrays, estimate_columns, misfi
 from estimation.excitation import dominant_frequency
 from estimation.model import KELVIN_VOIGT
 from estimation.registry import PAPER
-from estimation.summary import summarise
+from estimation.summary import EstimatorSummary, summarise
 from teleop.errors import InputError, as_input_error
 from teleop.evaluation.analysis import Analysis, analyse
 from teleop.evaluation.contact_bank import ContactBank, contact_at
@@ -95,12 +95,7 @@ class Evaluation:
             Whether to measure the computing time of each estimator per sample. The measured
             time differs from call to call.
         """
-        estimates = {
-            name: summarise(
-                self.t, self.regression, series, self.bank[name], self.misfit[name]
-            )._asdict()
-            for name, series in self.estimates.items()
-        }
+        estimates = {name: one._asdict() for name, one in self.summaries().items()}
         if not set(estimates) <= set(PAPER):
             x, v, f, *_ = self.regression
             for batch, modelled in ((least_squares(x, v, f), False), (self.batch, True)):
@@ -147,6 +142,13 @@ class Evaluation:
                 "one_step_rms": self.batch.rms,
                 "further": dict(zip(self.preset.model.further, self.batch.further, strict=True)),
             },
+        }
+
+    def summaries(self) -> dict[str, EstimatorSummary]:
+        """Return the summary of the estimates of each estimator, by its name."""
+        return {
+            name: summarise(self.t, self.regression, series, self.bank[name], self.misfit[name])
+            for name, series in self.estimates.items()
         }
 
     @cached_property
@@ -262,11 +264,8 @@ def evaluate(signals: Signals, settings: EstimateSettings) -> Evaluation:
         if given:
             preset = given
         else:
-            preset = (
-                paper_preset(settings.cube)
-                if settings.preset == "paper"
-                else scaled_preset(x, v, f, dt)
-            )
+            paper = settings.preset == "paper"
+            preset = paper_preset(settings.cube) if paper else scaled_preset(x, v, f, dt)
             preset = replace(preset, correlation=conditioner.correlation(float(np.median(dt))))
         preset = replace(preset, model=model, estimators=settings.estimators or preset.estimators)
         bank = preset.bank()
