@@ -116,15 +116,15 @@ def settings_from(document: Mapping[str, Any], folder: Path) -> TrialSettings:
             except (InputError, ValueError) as error:
                 problems += str(error).splitlines()
                 del named[key]
-    if "rig" in document and "rig" not in named:  # the limits of the other settings are unknown
-        raise InputError("\n".join(problems))
-    try:
-        settings = from_document(named)
-    except InputError as error:
-        raise InputError("\n".join([*problems, str(error)])) from error
-    if problems:
-        raise InputError("\n".join(problems))
-    return settings
+    if "rig" in named or "rig" not in document:  # without it, limits of other settings are unknown
+        try:
+            settings = from_document(named)
+        except InputError as error:
+            problems += str(error).splitlines()
+        else:
+            if not problems:
+                return settings
+    raise InputError("\n".join(problems))
 
 
 def write_configuration(settings: TrialSettings) -> str:
