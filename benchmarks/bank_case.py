@@ -11,7 +11,7 @@ from rich.table import Table
 
 from estimation import METHODS, Axis, Bank, Gate, Grid, Preset, compiled, paper_preset
 
-compiled.MIN_SAMPLES_TO_COMPILE = 0
+compiled.choice.is_compiled = lambda samples: True  # type: ignore[method-assign]
 """`run` is compiled for any number of samples."""
 
 RATE = 1000.0

@@ -24,9 +24,10 @@ from estimation.step import State, Step, below
 
 Floats = NDArray[np.float64]
 
-MIN_SAMPLES_TO_COMPILE = 20_000
-"""Number of samples from which on compiled code is used. For fewer samples, loading numba takes
-longer than the interpreted loop."""
+WORTH_LOADING_NUMBA = 200_000
+"""Number of samples whose interpretation takes as long as loading numba, about 0.6 s."""
+WORTH_LOADING_STEP = 3_000
+"""Number of samples whose interpretation takes as long as loading a compiled step, about 7 ms."""
 
 
 class Samples(NamedTuple):
@@ -49,6 +50,32 @@ class Law(NamedTuple):
     parameters: Any
 
 
+class CompilationChoice:
+    """Chooses between interpreted and compiled code, which has to be loaded first.
+
+    numba is loaded when the samples that would have been faster with it have taken as long as its
+    loading. The total time is therefore at most twice that of the best choice in hindsight (the
+    ski rental problem).
+    """
+
+    def __init__(self) -> None:
+        self.interpreted = 0
+        """Number of samples that were interpreted, of all steps together."""
+
+    def is_compiled(self, samples: int) -> bool:
+        """Return whether a step is applied to this number of samples as compiled code."""
+        if samples < WORTH_LOADING_STEP or not find_spec("numba"):
+            return False
+        if "numba" in sys.modules:
+            return True
+        self.interpreted += samples
+        return self.interpreted >= WORTH_LOADING_NUMBA
+
+
+choice = CompilationChoice()
+"""The choice for this process."""
+
+
 def sweep(law: Law, state: State, samples: Samples) -> Floats:
     """Apply a step to n samples: return the estimate after each, and update the state in place.
 
@@ -60,7 +87,7 @@ def sweep(law: Law, state: State, samples: Samples) -> Floats:
     Array of shape (n, 2 m + 1). Each row has the m values of `theta`, the m values of `std`,
     and `held`.
     """
-    if len(samples.f) >= MIN_SAMPLES_TO_COMPILE and find_spec("numba"):
+    if choice.is_compiled(len(samples.f)):
         return compiled_sweep(law, state, samples)
     return interpreted_sweep(law, state, samples)
 

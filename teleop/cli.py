@@ -24,6 +24,7 @@ from teleop.commands.reproduce import reproduce
 from teleop.commands.rig import rig
 from teleop.commands.run import run
 from teleop.commands.series import series
+from teleop.commands.sweep import sweep
 from teleop.errors import InputError, SafetyStop
 from teleop.interruption import Interruption
 from teleop.printable import discard_output, print_error
@@ -51,6 +52,7 @@ for command in (run, estimate, compare, report, export, recover, lag):
 app.command(reproduce, help_format="markdown")
 app.command(config)
 app.command(series, help_format="markdown")
+app.command(sweep, help_format="markdown")
 app.command(rig)
 app.register_install_completion_command(
     help="Install the completion of commands and options for this shell (bash, zsh or fish)."

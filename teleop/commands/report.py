@@ -62,7 +62,8 @@ def report(
     from teleop.commands.choices import choose_estimators, choose_model
     from teleop.commands.estimate import chosen
     from teleop.commands.figures import truth_of
-    from teleop.evaluation.evaluation import FEWEST, evaluate
+    from teleop.evaluation.conditioned import FEWEST
+    from teleop.evaluation.evaluation import evaluate
     from teleop.evaluation.settings_summary import settings_summary
     from teleop.files import check_ending, check_outputs, write_text
     from teleop.output import console

@@ -25,6 +25,9 @@ class Datum(NamedTuple):
     """How the datum was chosen, in words."""
 
 
+OWN_ZERO = Datum(0.0, 0.0, "the file's own zero")
+
+
 def find_datum(signals: Signals, wanted: str, phases: Phases | None = None) -> Datum:
     """Return the position and force that count as zero.
 
@@ -60,7 +63,7 @@ def find_datum(signals: Signals, wanted: str, phases: Phases | None = None) -> D
             )
         wanted = "mean"
     if wanted == "file":
-        return Datum(0.0, 0.0, "the file's own zero")
+        return OWN_ZERO
     if wanted == "start":
         return Datum(float(signals.x[0]), float(signals.f[0]), "the first sample")
     if wanted == "mean":

@@ -32,13 +32,14 @@ from estimation.registry import PAPER
 from estimation.summary import EstimatorSummary, summarise
 from teleop.errors import InputError, as_input_error
 from teleop.evaluation.analysis import Analysis, analyse
+from teleop.evaluation.conditioned import FEWEST, conditioned
 from teleop.evaluation.contact_bank import ContactBank, contact_at
 from teleop.evaluation.datum import Datum, find_datum, moving_part
 from teleop.evaluation.estimate_settings import EstimateSettings
 from teleop.evaluation.force_filter import without_filter_delay
 from teleop.evaluation.model_comparison import compare
 from teleop.evaluation.model_comparison import cost as sample_cost
-from teleop.evaluation.sampling_gaps import closed_up, condition
+from teleop.evaluation.sampling_gaps import closed_up
 from teleop.evaluation.signals import Signals
 from teleop.evaluation.smallest_step import smallest_step
 
@@ -50,8 +51,6 @@ LEAST_EXCITATION = 0.01
 The standard deviation of b omega is then more than ten times that of k, so that a loss b omega / k
 of less than one is not resolved where k is known to 10 %.
 """
-FEWEST = 10
-"""Fewest moving samples that are evaluated."""
 
 
 @dataclass(frozen=True)
@@ -241,24 +240,7 @@ def evaluate(signals: Signals, settings: EstimateSettings) -> Evaluation:
     model = settings.model or (given.model if given else KELVIN_VOIGT)
     with as_input_error():
         conditioner = make_conditioner(settings.conditioning, bandwidth, count, lag, model)
-    whole, settled = condition(
-        conditioner,
-        signals.t,
-        signals.x - datum.x,
-        signals.f - datum.f,
-        signals.dt,
-        signals.gaps,
-    )
-    moving = np.arange(len(signals.t))[motion]
-    used = moving[settled[moving]]
-    if len(used) < FEWEST:
-        raise InputError(
-            f"only {len(used)} samples are far enough from a gap for the filters to settle: "
-            f"expected at least {FEWEST}"
-        )
-    t, regression = signals.t[used], whole.part(used)
-    apart = 1 + np.flatnonzero(np.diff(used) > 1)
-    regression.dt[apart] = t[apart] - t[apart - 1]
+    t, regression, used, apart = conditioned(conditioner, signals, datum, motion)
     x, v, f, dt, _ = regression
     with as_input_error():
         if given:
@@ -276,7 +258,8 @@ def evaluate(signals: Signals, settings: EstimateSettings) -> Evaluation:
     measure = Excitation(frequency, resolution=10.0 * count)
     excitation = [measure.update(*sample) for sample in zip(x, v, dt, strict=True)]
     period = float(np.median(dt))
-    gaps = [i for i in signals.gaps if moving[0] < i <= moving[-1]]
+    first, *_, last = np.arange(len(signals.t))[motion]
+    gaps = [i for i in signals.gaps if first < i <= last]
     return Evaluation(
         t=t,
         regression=regression,

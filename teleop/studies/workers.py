@@ -15,11 +15,16 @@ from teleop.interruption import SIGNALS
 
 
 @contextlib.contextmanager
-def workers() -> Iterator[ProcessPoolExecutor]:
-    """Provide a pool of worker processes, one per processor core, within the block.
+def workers(count: int | None = None) -> Iterator[ProcessPoolExecutor]:
+    """Provide a pool of worker processes within the block.
 
     If the block raises an exception, including KeyboardInterrupt, the processes are killed
     without waiting for their tasks. If this process is killed, they end by themselves.
+
+    Parameters
+    ----------
+    count
+        Number of processes; None for one per processor.
 
     Yields
     ------
@@ -32,7 +37,7 @@ def workers() -> Iterator[ProcessPoolExecutor]:
     """
     others = set(multiprocessing.active_children())
     try:
-        pool = ProcessPoolExecutor(initializer=end_with_parent)
+        pool = ProcessPoolExecutor(count, initializer=end_with_parent)
     except (OSError, ImportError) as error:
         raise InputError(
             f"trials run in several processes, which need semaphores in shared memory: {error}"

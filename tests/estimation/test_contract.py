@@ -19,7 +19,7 @@ from estimation import (
     RecursiveLeastSquares,
     paper_preset,
 )
-from estimation.compiled import MIN_SAMPLES_TO_COMPILE
+from estimation.compiled import CompilationChoice
 from estimation.records import numbers
 from estimation.step import State
 from estimation.testing import CHECKS, check_compiled_equals_interpreted, check_estimator
@@ -60,10 +60,13 @@ def test_compiled_and_interpreted_give_the_same_numbers_to_the_bit(name):
 
 
 @pytest.mark.parametrize("name", ESTIMATORS)
-def test_a_batch_that_is_compiled_is_the_same_as_its_pieces(name, palpation):
-    s = palpation(seconds=MIN_SAMPLES_TO_COMPILE / 1000 + 1.0, noise=0.1)
+def test_a_batch_that_is_compiled_is_the_same_as_its_pieces(name, palpation, monkeypatch):
+    pytest.importorskip("numba", reason="needs the `fast` extra")
+    s = palpation(seconds=21.0, noise=0.1)
     whole, pieces = ESTIMATORS[name](), ESTIMATORS[name]()
+    monkeypatch.setattr(CompilationChoice, "is_compiled", lambda choice, samples: True)
     expected = whole.run(*s)[:5]
+    monkeypatch.setattr(CompilationChoice, "is_compiled", lambda choice, samples: False)
     parts = [pieces.run(*(c[i : i + 3000] for c in s))[:5] for i in range(0, len(s.x), 3000)]
     got = [np.concatenate(column) for column in zip(*parts, strict=True)]
     assert all(np.array_equal(a, b, equal_nan=True) for a, b in zip(got, expected, strict=True))

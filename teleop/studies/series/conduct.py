@@ -12,7 +12,8 @@ from drivers import RigError
 from teleop.errors import InputError, SafetyStop
 from teleop.files import make_folder
 from teleop.safety.events import time_text
-from teleop.studies.series.journal import LOCK, NAME, Journal, locked
+from teleop.studies.json_lines import LOCK, locked
+from teleop.studies.series.journal import NAME, Journal
 from teleop.studies.series.plan import Plan, PlannedTrial
 from teleop.studies.series.table import RECORDINGS, write_results
 from teleop.trial.result import Trial
@@ -104,7 +105,7 @@ def conduct(
     Raises
     ------
     InputError
-        A file cannot be written, or another series runs in the folder.
+        A file cannot be written, or another series or sweep runs in the folder.
     KeyboardInterrupt
         A trial of an unattended series was interrupted.
     SafetyStop

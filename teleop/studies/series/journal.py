@@ -1,25 +1,21 @@
 """The journal of a series: a line for each trial that was started, done, spoilt or skipped.
 
-A spoilt trial has failed and must be repeated. The journal is a text file of JSON lines. Lines are
-only appended, and each line is written to the disk before the series continues. After a series was
-interrupted or killed, the journal contains what is needed to resume it.
+A spoilt trial has failed and must be repeated. After a series was interrupted or killed, the
+journal contains what is needed to resume it.
 """
 
 from __future__ import annotations
 
-import contextlib
-import os
 from collections import Counter, defaultdict
 from collections.abc import Iterator
 from datetime import datetime
 from pathlib import Path
 from typing import Any, Literal
 
-from teleop.errors import InputError
-from teleop.files import unwritable
 from teleop.json_documents import dumps, loads
+from teleop.studies.json_lines import JsonLines
 
-NAME, LOCK = "journal.jsonl", ".lock"
+NAME = "journal.jsonl"
 Entry = Literal["plan", "started", "done", "spoilt", "skipped", "note"]
 
 
@@ -33,12 +29,12 @@ class Journal:
     """
 
     def __init__(self, folder: Path) -> None:
-        self.path = folder / NAME
+        self._lines = JsonLines(folder / NAME)
         self.entries: list[dict[str, Any]] = []
         self._last: dict[int, dict[str, Any]] = {}
         self._attempts: Counter[int] = Counter()
         self._notes: defaultdict[tuple[int, int], list[str]] = defaultdict(list)
-        for entry in self._read():
+        for _, entry in self._lines.read():
             self._add(entry)
 
     def write(self, entry: Entry, trial: int = 0, **values: Any) -> None:
@@ -60,13 +56,7 @@ class Journal:
         """
         now = datetime.now().astimezone().isoformat(timespec="seconds")
         record = {"time": now, "entry": entry, "trial": trial, **values}
-        try:
-            with self.path.open("a", encoding="utf-8") as file:
-                file.write(dumps(record) + "\n")
-                file.flush()
-                os.fsync(file.fileno())
-        except OSError as error:
-            raise unwritable(self.path, error) from error
+        self._lines.append([record])
         self._add(loads(dumps(record)))
 
     def last(self, trial: int) -> dict[str, Any] | None:
@@ -100,40 +90,3 @@ class Journal:
             self._notes[entry["trial"], entry["attempt"]].append(entry["note"])
         if entry["entry"] not in ("plan", "note"):
             self._last[entry["trial"]] = entry
-
-    def _read(self) -> Iterator[dict[str, Any]]:
-        """Yield the entries of the file, and remove an incomplete last line, as after a crash."""
-        if not self.path.exists():
-            return
-        text = self.path.read_bytes()
-        whole, _, rest = text.rpartition(b"\n")
-        if rest:
-            with self.path.open("r+b") as file:
-                file.truncate(len(whole) + 1 if whole else 0)
-        for number, line in enumerate(whole.splitlines(), start=1):
-            try:
-                yield loads(line)
-            except ValueError as error:
-                raise InputError(f"{self.path}, line {number}: expected a line of JSON") from error
-
-
-@contextlib.contextmanager
-def locked(folder: Path) -> Iterator[None]:
-    """Within the block, prevent that another series runs in the same folder.
-
-    Raises
-    ------
-    InputError
-        Another series runs in the folder.
-    """
-    try:
-        import fcntl
-    except ImportError:  # a system without these locks
-        yield
-        return
-    with (folder / LOCK).open("w") as file:
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError as error:
-            raise InputError(f"{folder}: another series is running in this folder") from error
-        yield

@@ -16,8 +16,9 @@ import pytest
 from teleop.cli import main
 from teleop.errors import InputError, SafetyStop
 from teleop.recording.recording import load
+from teleop.studies.json_lines import locked
 from teleop.studies.series.conduct import conduct
-from teleop.studies.series.journal import Journal, locked
+from teleop.studies.series.journal import Journal
 from teleop.studies.series.plan import planned_trials, read_plan
 from teleop.trial.run import run_trial
 
@@ -161,7 +162,7 @@ def test_two_series_in_one_folder_are_refused(plan, tmp_path):
     folder.mkdir()
     with (
         locked(folder),
-        pytest.raises(InputError, match="another series is running in this folder"),
+        pytest.raises(InputError, match="another series or sweep is running in this folder"),
     ):
         conduct(folder, *plan)
 

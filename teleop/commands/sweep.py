@@ -1,0 +1,145 @@
+"""`teleop sweep`: trials or evaluations with many settings, in parallel."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import Parameter
+
+from teleop.commands.overwriting import Overwrite
+from teleop.names import WidthName
+
+
+def sweep(
+    plan: Path,
+    /,
+    *,
+    out: Path | None = None,
+    seeds: int | None = None,
+    workers: int | None = None,
+    dask: str | None = None,
+    plot: Path | None = None,
+    plot_map: Path | None = None,
+    map_factors: str | None = None,
+    response: Literal["k", "b", "k_end", "b_end", "e_f", "one_step_rms", "rise_time_s"] = "k",
+    width: WidthName = "screen",
+    overwrite: Overwrite = False,
+    json: Annotated[bool, Parameter(negative="")] = False,
+) -> int:
+    """Run trials with many settings and seeds, in parallel, and write one table of the results.
+
+    The settings vary over a grid, a list, random points or a Latin hypercube. Instead of trials on
+    the simulated rig, the estimates of a recording can be computed with different settings. A
+    point that fails has an error instead of results. To resume a sweep that was interrupted or
+    killed, enter the same command again.
+
+    Example: `teleop sweep paper --seeds 20 --out paper-sweep`
+
+    Parameters
+    ----------
+    plan
+        File with the plan of the sweep (TOML), or paper for the nine trials of the paper.
+    out
+        Folder for the tables results.csv and results.parquet, with a row for each point and
+        estimator, and for the journal. Default: sweep-NAME, with the name in the plan.
+    seeds
+        Repetitions of each point with different seeds. Default: those of the plan.
+    workers
+        Number of processes. Default: one per processor.
+    dask
+        Run on a Dask cluster: the address of its scheduler, such as tcp://10.0.0.1:8786, or local
+        for a cluster on this machine. Needs the extra `sweep`.
+    plot
+        Plot the mean result by the levels of each factor to a .png, .svg or .pdf file.
+    plot_map
+        Plot a map of the mean result over two factors to a .png, .svg or .pdf file.
+    map_factors
+        The two factors of the map, separated by a comma. Default: the first two of the plan.
+    response
+        Result in the figures: average stiffness (k) or damping (b), the same at the end (k_end,
+        b_end), force error (e_f), one-step force error (one_step_rms), or rise time.
+    width
+        Width of the figures: for a screen, one (single) or two columns (double) of an IEEE paper,
+        or a page of A4.
+    json
+        Print one JSON document instead of lines.
+    """
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+    from rich.progress import TimeRemainingColumn as Remaining
+
+    from teleop.errors import InputError
+    from teleop.files import check_outputs
+    from teleop.output.console import plain_console, print_json
+    from teleop.studies.sweep.conduct import conduct
+    from teleop.studies.sweep.executors import in_processes
+    from teleop.studies.sweep.plan import read_plan
+    from teleop.studies.sweep.points import points_of
+    from teleop.studies.sweep.tables import CSV, PARQUET
+    from teleop.studies.sweep.tasks import task_of
+
+    if workers is not None and workers < 1:
+        raise InputError(f"workers {workers}: expected at least 1")
+    if seeds is not None and seeds < 1:
+        raise InputError(f"seeds {seeds}: expected at least 1")
+    read = read_plan(plan, seeds)
+    axes = [name.strip() for name in map_factors.split(",")] if map_factors else [*read.factors][:2]
+    if plot_map and (len(axes) != 2 or not set(axes) <= set(read.factors)):
+        raise InputError(
+            f"map: expected two of the factors {', '.join(read.factors)}, separated by a comma"
+        )
+    check_outputs(pictures=(plot, plot_map), sources=(plan,), overwrite=overwrite)
+    folder = out or Path(f"sweep-{read.name}")
+    if dask:
+        from teleop.studies.sweep.dask_cluster import on_dask
+
+        execute = on_dask(dask, workers)
+    else:
+        execute = in_processes(workers)
+    task, points = task_of(read, plan.parent), points_of(read)
+    columns = (TextColumn("points"), BarColumn(), MofNCompleteColumn(), Remaining())
+    shown = Console(stderr=True)
+    with Progress(*columns, console=shown, transient=True, disable=not sys.stderr.isatty()) as bar:
+        line = bar.add_task("points", total=len(points))
+        ended = conduct(
+            folder,
+            read,
+            task,
+            points,
+            execute,
+            lambda progress: bar.update(line, completed=progress.done),
+        )
+    files = [str(folder / CSV), *([str(folder / PARQUET)] if ended.parquet else [])]
+    if json:
+        print_json(
+            {
+                "folder": str(folder),
+                "points": ended.total,
+                "failed": ended.failed,
+                "resumed": ended.resumed,
+                "files": files,
+            }
+        )
+    else:
+        text = f"{ended.total} points"
+        if ended.resumed:
+            text += f", {ended.resumed} of them from an earlier run"
+        if ended.failed:
+            text += f", {ended.failed} failed: see the column error"
+        plain_console().print(f"{text}\n{' '.join(files)}", soft_wrap=True)
+        if not ended.parquet:
+            shown.print(f"{PARQUET} needs pyarrow: pip install '.[sweep]'", soft_wrap=True)
+    if plot or plot_map:
+        from teleop.output.figure_style import figure_style, save
+        from teleop.output.sweep_figures import main_effects_figure, map_figure
+        from teleop.studies.sweep.figure_rows import read_rows
+
+        rows = read_rows(folder / CSV, [*read.factors], response)
+        with figure_style(width):
+            if plot:
+                save(main_effects_figure(rows), plot, overwrite)
+            if plot_map:
+                save(map_figure(rows, *axes), plot_map, overwrite)
+    return 0

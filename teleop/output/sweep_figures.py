@@ -1,0 +1,188 @@
+"""Figures of a sweep: the effect of each factor on a result, and a map over two factors."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from estimation.compiled import Floats
+from estimation.estimator import LEVEL_95
+from teleop.output.figure_style import CHOSEN, WIDTHS, legend, line, new_figure, plain, tidy
+
+MOST_LEVELS = 12
+"""Largest number of levels of a factor that are shown; more numbers are put into bins."""
+BINS = 8
+"""Number of bins of a factor, with the same number of points in each."""
+INCHES = 2.4
+"""Least width of a panel [in]."""
+
+
+class Levels(NamedTuple):
+    """Levels of a factor, or bins of its values."""
+
+    places: Floats
+    """Position of each level on the axis, shape (levels,)."""
+    names: tuple[str, ...]
+    """Name of each level; empty if the places are the values."""
+    level: NDArray[np.intp]
+    """Level of each row, shape (n,)."""
+
+
+class SweepRows(NamedTuple):
+    """Rows of the table of a sweep that have a result; arrays of shape (n,)."""
+
+    factors: dict[str, Sequence[float | str]]
+    """Value of each factor by its name, each of n values."""
+    estimator: NDArray[np.str_]
+    """Name of the estimator."""
+    response: Floats
+    """The result that is shown."""
+    heading: str
+    """Name of the result with its unit."""
+
+
+def levels_of(values: Sequence[float | str]) -> Levels:
+    """Return the levels of a factor: its values or, if these are many numbers, bins of them."""
+    if any(isinstance(value, str) for value in values):
+        names, index = np.unique([str(value) for value in values], return_inverse=True)
+        order = dict.fromkeys(str(value) for value in values)
+        rank = np.array([[*order].index(name) for name in names.tolist()])
+        return Levels(np.arange(len(names), dtype=float), tuple(order), rank[index])
+    numbers = np.array(values, dtype=float)
+    places, index = np.unique(numbers, return_inverse=True)
+    if len(places) <= MOST_LEVELS:
+        return Levels(places, (), index)
+    edges = np.quantile(numbers, np.linspace(0.0, 1.0, BINS + 1)[1:-1])
+    index = np.searchsorted(edges, numbers, side="right")
+    filled, index = np.unique(index, return_inverse=True)
+    means = [float(np.mean(numbers[index == i])) for i in range(len(filled))]
+    return Levels(np.array(means), (), index)
+
+
+def main_effects_figure(rows: SweepRows) -> Figure:
+    """Return a figure with a panel for each factor: mean result by level, for each estimator.
+
+    Error bars are 95 % intervals of the mean over all other factors and seeds.
+
+    Parameters
+    ----------
+    rows
+        Rows of the sweep; at least one.
+    """
+    columns = max(1, min(len(rows.factors), int(WIDTHS[CHOSEN.get()] / INCHES)))
+    lines = -(-len(rows.factors) // columns)
+    figure = new_figure(0.42 * lines, rows=lines)
+    panels = figure.subplots(lines, columns, sharey=True, squeeze=False)
+    names = [*dict.fromkeys(rows.estimator.tolist())]
+    for axes, (factor, values) in zip(panels.flat, rows.factors.items(), strict=False):
+        levels = levels_of(values)
+        for number, name in enumerate(names):
+            draw_effect(axes, levels, rows.response, rows.estimator == name, name, number)
+        label_axis(axes, factor, levels)
+        tidy(axes)
+    for axes in panels.flat[len(rows.factors) :]:
+        axes.set_visible(False)
+    for axes in panels[:, 0]:
+        axes.set_ylabel(plain(rows.heading))
+    handles, texts = panels[0, 0].get_legend_handles_labels()
+    legend(figure, handles, texts)
+    return figure
+
+
+def draw_effect(
+    axes: Axes, levels: Levels, response: Floats, chosen: NDArray[np.bool_], name: str, number: int
+) -> None:
+    """Draw the mean response of one estimator by level, with 95 % intervals.
+
+    Parameters
+    ----------
+    axes
+        The panel.
+    levels
+        Levels of the factor.
+    response
+        Response of all rows, shape (n,).
+    chosen
+        Rows of the estimator, shape (n,).
+    name, number
+        Name and number of the estimator, for the legend and the style.
+    """
+    places, means, halves = [], [], []
+    for level, place in enumerate(levels.places.tolist()):
+        values = response[chosen & (levels.level == level)]
+        if len(values):
+            spread = float(np.std(values, ddof=1)) if len(values) > 1 else 0.0
+            places.append(place)
+            means.append(float(np.mean(values)))
+            halves.append(LEVEL_95 * spread / np.sqrt(len(values)))
+    marker = "osD^v"[number % 5]
+    axes.errorbar(
+        places, means, halves, label=name, marker=marker, markersize=4, capsize=2, **line(number)
+    )
+
+
+def label_axis(axes: Axes, factor: str, levels: Levels, vertical: bool = False) -> None:
+    """Write the name of a factor, and the names of its levels if it has any, to an axis."""
+    setting = axes.set_ylabel if vertical else axes.set_xlabel
+    setting(plain(factor))
+    if levels.names:
+        ticks = axes.set_yticks if vertical else axes.set_xticks
+        ticks(levels.places.tolist(), [plain(name) for name in levels.names])
+    elif is_logarithmic(levels.places):
+        (axes.set_yscale if vertical else axes.set_xscale)("log")
+
+
+def is_logarithmic(places: Floats) -> bool:
+    """Return whether the places of a factor look even on a logarithmic axis only."""
+    if len(places) < 3 or places[0] <= 0.0:
+        return False
+    even, even_logarithm = (np.diff(one) for one in (places, np.log(places)))
+    return bool(np.ptp(even_logarithm) / even_logarithm.mean() < np.ptp(even) / even.mean())
+
+
+def map_figure(rows: SweepRows, first: str, second: str) -> Figure:
+    """Return a figure with a map for each estimator: mean result over two factors.
+
+    Parameters
+    ----------
+    rows
+        Rows of the sweep; at least one.
+    first, second
+        Names of the factors of the horizontal and the vertical axis.
+    """
+    across, upwards = levels_of(rows.factors[first]), levels_of(rows.factors[second])
+    names = [*dict.fromkeys(rows.estimator.tolist())]
+    columns = max(1, min(len(names), int(WIDTHS[CHOSEN.get()] / INCHES)))
+    lines = -(-len(names) // columns)
+    figure = new_figure(0.38 * lines, rows=lines)
+    panels = figure.subplots(lines, columns, squeeze=False, sharex=True, sharey=True)
+    maps = []
+    for name in names:
+        cells = np.full((len(upwards.places), len(across.places)), np.nan)
+        for i, j in np.ndindex(cells.shape):
+            chosen = (rows.estimator == name) & (upwards.level == i) & (across.level == j)
+            if chosen.any():
+                cells[i, j] = np.mean(rows.response[chosen])
+        maps.append(cells)
+    low, high = (float(end(maps)) for end in (np.nanmin, np.nanmax))
+    image = None
+    for axes, name, cells in zip(panels.flat, names, maps, strict=False):
+        image = axes.imshow(cells, origin="lower", aspect="auto", vmin=low, vmax=high)
+        axes.set_title(plain(name))
+        for levels, ticks in ((across, axes.set_xticks), (upwards, axes.set_yticks)):
+            texts = levels.names or [f"{place:.3g}" for place in levels.places]
+            ticks(range(len(levels.places)), [plain(text) for text in texts])
+    for axes in panels[-1]:
+        axes.set_xlabel(plain(first))
+    for axes in panels[:, 0]:
+        axes.set_ylabel(plain(second))
+    for axes in panels.flat[len(names) :]:
+        axes.set_visible(False)
+    if image:
+        figure.colorbar(image, ax=panels, label=plain(rows.heading))
+    return figure

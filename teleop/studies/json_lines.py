@@ -1,0 +1,112 @@
+"""A file of JSON documents, one per line, to which lines are only appended.
+
+Each line is written to the disk before the program continues. After the program was killed, the
+file contains all lines but possibly the last, which is removed when the file is read.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+from teleop.errors import InputError
+from teleop.files import unwritable
+from teleop.json_documents import dumps, loads
+
+LOCK = ".lock"
+"""Name of the file that is locked while a program works in a folder."""
+
+
+class JsonLines:
+    """A file with one JSON document per line.
+
+    Parameters
+    ----------
+    path
+        The file; it need not exist.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def append(self, documents: Iterable[dict[str, Any]]) -> list[int]:
+        """Append documents, and wait until they are written to the disk.
+
+        Returns
+        -------
+        Position of each document in the file [bytes], for `document_at`.
+
+        Raises
+        ------
+        InputError
+            The file cannot be written.
+        """
+        positions = []
+        try:
+            with self.path.open("ab") as file:
+                for document in documents:
+                    positions.append(file.tell())
+                    file.write(dumps(document).encode() + b"\n")
+                file.flush()
+                os.fsync(file.fileno())
+        except OSError as error:
+            raise unwritable(self.path, error) from error
+        return positions
+
+    def read(self) -> Iterator[tuple[int, dict[str, Any]]]:
+        """Yield the position [bytes] and the document of each line, and remove an incomplete one.
+
+        Raises
+        ------
+        InputError
+            A line is not a JSON document.
+        """
+        if not self.path.exists():
+            return
+        with self.path.open("r+b") as file:
+            position = 0
+            for number, line in enumerate(file, start=1):
+                if not line.endswith(b"\n"):
+                    file.truncate(position)
+                    return
+                try:
+                    yield position, loads(line.decode())
+                except ValueError as error:
+                    raise InputError(
+                        f"{self.path}, line {number}: expected a line of JSON"
+                    ) from error
+                position += len(line)
+
+    def documents_at(self, positions: Iterable[int]) -> Iterator[dict[str, Any]]:
+        """Yield the documents at positions that `append` or `read` returned [bytes]."""
+        with self.path.open("rb") as file:
+            for position in positions:
+                file.seek(position)
+                yield loads(file.readline().decode())
+
+
+@contextlib.contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """Within the block, prevent that another series or sweep runs in the same folder.
+
+    Raises
+    ------
+    InputError
+        Another series or sweep runs in the folder.
+    """
+    try:
+        import fcntl
+    except ImportError:  # a system without these locks
+        yield
+        return
+    with (folder / LOCK).open("w") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            raise InputError(
+                f"{folder}: another series or sweep is running in this folder"
+            ) from error
+        yield

@@ -1,0 +1,1 @@
+"""Sweeps: many trials or evaluations with different settings, in parallel."""

@@ -1,0 +1,104 @@
+"""Run the points of a sweep that are not done yet, and write the results."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from teleop.errors import InputError
+from teleop.files import make_folder
+from teleop.studies.json_lines import LOCK, JsonLines, locked
+from teleop.studies.sweep.executors import Execute
+from teleop.studies.sweep.plan import SweepPlan
+from teleop.studies.sweep.points import Point
+from teleop.studies.sweep.tables import Tables
+from teleop.studies.sweep.tasks import Task, check
+
+JOURNAL = "journal.jsonl"
+"""File with the plan, and then a line with the result of each point, as they were computed."""
+
+
+@dataclass
+class Progress:
+    """Numbers of points of a sweep."""
+
+    total: int
+    done: int = 0
+    failed: int = 0
+    """Number of points that have an error instead of results."""
+    resumed: int = 0
+    """Number of points that were done before."""
+    parquet: bool = False
+    """Whether results.parquet was written; it needs pyarrow."""
+
+
+def conduct(
+    folder: Path,
+    plan: SweepPlan,
+    task: Task,
+    points: Sequence[Point],
+    execute: Execute,
+    report: Callable[[Progress], None] = lambda progress: None,
+) -> Progress:
+    """Run the points that are not done yet, and write the tables of the results.
+
+    Each result is written to the journal as soon as it is computed. The table results.csv gets the
+    results in the order of the points, each as soon as all before it are done.
+
+    Parameters
+    ----------
+    folder
+        Folder of the sweep.
+    plan
+        The plan.
+    task
+        What runs at a point.
+    points
+        The points of the plan.
+    execute
+        Function that runs points.
+    report
+        Function that is called at the start and after each chunk of points.
+
+    Returns
+    -------
+    The numbers of points that are done and that failed.
+
+    Raises
+    ------
+    InputError
+        A file cannot be written, the folder contains a sweep of another plan, another program
+        works in the folder, or the settings are invalid.
+    """
+    make_folder(folder / JOURNAL)
+    with locked(folder):
+        journal = JsonLines(folder / JOURNAL)
+        positions: dict[int, int] = {}
+        progress = Progress(len(points))
+        document = plan.model_dump(mode="json")
+        known = journal.read()
+        _, first = next(known, (0, None))
+        if first is None:
+            if any(path.name not in (LOCK, JOURNAL) for path in folder.iterdir()):
+                raise InputError(f"{folder}: expected an empty folder, or the folder of a sweep")
+            check(task, points)
+            journal.append([{"plan": document}])
+        elif first.get("plan") != document:
+            raise InputError(f"{folder}: contains a sweep of another plan: expected a new folder")
+        for position, result in known:
+            positions[result["point"]] = position
+            progress.failed += "error" in result
+        progress.done = progress.resumed = len(positions)
+        report(progress)
+        with Tables(folder, task, points, journal, positions) as tables:
+            pending = [point for point in points if point.number not in positions]
+            for computed in execute(task, pending) if pending else ():
+                places = journal.append(computed)
+                positions.update(zip((one["point"] for one in computed), places, strict=True))
+                progress.done = len(positions)
+                progress.failed += sum("error" in result for result in computed)
+                tables.extend()
+                report(progress)
+            progress.parquet = tables.write_parquet()
+    return progress

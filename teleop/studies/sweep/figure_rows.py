@@ -1,0 +1,53 @@
+"""Read the rows of the table of a sweep that its figures show."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from teleop.errors import InputError
+from teleop.output.sweep_figures import SweepRows
+from teleop.studies.series.table import RESULTS
+from teleop.studies.sweep.tasks import ESTIMATOR
+
+
+def read_rows(path: Path, factors: Sequence[str], response: str) -> SweepRows:
+    """Return the rows of a table that have a result.
+
+    Parameters
+    ----------
+    path
+        The table results.csv of a sweep.
+    factors
+        Names of the factors.
+    response
+        The result, a key of `RESULTS`.
+
+    Raises
+    ------
+    InputError
+        No row has this result.
+    """
+    heading = RESULTS[response]
+    with path.open(newline="", encoding="utf-8") as file:
+        rows = [row for row in csv.DictReader(file) if math.isfinite(float(row[heading] or "nan"))]
+    if not rows:
+        raise InputError(f"{path}: no point has a value of {heading}: nothing to plot")
+    return SweepRows(
+        {name: values_of([row[name] for row in rows]) for name in factors},
+        np.array([row[ESTIMATOR] for row in rows]),
+        np.array([float(row[heading]) for row in rows]),
+        heading,
+    )
+
+
+def values_of(cells: Sequence[str]) -> Sequence[float] | Sequence[str]:
+    """Return the values in a column as numbers or, if a cell is not a number, as text."""
+    try:
+        return [float(cell) for cell in cells]
+    except ValueError:
+        return cells

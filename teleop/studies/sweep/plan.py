@@ -1,0 +1,167 @@
+"""The plan of a sweep: which settings vary, over which values, and what runs at each point."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from importlib.resources import as_file, files
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    NonNegativeInt,
+    StringConstraints,
+    ValidationError,
+    model_validator,
+)
+
+from teleop.errors import InputError, invalid_parts
+from teleop.trial.configuration import read_toml
+
+Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,40}$")]
+"""Name of a sweep; it is a part of the name of its folder."""
+Key = Annotated[str, StringConstraints(pattern=r"^[A-Za-z_]\w*(\.[A-Za-z_]\w*)*$")]
+"""Name of a setting. A dot separates the names of nested settings, as in `admittance.mass`."""
+DesignName = Literal["grid", "list", "random", "latin-hypercube"]
+MOST_POINTS = 10_000_000
+"""Largest number of points of a sweep."""
+
+
+class Range(BaseModel):
+    """A range of values."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    low: float
+    """Lowest value."""
+    high: float
+    """Highest value."""
+    steps: Annotated[int, Field(ge=2, le=MOST_POINTS)] | None = None
+    """Number of values in a grid or a list; not used in a random design."""
+    scale: Literal["linear", "log"] = "linear"
+    """Whether the values, or their logarithms, are evenly distributed."""
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Range:
+        if not self.low < self.high:
+            raise ValueError(f"expected low < high, got {self.low:g} and {self.high:g}")
+        if self.scale == "log" and self.low <= 0.0:
+            raise ValueError(f"expected low > 0 for a log scale, got {self.low:g}")
+        return self
+
+
+class Evaluated(BaseModel):
+    """A recording whose estimates are computed at each point, instead of running a trial."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    recording: Annotated[str, Field(min_length=1)]
+    """A recording (.mcap), relative to the folder of the plan."""
+
+
+class SweepPlan(BaseModel):
+    """Plan of a sweep."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    name: Name
+    """Name of the sweep."""
+    description: str = ""
+    factors: dict[Key, Annotated[list[Any], Field(min_length=1)] | Range] = Field(min_length=1)
+    """Values of each setting that varies: a list, or a range."""
+    design: DesignName = "grid"
+    """`grid` has all combinations of the values, and `list` combines the first values, the second
+    values, and so on. `random` and `latin-hypercube` have random values."""
+    points: Annotated[int, Field(ge=1, le=MOST_POINTS)] | None = None
+    """Number of points of a random design."""
+    seed: NonNegativeInt = 0
+    """Seed of a random design."""
+    seeds: Annotated[int, Field(ge=1, le=MOST_POINTS)] = 1
+    """Repetitions of each point, with seeds from that of the settings upwards."""
+    settings: dict[str, Any] = {}
+    """Settings of all trials, as in a configuration file."""
+    estimate: Evaluated | None = None
+    """What is evaluated at each point. Default: a trial on the simulated rig is run."""
+
+    @property
+    def is_random(self) -> bool:
+        """Whether the values of the factors are random."""
+        return self.design in ("random", "latin-hypercube")
+
+    @property
+    def size(self) -> int:
+        """Number of points, including the repetitions with different seeds."""
+        sizes = [
+            (values.steps or 0) if isinstance(values, Range) else len(values)
+            for values in self.factors.values()
+        ]
+        if self.is_random:
+            return (self.points or 0) * self.seeds
+        if self.design == "list":
+            return sizes[0] * self.seeds
+        count = self.seeds
+        for size in sizes:
+            count *= size
+        return count
+
+
+def read_plan(path: Path, seeds: int | None = None) -> SweepPlan:
+    """Read the plan of a sweep from a file, and check it.
+
+    Parameters
+    ----------
+    path
+        A TOML file, or the name of a plan that is part of this package, such as `paper`.
+    seeds
+        Repetitions that replace those of the plan; None for those of the plan.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, or is not a valid plan. The message lists all problems.
+    """
+    packaged = files(__package__).joinpath("plans", f"{path}.toml")
+    if not path.suffix and packaged.is_file():
+        with as_file(packaged) as source:
+            document = read_toml(source)
+    else:
+        document = read_toml(path)
+    if seeds is not None:
+        document["seeds"] = seeds
+    try:
+        plan = SweepPlan.model_validate(document)
+    except ValidationError as error:
+        raise InputError(f"{path}: {invalid_parts(error)}") from error
+    found = [*problems(plan)]
+    if found:
+        raise InputError("\n".join(f"{path}: {problem}" for problem in found))
+    return plan
+
+
+def problems(plan: SweepPlan) -> Iterator[str]:
+    """Yield a message for each inconsistency of a plan."""
+    for key, values in plan.factors.items():
+        if isinstance(values, Range) and not values.steps and not plan.is_random:
+            yield f"factors.{key}: expected steps, the number of values"
+        if any(other.startswith(f"{key}.") for other in plan.factors):
+            yield f"factors.{key}: is varied as a whole and in parts"
+    if plan.is_random and plan.points is None:
+        yield f"points: expected the number of points of a {plan.design} design"
+    if not plan.is_random and plan.points is not None:
+        yield f"points: expected none: the values determine the points of a {plan.design}"
+    sizes = {
+        values.steps if isinstance(values, Range) else len(values)
+        for values in plan.factors.values()
+    }
+    if plan.design == "list" and len(sizes) > 1:
+        yield "factors: expected the same number of values for each factor of a list"
+    if plan.estimate and plan.seeds > 1:
+        yield "seeds: expected none: the evaluation of a recording is not random"
+    if plan.estimate and plan.settings:
+        yield "settings: expected none: the settings of the recording are used"
+    if "seed" in plan.factors and plan.seeds > 1:
+        yield "seeds: expected none, because the factor seed sets the seed"
+    if plan.size > MOST_POINTS:
+        yield f"{plan.size} points: expected at most {MOST_POINTS}"

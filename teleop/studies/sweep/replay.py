@@ -1,0 +1,72 @@
+"""The samples of a recorded trial, conditioned once for all points with the same conditioning."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from estimation import Model
+from teleop.errors import InputError
+from teleop.evaluation.conditioned import Conditioned, conditioned
+from teleop.evaluation.datum import OWN_ZERO
+from teleop.evaluation.replay import recorded_signals
+from teleop.recording.recording import load
+from teleop.trial.configuration import as_recorded_now
+from teleop.trial.settings import TrialSettings
+from teleop.trial.settings_json import DERIVED
+
+
+class RecordedTrial:
+    """A recorded trial whose estimates are computed again with other settings.
+
+    Parameters
+    ----------
+    path
+        The recording.
+
+    Raises
+    ------
+    InputError
+        The recording cannot be read, or has no settings.
+    """
+
+    def __init__(self, path: Path) -> None:
+        recording = load(path)
+        if not recording.settings:
+            raise InputError(f"{path}: expected the recording of a trial, with its settings")
+        recorded = as_recorded_now(recording.settings)
+        self.document: dict[str, Any] = {
+            key: value
+            for key, value in recorded.items()
+            if key not in DERIVED and value is not None
+        }
+        """Settings of the trial, with the keys of a configuration file."""
+        self._signals = recorded_signals(recording)
+        self._known: dict[tuple[str, float, float, Model], Conditioned] = {}
+
+    def conditioned(self, settings: TrialSettings) -> Conditioned:
+        """Return the samples, conditioned as these settings say; they must not be changed."""
+        preset = settings.estimation_preset
+        key = (settings.conditioning, settings.bandwidth, settings.force_lag, preset.model)
+        if key not in self._known:
+            if len(self._known) >= KEPT:
+                self._known.clear()
+            self._known[key] = conditioned(settings.make_conditioner(), self._signals, OWN_ZERO)
+        return self._known[key]
+
+
+KEPT = 20
+"""Number of differently conditioned versions of a recording that are kept in memory."""
+
+
+@cache
+def recorded_trial(path: Path) -> RecordedTrial:
+    """Return a recorded trial, which is read once in each process.
+
+    Raises
+    ------
+    InputError
+        As `RecordedTrial`.
+    """
+    return RecordedTrial(path)

@@ -1,0 +1,165 @@
+"""The tables of a sweep, with a row for each point and estimator, in the order of the points."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import chain, islice
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from teleop.files import new_file, unwritable
+from teleop.json_documents import dumps
+from teleop.studies.json_lines import JsonLines
+from teleop.studies.sweep.points import Point
+from teleop.studies.sweep.tasks import Row, Task
+
+CSV, PARQUET = "results.csv", "results.parquet"
+BATCH = 10_000
+"""Number of rows that are written to the Parquet file together."""
+
+
+class Tables:
+    """Writes the table results.csv while a sweep runs, and results.parquet at its end.
+
+    This is a context manager, which closes the files.
+
+    Parameters
+    ----------
+    folder
+        Folder of the sweep.
+    task
+        What runs at a point.
+    points
+        The points of the plan.
+    journal
+        The journal with the results.
+    positions
+        Position of the result of each point in the journal, by its number. The caller adds those
+        of further points.
+
+    Raises
+    ------
+    InputError
+        The table cannot be written.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        task: Task,
+        points: Sequence[Point],
+        journal: JsonLines,
+        positions: Mapping[int, int],
+    ) -> None:
+        self._folder, self._task, self._points = folder, task, points
+        self._journal, self._positions = journal, positions
+        self._names = columns_of(task)
+        self._written = 0
+        """Number of points whose rows are in the table."""
+
+    def __enter__(self) -> Self:
+        path = self._folder / CSV
+        try:
+            self._file = path.open("w", newline="", encoding="utf-8")
+        except OSError as error:
+            raise unwritable(path, error) from error
+        self._writer = csv.DictWriter(self._file, self._names, restval="")
+        self._writer.writeheader()
+        self.extend()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._file.close()
+
+    def extend(self) -> None:
+        """Write the rows of the points that follow the last written one and are done.
+
+        Raises
+        ------
+        InputError
+            The table cannot be written.
+        """
+        start = self._written
+        while self._written < len(self._points) and self._next in self._positions:
+            self._written += 1
+        try:
+            for row in self.rows(start, self._written):
+                self._writer.writerow({name: as_text(value) for name, value in row.items()})
+            self._file.flush()
+        except OSError as error:
+            raise unwritable(self._folder / CSV, error) from error
+
+    @property
+    def _next(self) -> int:
+        return self._points[self._written].number
+
+    def rows(self, start: int, end: int) -> Iterator[Row]:
+        """Yield the rows of the points from index `start` to `end`, which must be done."""
+        points = self._points[start:end]
+        results = self._journal.documents_at(self._positions[point.number] for point in points)
+        for point, result in zip(points, results, strict=True):
+            about = {
+                "point": point.number,
+                **dict(zip(self._task.keys, point.values, strict=True)),
+                "repetition": point.repetition,
+            }
+            for row in result.get("rows") or [{"error": result.get("error", "no estimate")}]:
+                yield {**about, **row}
+
+    def write_parquet(self) -> bool:
+        """Write results.parquet, and return whether pyarrow, which it needs, is installed.
+
+        Raises
+        ------
+        InputError
+            The file cannot be written.
+        """
+        try:
+            import pyarrow
+            from pyarrow import parquet
+        except ImportError:
+            return False
+        kinds = {"point": pyarrow.int64(), "repetition": pyarrow.int64(), "seed": pyarrow.int64()}
+        kinds |= {"estimator": pyarrow.string(), "error": pyarrow.string()}
+        for i, key in enumerate(self._task.keys):
+            numbers = all(is_number(point.values[i]) for point in self._points)
+            kinds[key] = pyarrow.float64() if numbers else pyarrow.string()
+        schema = pyarrow.schema(
+            [(name, kinds.get(name, pyarrow.float64())) for name in self._names]
+        )
+        text = {name for name in self._names if schema.field(name).type == pyarrow.string()}
+        every = self.rows(0, self._written)
+        with (
+            new_file(self._folder / PARQUET, overwrite=True) as file,
+            parquet.ParquetWriter(file, schema) as writer,
+        ):
+            for first in every:
+                batch = [
+                    {name: as_text(row[name]) if name in text else row[name] for name in row}
+                    for row in chain([first], islice(every, BATCH - 1))
+                ]
+                writer.write_table(pyarrow.Table.from_pylist(batch, schema))
+        return True
+
+
+def columns_of(task: Task) -> list[str]:
+    """Return the names of the columns of the tables."""
+    names = ("point", *task.keys, "repetition", *task.columns, "error")
+    return [*dict.fromkeys(names)]
+
+
+def is_number(value: Any) -> bool:
+    """Return whether a value of a factor is a number."""
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def as_text(value: Any) -> Any:
+    """Return a value for a cell: text and numbers as they are, other values as JSON."""
+    return value if value is None or isinstance(value, str | int | float) else dumps(value)

@@ -1,0 +1,225 @@
+"""What runs at a point of a sweep: a simulated trial, or the estimators over a recording.
+
+A task can be sent to another process. Its result for a point depends on the plan only, so that the
+results do not depend on how many processes there are, or on when they run.
+"""
+
+from __future__ import annotations
+
+import traceback
+from collections.abc import Mapping, Sequence
+from copy import deepcopy
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, ClassVar, Protocol
+
+import numpy as np
+
+from estimation.summary import summarise
+from teleop.errors import InputError
+from teleop.studies.series.table import RESULTS
+from teleop.studies.sweep.plan import SweepPlan
+from teleop.studies.sweep.points import Point, evenly
+from teleop.studies.sweep.replay import RecordedTrial, recorded_trial
+from teleop.trial.configuration import settings_from
+from teleop.trial.run import run_trial
+from teleop.trial.settings import TrialSettings
+
+CHECKED = 100
+"""Number of points whose settings are checked before a sweep begins."""
+TRUTH = {"k_deepest": "true k [N/m]", "b": "true b [N s/m]"}
+"""Headings of the true values of a simulated trial."""
+SEED, ESTIMATOR = "seed", "estimator"
+Row = dict[str, Any]
+"""Result of one estimator at a point, by the heading of the column."""
+
+
+class Task(Protocol):
+    """What runs at a point of a sweep."""
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """Names of the factors."""
+        ...
+
+    @property
+    def chunk(self) -> int:
+        """Number of points that are sent to a process together."""
+        ...
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names of the columns of a row of `rows`."""
+        ...
+
+    def settings(self, point: Point) -> TrialSettings:
+        """Return the settings at a point; raise InputError if they are invalid."""
+        ...
+
+    def rows(self, point: Point) -> list[Row]:
+        """Return the results at a point, a row for each estimator."""
+        ...
+
+
+@dataclass(frozen=True)
+class TrialTask:
+    """Runs a trial on the simulated rig in virtual time at each point."""
+
+    keys: tuple[str, ...]
+    """Names of the factors."""
+    common: Mapping[str, Any]
+    """Settings of all trials, with the keys of a configuration file."""
+    folder: Path
+    """Folder to which paths in the settings are relative."""
+    chunk: ClassVar[int] = 1
+    columns: ClassVar[tuple[str, ...]] = (SEED, *TRUTH.values(), ESTIMATOR, *RESULTS.values())
+
+    def settings(self, point: Point) -> TrialSettings:
+        """Return the settings at a point; raise InputError if they are invalid."""
+        document = with_values(self.common, self.keys, point.values)
+        for key, expected in (("clock", "virtual"), ("rig", None)):
+            if document.get(key, expected) != expected:
+                raise InputError(f"{key}: a sweep runs on the simulated rig in virtual time")
+        settings = settings_from({**document, "clock": "virtual"}, self.folder)
+        return replace(settings, seed=settings.seed + point.repetition)
+
+    def rows(self, point: Point) -> list[Row]:
+        """Run the trial, and return the results of each estimator."""
+        settings = self.settings(point)
+        summary = run_trial(settings).summary()
+        if fault := summary["safety"]["fault"]:
+            raise InputError(f"stopped for safety: {fault['text']}")
+        about = {SEED: settings.seed}
+        about |= {heading: summary["truth"][key] for key, heading in TRUTH.items()}
+        return [
+            {**about, ESTIMATOR: name, **{RESULTS[key]: values[key] for key in RESULTS}}
+            for name, values in summary["estimates"].items()
+        ]
+
+
+@dataclass(frozen=True)
+class EstimateTask:
+    """Computes the estimates of a recorded trial with the settings of each point."""
+
+    keys: tuple[str, ...]
+    """Names of the factors."""
+    path: Path
+    """The recording."""
+    chunk: ClassVar[int] = 50
+    columns: ClassVar[tuple[str, ...]] = (SEED, ESTIMATOR, *RESULTS.values())
+
+    @property
+    def recorded(self) -> RecordedTrial:
+        """The recorded trial; it is read once in each process."""
+        return recorded_trial(self.path)
+
+    def settings(self, point: Point) -> TrialSettings:
+        """Return the settings at a point; raise InputError if they are invalid."""
+        document = with_values(self.recorded.document, self.keys, point.values)
+        return settings_from(document, self.path.parent)
+
+    def rows(self, point: Point) -> list[Row]:
+        """Compute the estimates, and return the results of each estimator."""
+        settings = self.settings(point)
+        t, regression, *_ = self.recorded.conditioned(settings)
+        bank = settings.estimation_preset.bank()
+        unknown = np.array([np.nan])
+        summaries = {
+            name: summarise(t, regression, series, bank[name], unknown)
+            for name, series in bank.run(*regression).items()
+        }
+        return [
+            {
+                SEED: settings.seed,
+                ESTIMATOR: name,
+                **{RESULTS[key]: getattr(values, key) for key in RESULTS},
+            }
+            for name, values in summaries.items()
+        ]
+
+
+def task_of(plan: SweepPlan, folder: Path) -> Task:
+    """Return the task of a plan.
+
+    Parameters
+    ----------
+    plan
+        The plan.
+    folder
+        Folder to which its paths are relative.
+    """
+    keys, root = tuple(plan.factors), folder.absolute()
+    if plan.estimate:
+        return EstimateTask(keys, root / plan.estimate.recording)
+    return TrialTask(keys, plan.settings, root)
+
+
+def check(task: Task, points: Sequence[Point]) -> None:
+    """Check the settings of some points before a sweep begins.
+
+    Raises
+    ------
+    InputError
+        The settings of all checked points are invalid. A sweep in which only some points are
+        invalid runs; these points have an error instead of results.
+    """
+    first: InputError | None = None
+    for point in evenly(points, CHECKED):
+        try:
+            task.settings(point)
+            return
+        except InputError as error:
+            first = first or error
+    if first:
+        raise first
+
+
+def results(task: Task, points: Sequence[Point]) -> list[dict[str, Any]]:
+    """Return the result of each point: its rows or, if it failed, its error.
+
+    An exception other than InputError is a defect of the program. Its traceback is kept in the
+    result.
+    """
+    found = []
+    for point in points:
+        result: dict[str, Any] = {"point": point.number}
+        try:
+            result["rows"] = task.rows(point)
+        except InputError as error:
+            result["error"] = "; ".join(str(error).splitlines())
+        except Exception as error:
+            result["error"] = f"{type(error).__name__}: {error}"
+            result["traceback"] = traceback.format_exc()
+        found.append(result)
+    return found
+
+
+def with_values(
+    document: Mapping[str, Any], keys: Sequence[str], values: Sequence[Any]
+) -> dict[str, Any]:
+    """Return a copy of a document in which settings have other values.
+
+    Parameters
+    ----------
+    document
+        Settings with the keys of a configuration file.
+    keys
+        Names of the settings, with a dot between the names of nested settings.
+    values
+        Their values.
+
+    Raises
+    ------
+    InputError
+        A setting within a setting that is not a table was requested.
+    """
+    changed: dict[str, Any] = deepcopy(dict(document))
+    for key, value in zip(keys, values, strict=True):
+        *outer, last = key.split(".")
+        inner = changed
+        for name in outer:
+            inner = inner.setdefault(name, {})
+            if not isinstance(inner, dict):
+                raise InputError(f"{key}: {name} is not a table of settings")
+        inner[last] = value
+    return changed
