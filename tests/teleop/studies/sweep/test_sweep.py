@@ -1,0 +1,340 @@
+"""Sweeps: points, results, failing points, interruption and resumption."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from teleop.cli import main
+from teleop.control.admittance import AdmittanceParameters
+from teleop.errors import InputError
+from teleop.studies.sweep.conduct import conduct
+from teleop.studies.sweep.executors import in_processes
+from teleop.studies.sweep.plan import SweepPlan, read_plan
+from teleop.studies.sweep.points import Point, points_of
+from teleop.studies.sweep.tasks import results, task_of
+from teleop.trial.run import run_trial
+from teleop.trial.settings import TrialSettings
+
+PLAN = """
+name = "short"
+[factors]
+cube = ["soft", "hard"]
+"admittance.mass" = { low = 1.0, high = 4.0, steps = 3 }
+[settings]
+condition = "autonomous"
+duration_s = 0.3
+estimators = ["rls", "ai"]
+"""
+
+
+def in_this_process(task, points):
+    for point in points:
+        yield results(task, [point])
+
+
+def written(path, text=PLAN):
+    path.write_text(text)
+    return path
+
+
+def table(folder):
+    with (folder / "results.csv").open(newline="", encoding="utf-8") as file:
+        return [*csv.DictReader(file)]
+
+
+def swept(folder, plan_file, execute=in_this_process):
+    plan = read_plan(plan_file)
+    return conduct(folder, plan, task_of(plan, plan_file.parent), points_of(plan), execute)
+
+
+@pytest.fixture
+def plan_file(tmp_path):
+    return written(tmp_path / "plan.toml")
+
+
+def test_a_grid_has_all_combinations_in_the_order_of_the_plan(plan_file):
+    values = [point.values for point in points_of(read_plan(plan_file))]
+    assert values == [(cube, mass) for cube in ("soft", "hard") for mass in (1.0, 2.5, 4.0)]
+
+
+def test_a_list_combines_the_values_at_the_same_place():
+    plan = SweepPlan(name="a", design="list", factors={"a": [1, 2], "b": ["x", "y"]}, seeds=2)
+    assert [(p.values, p.repetition) for p in points_of(plan)] == [
+        ((1, "x"), 0),
+        ((1, "x"), 1),
+        ((2, "y"), 0),
+        ((2, "y"), 1),
+    ]
+
+
+@settings(deadline=None)
+@given(
+    low=st.floats(1e-3, 1e3),
+    ratio=st.floats(1.01, 1e3),
+    count=st.integers(1, 60),
+    seed=st.integers(0, 99),
+    scale=st.sampled_from(["linear", "log"]),
+)
+def test_a_latin_hypercube_has_one_value_in_each_equal_part_of_a_range(
+    low, ratio, count, seed, scale
+):
+    high = low * ratio
+    plan = SweepPlan(
+        name="a",
+        design="latin-hypercube",
+        points=count,
+        seed=seed,
+        factors={"a": {"low": low, "high": high, "scale": scale}, "b": [0, 1]},
+    )
+    values = np.array([point.values[0] for point in points_of(plan)])
+    shares = (values - low) / (high - low)
+    if scale == "log":
+        shares = np.log(values / low) / np.log(ratio)
+    parts = np.sort(np.floor(np.clip(shares + 1e-9, 0.0, 1.0) * count))
+    assert np.abs(parts - np.arange(count)).max() <= 1.0
+    assert np.all((values >= low) & (values <= high))
+    assert points_of(plan) == points_of(plan)
+
+
+def test_the_results_of_a_point_are_those_of_its_trial(tmp_path, plan_file):
+    swept(tmp_path / "out", plan_file)
+    rows = table(tmp_path / "out")
+    assert [row["estimator"] for row in rows[:2]] == ["rls", "ai"]
+    assert len(rows) == 12
+    settings = TrialSettings(
+        condition="autonomous",
+        cube="soft",
+        duration=0.3,
+        clock="virtual",
+        estimators=("rls", "ai"),
+        admittance=AdmittanceParameters(mass=2.5),
+    )
+    expected = run_trial(settings).summary()
+    for row in rows[2:4]:
+        assert (row["cube"], row["admittance.mass"]) == ("soft", "2.5")
+        assert float(row["k [N/m]"]) == expected["estimates"][row["estimator"]]["k"]
+        assert float(row["true b [N s/m]"]) == expected["truth"]["b"]
+
+
+def test_each_repetition_has_its_own_seed(tmp_path):
+    text = PLAN.replace('name = "short"', 'name = "short"\nseeds = 3').replace("autonomous", "free")
+    swept(tmp_path / "out", written(tmp_path / "plan.toml", text))
+    rows = table(tmp_path / "out")[:6:2]
+    assert [row["seed"] for row in rows] == ["0", "1", "2"]
+    assert len({row["k [N/m]"] for row in rows}) == 3
+
+
+def test_processes_give_the_same_table_to_the_byte_as_one_process(tmp_path, plan_file):
+    swept(tmp_path / "one", plan_file)
+    swept(tmp_path / "two", plan_file, in_processes(2))
+    for name in ("results.csv",):
+        assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "two" / name).read_bytes()
+
+
+def test_the_parquet_table_has_the_values_of_the_csv_table(tmp_path, plan_file):
+    parquet = pytest.importorskip("pyarrow.parquet")
+    swept(tmp_path / "out", plan_file)
+    columns = parquet.read_table(tmp_path / "out" / "results.parquet").to_pydict()
+    rows = table(tmp_path / "out")
+    for name in ("point", "admittance.mass", "k [N/m]"):
+        assert columns[name] == [float(row[name]) for row in rows]
+    assert columns["estimator"] == [row["estimator"] for row in rows]
+
+
+def test_a_point_that_fails_has_its_error_in_the_table_and_the_others_run(tmp_path):
+    text = PLAN.replace("low = 1.0", "low = -2.0")
+    ended = swept(tmp_path / "out", written(tmp_path / "plan.toml", text))
+    rows = table(tmp_path / "out")
+    assert ended.failed == 2
+    assert [bool(row["error"]) for row in rows] == [True, *[False] * 4, True, *[False] * 4]
+    assert "mass" in rows[0]["error"]
+    assert rows[0]["k [N/m]"] == ""
+
+
+def test_a_defect_at_a_point_is_a_row_with_its_error_and_its_traceback_is_kept():
+    class Broken:
+        def rows(self, point):
+            raise RuntimeError("a defect")
+
+    (result,) = results(Broken(), [Point(1, (), 0)])
+    assert result["error"] == "RuntimeError: a defect"
+    assert "Traceback" in result["traceback"]
+
+
+def test_a_plan_whose_settings_are_wrong_at_every_point_is_refused_before_it_runs(tmp_path):
+    plan = written(tmp_path / "plan.toml", PLAN.replace("admittance.mass", "admittance.weight"))
+    with pytest.raises(InputError, match=r"admittance\.weight: unknown setting"):
+        swept(tmp_path / "out", plan)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ((", steps = 3", ""), "expected steps"),
+        (("low = 1.0", "low = 5.0"), "expected low < high"),
+        (('name = "short"', 'name = "short"\ndesign = "random"'), "expected the number of points"),
+        (('name = "short"', 'name = "short"\npoints = 3'), "expected none"),
+        (('name = "short"', 'name = "short"\ndesign = "list"'), "same number of values"),
+        (('name = "short"', 'name = "short"\nsteps = 3'), "steps: extra inputs"),
+        (("steps = 3", 'steps = 3, scale = "log", low = 0.0'), "not a TOML file"),
+    ],
+)
+def test_an_inconsistent_plan_is_refused_with_one_line_and_exit_code_2(
+    tmp_path, capsys, change, message
+):
+    plan = written(tmp_path / "plan.toml", PLAN.replace(*change))
+    assert main(["sweep", str(plan), "--out", str(tmp_path / "out")]) == 2
+    error = capsys.readouterr().err
+    assert message in error
+    assert len(error.splitlines()) == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_folder_with_a_sweep_of_another_plan_is_refused(tmp_path, plan_file):
+    swept(tmp_path / "out", plan_file)
+    before = (tmp_path / "out" / "results.csv").read_bytes()
+    other = written(tmp_path / "other.toml", PLAN.replace("0.3", "0.4"))
+    with pytest.raises(InputError, match="contains a sweep of another plan"):
+        swept(tmp_path / "out", other)
+    assert (tmp_path / "out" / "results.csv").read_bytes() == before
+
+
+def test_a_folder_with_other_files_is_refused(tmp_path, plan_file):
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "thesis.txt").write_text("text")
+    with pytest.raises(InputError, match="expected an empty folder"):
+        swept(tmp_path / "out", plan_file)
+
+
+def test_a_resumed_sweep_runs_only_the_points_that_are_not_done(tmp_path, plan_file):
+    def stopping(task, points):
+        for point in points[:4]:
+            yield results(task, [point])
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        swept(tmp_path / "out", plan_file, stopping)
+    ran = []
+
+    def counting(task, points):
+        ran.extend(point.number for point in points)
+        return in_this_process(task, points)
+
+    ended = swept(tmp_path / "out", plan_file, counting)
+    assert ran == [5, 6]
+    assert ended.resumed == 4
+    swept(tmp_path / "whole", plan_file)
+    for name in ("results.csv", "results.parquet"):
+        assert (tmp_path / "out" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
+
+
+def test_results_that_arrive_in_another_order_give_the_same_table(tmp_path, plan_file):
+    def backwards(task, points):
+        return in_this_process(task, [*reversed(points)])
+
+    swept(tmp_path / "out", plan_file, backwards)
+    swept(tmp_path / "whole", plan_file)
+    name = "results.csv"
+    assert (tmp_path / "out" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
+
+
+class Deadly:
+    """A task whose process is killed at one point."""
+
+    chunk = 2
+    keys = ()
+    columns = ()
+
+    def __init__(self, number):
+        self.number = number
+
+    def rows(self, point):
+        if point.number == self.number:
+            os.kill(os.getpid(), signal.SIGKILL)
+        return [{"estimator": str(point.number)}]
+
+
+def test_a_point_that_kills_its_process_has_an_error_and_no_other_point_is_lost():
+    points = [Point(number, (), 0) for number in range(1, 9)]
+    found = {one["point"]: one for chunk in in_processes(2)(Deadly(3), points) for one in chunk}
+    assert sorted(found) == [*range(1, 9)]
+    assert [number for number, one in found.items() if "error" in one] == [3]
+
+
+def test_a_sweep_killed_at_random_instants_ends_with_the_results_of_one_that_was_not(tmp_path):
+    plan = written(tmp_path / "plan.toml", PLAN.replace("name", "seeds = 3\nname"))
+    command = [sys.executable, "-m", "teleop", "sweep", str(plan), "--workers", "2", "--out"]
+    chance = random.Random(1)
+    for _ in range(3):
+        process = subprocess.Popen([*command, str(tmp_path / "killed")], stderr=subprocess.PIPE)
+        time.sleep(chance.uniform(0.3, 3.0))
+        process.kill()
+        process.communicate()
+    subprocess.run([*command, str(tmp_path / "killed")], check=True, capture_output=True)
+    swept(tmp_path / "whole", plan)
+    for name in ("results.csv", "results.parquet"):
+        expected = (tmp_path / "whole" / name).read_bytes()
+        assert (tmp_path / "killed" / name).read_bytes() == expected
+
+
+def test_a_recording_is_estimated_with_the_settings_of_each_point(tmp_path):
+    recording = tmp_path / "trial.mcap"
+    trial = run_trial(TrialSettings(duration=2.0, clock="virtual"), recording)
+    plan = written(
+        tmp_path / "plan.toml",
+        """
+        name = "replayed"
+        [estimate]
+        recording = "trial.mcap"
+        [factors]
+        "estimator_parameters.rls.forgetting" = [0.98, 0.999]
+        conditioning = ["matched", "difference"]
+        """,
+    )
+    swept(tmp_path / "out", plan)
+    rows = [row for row in table(tmp_path / "out") if row["estimator"] == "rls"]
+    assert len(rows) == 4
+    same = trial.summary()["estimates"]["rls"]
+    assert float(rows[0]["k [N/m]"]) == same["k"]
+    assert float(rows[0]["b at the end [N s/m]"]) == same["b_end"]
+    assert len({row["k [N/m]"] for row in rows}) == 4
+
+
+def test_the_command_prints_a_document_and_draws_both_figures(tmp_path, plan_file, capsys):
+    out = tmp_path / "out"
+    figures = [tmp_path / "effects.svg", tmp_path / "map.svg"]
+    options = ["--plot", str(figures[0]), "--plot-map", str(figures[1]), "--workers", "1"]
+    assert main(["sweep", str(plan_file), "--out", str(out), "--json", *options]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["points"] == 6
+    assert document["failed"] == document["resumed"] == 0
+    assert Path(document["files"][0]).exists()
+    for figure in figures:
+        text = figure.read_text()
+        assert "admittance.mass" in text
+        assert "k [N/m]" in text
+        assert "rls" in text
+
+
+def test_a_map_of_an_unknown_factor_is_refused(tmp_path, plan_file, capsys):
+    options = ["--plot-map", str(tmp_path / "map.svg"), "--map-factors", "cube,colour"]
+    assert main(["sweep", str(plan_file), "--out", str(tmp_path / "out"), *options]) == 2
+    assert "expected two of the factors cube, admittance.mass" in capsys.readouterr().err
+
+
+def test_the_packaged_plan_has_the_nine_trials_of_the_paper():
+    plan = read_plan(Path("paper"), seeds=2)
+    assert plan.size == len(points_of(plan)) == 18
