@@ -20,6 +20,8 @@ BINS = 8
 """Number of bins of a factor, with the same number of points in each."""
 INCHES = 2.4
 """Least width of a panel [in]."""
+CHARACTERS = 18
+"""Number of characters of the names of levels above which they are written upright."""
 
 
 class Levels(NamedTuple):
@@ -126,15 +128,20 @@ def draw_effect(
     )
 
 
-def label_axis(axes: Axes, factor: str, levels: Levels, vertical: bool = False) -> None:
+def label_axis(axes: Axes, factor: str, levels: Levels) -> None:
     """Write the name of a factor, and the names of its levels if it has any, to an axis."""
-    setting = axes.set_ylabel if vertical else axes.set_xlabel
-    setting(plain(factor))
+    axes.set_xlabel(plain(factor))
     if levels.names:
-        ticks = axes.set_yticks if vertical else axes.set_xticks
-        ticks(levels.places.tolist(), [plain(name) for name in levels.names])
+        name_ticks(axes, levels.places, levels.names)
     elif is_logarithmic(levels.places):
-        (axes.set_yscale if vertical else axes.set_xscale)("log")
+        axes.set_xscale("log")
+
+
+def name_ticks(axes: Axes, places: Floats, names: Sequence[str]) -> None:
+    """Write names to the horizontal axis, upright if they are too long for their distance."""
+    axes.set_xticks(places.tolist(), [plain(name) for name in names])
+    if sum(map(len, names)) > CHARACTERS:
+        axes.tick_params(axis="x", labelrotation=90)
 
 
 def is_logarithmic(places: Floats) -> bool:
@@ -174,9 +181,12 @@ def map_figure(rows: SweepRows, first: str, second: str) -> Figure:
     for axes, name, cells in zip(panels.flat, names, maps, strict=False):
         image = axes.imshow(cells, origin="lower", aspect="auto", vmin=low, vmax=high)
         axes.set_title(plain(name))
-        for levels, ticks in ((across, axes.set_xticks), (upwards, axes.set_yticks)):
-            texts = levels.names or [f"{place:.3g}" for place in levels.places]
-            ticks(range(len(levels.places)), [plain(text) for text in texts])
+        columns_named, rows_named = (
+            levels.names or [f"{place:.3g}" for place in levels.places]
+            for levels in (across, upwards)
+        )
+        name_ticks(axes, np.arange(len(columns_named), dtype=float), columns_named)
+        axes.set_yticks(range(len(rows_named)), [plain(name) for name in rows_named])
     for axes in panels[-1]:
         axes.set_xlabel(plain(first))
     for axes in panels[:, 0]:
