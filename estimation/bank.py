@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from estimation.checks import check_sample, checked_samples
+from estimation.checks import checked_samples, is_valid, sample_error
 from estimation.compiled import Samples
 from estimation.estimator import Estimate, Estimates, Estimator
 from estimation.gate import Gate
@@ -84,7 +84,8 @@ class Bank(Mapping[str, Estimator]):
         """
         x, v, f, dt = float(x), float(v), float(f), float(dt)
         further = [float(value) for value in further]
-        check_sample(dt, further, x=x, v=v, f=f)
+        if not is_valid(dt, abs(x) + abs(v) + abs(f) + sum(map(abs, further))):
+            raise sample_error(dt, further, x=x, v=v, f=f)
         self._check_further(len(further))
         plain, phi = [v, x], [v, x, *further]
         is_open = self.gate is None or self.gate.update(plain, f, dt)

@@ -15,15 +15,26 @@ LARGEST = 1e30
 """Samples of this magnitude or more are rejected, so that sums of squares do not overflow."""
 
 
-def check_sample(dt: float, further: Sequence[float] = (), **values: float) -> None:
-    """Raise ValueError unless all values are finite and below `LARGEST`, and dt is positive."""
-    size = sum(map(abs, values.values())) + sum(map(abs, further))
-    if not (size < LARGEST and 0.0 < dt < math.inf):
-        values |= {f"further[{i}]": value for i, value in enumerate(further)}
-        got = ", ".join(f"{name}={value!r}" for name, value in values.items())
-        raise ValueError(
-            f"a sample must be finite, below {LARGEST:g}, with dt > 0, got {got}, dt={dt!r}"
-        )
+def is_valid(dt: float, size: float) -> bool:
+    """Return whether a sample can be processed.
+
+    Parameters
+    ----------
+    dt
+        Time since the previous sample [s], which must be positive and finite.
+    size
+        Sum of the magnitudes of the values, which must be finite and below `LARGEST`.
+    """
+    return size < LARGEST and 0.0 < dt < math.inf
+
+
+def sample_error(dt: float, further: Sequence[float] = (), **values: float) -> ValueError:
+    """Return the error for a sample that is not valid, with its values by name."""
+    values |= {f"further[{i}]": value for i, value in enumerate(further)}
+    got = ", ".join(f"{name}={value!r}" for name, value in values.items())
+    return ValueError(
+        f"a sample must be finite, below {LARGEST:g}, with dt > 0, got {got}, dt={dt!r}"
+    )
 
 
 def checked_samples(

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from estimation.checks import check_sample, checked_samples
+from estimation.checks import checked_samples, is_valid, sample_error
 from estimation.compiled import Floats
 from estimation.filters import Lag, LowPass, angular
 from estimation.model import KELVIN_VOIGT, Model
@@ -81,7 +81,8 @@ class Conditioner(ABC):
             A value is not finite or too large, or `dt` is not positive. The state of the
             conditioner does not change.
         """
-        check_sample(dt, x=x, f=f)
+        if not is_valid(dt, abs(x) + abs(f)):
+            raise sample_error(dt, x=x, f=f)
         return self._condition(x, f, dt)
 
     @abstractmethod

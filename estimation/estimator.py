@@ -11,7 +11,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from estimation.checks import check_sample, checked_samples
+from estimation.checks import checked_samples, is_valid, sample_error
 from estimation.compiled import Floats, Law, Samples, interpreted, sweep
 from estimation.model import KELVIN_VOIGT, POWERS_OF_X, UNITS, Model
 from estimation.own_copies import own_copy
@@ -189,12 +189,13 @@ class Estimator(ABC):
         """
         x, v, f, dt = float(x), float(v), float(f), float(dt)
         further = [float(value) for value in further]
-        check_sample(dt, further, x=x, v=v, f=f)
+        if not is_valid(dt, abs(x) + abs(v) + abs(f) + sum(map(abs, further))):
+            raise sample_error(dt, further, x=x, v=v, f=f)
         self.check_further(len(further))
         return self.advance([v, x, *further], f, dt)
 
     def advance(self, phi: list[float], f: float, dt: float) -> Estimate:
-        """Process one sample phi = [v, x, ...], f [N], dt [s] that `check_sample` has checked."""
+        """Process one sample phi = [v, x, ...], f [N], dt [s] which is valid (`is_valid`)."""
         if self.constant:
             phi = [*phi, 1.0]
         state = self.state

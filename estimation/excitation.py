@@ -8,7 +8,7 @@ from collections import deque
 import numpy as np
 from numpy.typing import ArrayLike
 
-from estimation.checks import check_sample
+from estimation.checks import is_valid, sample_error
 
 
 class Excitation:
@@ -66,7 +66,8 @@ class Excitation:
         ValueError
             A value is not finite or too large, or `dt` is not positive.
         """
-        check_sample(dt, x=x, v=v)
+        if not is_valid(dt, abs(x) + abs(v)):
+            raise sample_error(dt, x=x, v=v)
         y = v / self._omega
         sample = (x * x * dt, x * y * dt, y * y * dt, dt)
         self._samples.append(sample)
