@@ -33,6 +33,10 @@ class ChannelState(NamedTuple):
     """Sum of the commanded changes of the value since that tick, in the channel's SI unit."""
 
 
+new_state = tuple.__new__
+"""Takes half the time of `ChannelState(...)`."""
+
+
 class DetectedFault(NamedTuple):
     """A fault that was detected, with its source, the measured value and the exceeded limit."""
 
@@ -95,11 +99,11 @@ def check_channel(
         return last, DetectedFault(Fault.STALE, name, age, limits.max_age, now - age)
     sampled = now - age
     if value != last.value:
-        step = abs(value - last.value)
-        possible = limits.max_rate * max(sampled - last.sampled, MIN_INTERVAL)
+        step, interval = abs(value - last.value), sampled - last.sampled
+        possible = limits.max_rate * (interval if interval > MIN_INTERVAL else MIN_INTERVAL)
         if step > possible:
             return last, DetectedFault(Fault.JUMP, name, step, possible, now)
-        return ChannelState(value, sampled, now), None
+        return new_state(ChannelState, (value, sampled, now, 0.0)), None
     travel += last.travel
     if sampled - last.sampled > SAME_SAMPLE:
         if now - last.changed > limits.frozen_time:
@@ -108,4 +112,4 @@ def check_channel(
             return last, DetectedFault(
                 Fault.FROZEN, name, value, limits.frozen_travel, last.changed
             )
-    return ChannelState(value, sampled, last.changed, travel), None
+    return new_state(ChannelState, (value, sampled, last.changed, travel)), None

@@ -43,6 +43,7 @@ def check_channels(
     master, slave = abs(state.applied[0]) * dt, abs(state.applied[1]) * dt
     faults = []
     channel_states = []
+    now, limits_of = measurement.time, limits.channels
     for name, last, value, age, travel in zip(
         CHANNELS,
         state.channel_states,
@@ -51,9 +52,7 @@ def check_channels(
         (0.0, master, slave, 0.0, state.velocity_change),
         strict=True,
     ):
-        channel_state, fault = check_channel(
-            name, last, value, age, measurement.time, travel, limits.channels[name]
-        )
+        channel_state, fault = check_channel(name, last, value, age, now, travel, limits_of[name])
         channel_states.append(channel_state)
         if fault:
             faults.append(fault)
