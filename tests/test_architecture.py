@@ -41,6 +41,7 @@ ALLOWED = {
         "python_calamine",
         "rosbags",
         "mcap_ros2",
+        "distributed",
     },
 }
 ROOMS = {
@@ -52,7 +53,7 @@ ROOMS = {
     "output": {"safety", "control", "recording", "evaluation"},
     "trial": {"safety", "control", "recording", "evaluation", "output"},
     "rig": {"safety", "control", "recording", "trial"},
-    "studies": {"safety", "control", "evaluation", "output", "trial"},
+    "studies": {"safety", "control", "recording", "evaluation", "output", "trial"},
     "commands": {
         "safety",
         "control",
