@@ -9,7 +9,7 @@ import hashlib
 import inspect
 import sys
 from collections.abc import Callable
-from functools import cache
+from functools import cache, partial
 from importlib.util import find_spec
 from pathlib import Path
 from types import FunctionType
@@ -127,16 +127,18 @@ def compiled(step: Step, regressors: int) -> Callable[..., None]:
     digest = hashlib.sha256((source + package_source()).encode()).hexdigest()[:16]
     # Only compiled code calls the step. Wrappers for other callers take a quarter of the time of
     # the compilation.
-    inner = {"error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+    njit: Any = partial(numba.njit, error_model="numpy", no_cfunc_wrapper=True)
+    inner = njit(no_cpython_wrapper=True)
     known = {
-        "_step": own_copy(step, numba.njit(**inner), [(below, compiled_below())]),
+        "_step": own_copy(step, inner, [(below, compiled_below())]),
         "_regressors": regressors,
         "_to_fixed_tuple": to_fixed_tuple,
     }
     loop = FunctionType(_template.__code__, known)
     loop.__module__ = __name__
     loop.__qualname__ = f"{step.__module__}.{step.__name__}.{regressors}.{digest}"
-    return numba.njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)(loop)
+    finished: Callable[..., None] = njit(cache=True)(loop)
+    return finished
 
 
 @cache

@@ -42,6 +42,12 @@ def quick_garbage_collection():
     gc.freeze()
 
 
+def pytest_runtest_teardown():
+    """Exempt them again after a test whose trial in real time has ended the exemption."""
+    if not gc.get_freeze_count():
+        gc.freeze()
+
+
 class DocsPage:
     """The blocks of code of a page of the documentation."""
 
