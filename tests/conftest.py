@@ -33,6 +33,7 @@ if "PYTEST_XDIST_WORKER" not in os.environ:
     for package in ("estimation", "drivers", "sim_backend", "teleop"):
         compileall.compile_dir(ROOT / package, quiet=1)
 os.environ["PYTHONDONTWRITEBYTECODE"] = "1"
+gc.unfreeze = lambda: None  # a trial in real time would end what `quick_garbage_collection` does
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -40,12 +41,6 @@ def quick_garbage_collection():
     """Exempt from garbage collection what earlier files have left: modules, tests, reports."""
     gc.collect()
     gc.freeze()
-
-
-def pytest_runtest_teardown():
-    """Exempt them again after a test whose trial in real time has ended the exemption."""
-    if not gc.get_freeze_count():
-        gc.freeze()
 
 
 class DocsPage:
