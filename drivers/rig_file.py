@@ -9,6 +9,7 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -129,6 +130,12 @@ def valid_sections(tree: Mapping[str, Any]) -> dict[str, Any]:
     return sections
 
 
+@cache
+def device_validator(settings: type[DeviceSettings]) -> TypeAdapter[DeviceSettings]:
+    """Return the validator of the settings of a kind of device; one is made of each kind."""
+    return TypeAdapter(settings)
+
+
 def checked_devices(
     tree: Any, folder: Path, problems: list[str]
 ) -> Iterator[tuple[str, DeviceSettings]]:
@@ -152,8 +159,8 @@ def checked_devices(
             problems.append(f"devices.{name}.kind: {kind!r}: expected one of {', '.join(kinds())}")
             continue
         try:
-            settings = device_class(kind).Settings
-            yield name, TypeAdapter(settings).validate_python(section, context={"folder": folder})
+            validator = device_validator(device_class(kind).Settings)
+            yield name, validator.validate_python(section, context={"folder": folder})
         except ValidationError as error:
             problems += validation_problems(error, ("devices", name))
         except ImportError as error:

@@ -5,6 +5,7 @@ The packages are those of docs/writing-a-driver.md and docs/writing-an-estimator
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import signal
@@ -28,13 +29,13 @@ def environment(third_party):
     return {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, path))}
 
 
-@pytest.fixture(scope="module")
-def emulated(environment, third_party_rig, tmp_path_factory):
-    """The rig file to run against `teleop rig emulate`, which serves the devices."""
-    out = tmp_path_factory.mktemp("emulated") / "run.toml"
+@contextlib.contextmanager
+def emulated(environment, rig, folder):
+    """Run `teleop rig emulate` within the block, and yield the rig file to run against it."""
+    out = folder / "run.toml"
     options = ["--condition", "autonomous", "--out", out, "--json"]
     process = subprocess.Popen(
-        [sys.executable, "-m", "teleop", "rig", "emulate", third_party_rig, *options],
+        [sys.executable, "-m", "teleop", "rig", "emulate", rig, *options],
         env=environment,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
@@ -55,37 +56,48 @@ def emulated(environment, third_party_rig, tmp_path_factory):
     assert process.returncode == 0
 
 
-@pytest.fixture(scope="module")
-def on_the_rig(environment, emulated):
-    """Runs a command in real time on the emulated rig, and gives the document it prints."""
+def on_the_rig(environment, folder, *arguments):
+    """Run a command in real time on the emulated rig, and return the document that it prints."""
+    for _ in range(ATTEMPTS):
+        done = subprocess.run(
+            [sys.executable, "-m", "teleop", *map(str, arguments), "--json"],
+            env=environment,
+            cwd=folder,
+            capture_output=True,
+            text=True,
+            timeout=60,
+            check=False,
+        )
+        if not done.returncode:
+            break
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
 
-    def run(*arguments):
-        for _ in range(ATTEMPTS):
-            done = subprocess.run(
-                [sys.executable, "-m", "teleop", *map(str, arguments), "--json"],
-                env=environment,
-                cwd=emulated.parent,
-                capture_output=True,
-                text=True,
-                timeout=60,
-                check=False,
-            )
-            if not done.returncode:
-                break
-        assert done.returncode == 0, done.stderr
-        return json.loads(done.stdout)
 
-    return run
+RUN = "--specimen soft --depth 10mm --yes --condition autonomous --duration 1 --estimators rls,nlms"
 
 
 @pytest.fixture(scope="module")
-def recorded(on_the_rig, emulated):
+def printed(environment, third_party_rig, tmp_path_factory):
+    """What check, tare and run print on the emulated rig, by command, and the recording.
+
+    The emulator uses the processor as long as it runs, so it ends before the other commands.
+    """
+    folder = tmp_path_factory.mktemp("emulated")
+    with emulated(environment, third_party_rig, folder) as rig:
+        found = {
+            "check": on_the_rig(environment, folder, "rig", "check", rig, "--seconds", 0.3),
+            "tare": on_the_rig(environment, folder, "rig", "tare", "--rig", rig),
+            "run": on_the_rig(environment, folder, "run", "--rig", rig, *RUN.split()),
+        }
+    return found, folder / found["run"]["recording"]["path"]
+
+
+@pytest.fixture(scope="module")
+def recorded(printed):
     """What `teleop run` prints with the sensor and the estimator, and the recording."""
-    options = ["--condition", "autonomous", "--duration", 1, "--estimators", "rls,nlms"]
-    summary = on_the_rig(
-        "run", "--rig", emulated, "--specimen", "soft", "--depth", "10mm", "--yes", *options
-    )
-    return summary, emulated.parent / summary["recording"]["path"]
+    found, path = printed
+    return found["run"], path
 
 
 @pytest.fixture
@@ -111,16 +123,15 @@ def test_the_ports_are_listed(command):
     assert isinstance(command("rig", "list", "--json")["ports"], list)
 
 
-def test_the_check_shows_the_sensors_channel(on_the_rig, emulated):
-    report = on_the_rig("rig", "check", emulated, "--seconds", 0.3)
+def test_the_check_shows_the_sensors_channel(printed):
+    report = printed[0]["check"]
     channels = {channel["name"]: channel for channel in report["channels"]}
     assert channels["contact_force"]["noise"] > 0.0
     assert all(drive["watchdog_s"] > 0.0 for drive in report["drives"])
 
 
-def test_its_zero_is_found(command, emulated, tmp_path):
-    tare = command("rig", "tare", "--rig", emulated, "--out", tmp_path / "tare.json", "--json")
-    assert abs(tare["contact_force"]) < 0.1
+def test_its_zero_is_found(printed):
+    assert abs(printed[0]["tare"]["contact_force"]) < 0.1
 
 
 def test_a_trial_estimates_from_the_sensors_force(recorded):

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
 import numpy as np
 
 from estimation import Preset
@@ -11,6 +14,9 @@ from teleop.evaluation.evaluation import Evaluation
 from teleop.evaluation.signals import Signals
 from teleop.evaluation.units import LARGEST
 from teleop.recording.recording import Recording
+
+if TYPE_CHECKING:
+    from pydantic import TypeAdapter
 
 
 def recorded_signals(recording: Recording) -> Signals:
@@ -50,14 +56,14 @@ def recorded_settings(recording: Recording) -> EstimateSettings:
     InputError
         A setting is missing in the recording or invalid.
     """
-    from pydantic import TypeAdapter, ValidationError
+    from pydantic import ValidationError
 
     settings = recording.settings
     try:
-        return TypeAdapter(EstimateSettings).validate_python(
+        made: EstimateSettings = validator(EstimateSettings).validate_python(
             {
                 "datum": "file",
-                "preset": TypeAdapter(Preset).validate_python(settings["preset"]),
+                "preset": validator(Preset).validate_python(settings["preset"]),
                 "conditioning": settings["conditioning"],
                 "bandwidth": settings["bandwidth_hz"],
                 "force_lag": settings["force_lag_s"],
@@ -65,12 +71,21 @@ def recorded_settings(recording: Recording) -> EstimateSettings:
                 "resolution": settings["encoder_resolution_m"],
             }
         )
+        return made
     except KeyError as error:
         raise InputError(f"the recording lacks the setting {error} of the estimators") from error
     except ValidationError as error:
         raise InputError(
             "the recording has invalid settings of the estimators: " + invalid_parts(error)
         ) from error
+
+
+@cache
+def validator(kind: type) -> TypeAdapter[Any]:
+    """Return the validator of a class of settings; one is made of each class."""
+    from pydantic import TypeAdapter
+
+    return TypeAdapter(kind)
 
 
 def agrees(evaluation: Evaluation, recording: Recording) -> bool:

@@ -13,7 +13,9 @@ from typing import IO, Any, Literal
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.backend_bases import RendererBase
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 from numpy.typing import NDArray
 
 from estimation.compiled import Floats
@@ -46,6 +48,22 @@ BINS = 1000
 """Number of bins into which the samples of a line are divided, see `extremes`."""
 
 
+class PageFigure(Figure):
+    """A figure that is drawn once when it is saved.
+
+    `Figure.savefig` draws a figure with constrained layout twice. Only the layout of the first
+    drawing is used, so only the layout is computed.
+    """
+
+    def draw(self, renderer: RendererBase) -> None:
+        """Draw the figure, or compute the layout that the next drawing uses."""
+        layout = self.get_layout_engine()
+        if isinstance(layout, ConstrainedLayoutEngine) and self.canvas.is_saving():
+            layout.execute(self)
+        else:
+            super().draw(renderer)
+
+
 @contextlib.contextmanager
 def figure_style(width: WidthName = "screen") -> Iterator[None]:
     """Within the block, draw figures for a width: for a screen, columns of a paper, or A4."""
@@ -76,7 +94,7 @@ def new_figure(ratio: float, rows: int = 1) -> Figure:
     """
     width = WIDTHS[CHOSEN.get()]
     height = max(ratio * width, 1.25 * rows + 1.0)
-    return Figure(figsize=(width, height), layout="constrained")
+    return PageFigure(figsize=(width, height), layout="constrained")
 
 
 def is_narrow() -> bool:

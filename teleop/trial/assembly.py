@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from drivers import Rig
-from drivers.wired_rig import WiredRig
 from estimation import Bank, Excitation
 from sim_backend import FreePalpation, MimickedSine, Operator, SimulatedRig
 from teleop.control.admittance import Admittance
@@ -34,7 +33,11 @@ def make_rig(settings: TrialSettings, now: Callable[[], float]) -> Rig:
     now
         Returns the time of the clock [s].
     """
-    return WiredRig(settings.rig, now) if settings.rig else make_simulated_rig(settings, now)
+    if settings.rig is None:
+        return make_simulated_rig(settings, now)
+    from drivers.wired_rig import WiredRig  # imports python-can
+
+    return WiredRig(settings.rig, now)
 
 
 def make_simulated_rig(

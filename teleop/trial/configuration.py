@@ -10,10 +10,7 @@ import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import fields
 from pathlib import Path
-from typing import Any
-
-import tomlkit
-from tomlkit.items import Table
+from typing import TYPE_CHECKING, Any
 
 from drivers.input_file import read_input
 from estimation import MODELS
@@ -25,6 +22,9 @@ from teleop.recording.recording import load
 from teleop.trial.rig_loading import load_rig_file
 from teleop.trial.settings import TrialSettings
 from teleop.trial.settings_json import DERIVED, NAMES, adapter, from_document, to_document
+
+if TYPE_CHECKING:
+    from tomlkit.items import Table
 
 
 def read_configuration(path: Path) -> TrialSettings:
@@ -129,6 +129,8 @@ def settings_from(document: Mapping[str, Any], folder: Path) -> TrialSettings:
 
 def write_configuration(settings: TrialSettings) -> str:
     """Return the text of a configuration file with these settings and comments."""
+    import tomlkit
+
     document = without_none(to_document(settings))
     if MODELS.get(settings.model.name) == settings.model:
         document["model"] = settings.model.name
@@ -173,6 +175,8 @@ def table(values: Mapping[str, Any], properties: Mapping[str, Any]) -> Table:
     properties
         Properties of the table in the JSON schema, with the descriptions, by key.
     """
+    import tomlkit
+
     found = tomlkit.table()
     for key in {**properties, **values}:
         description = " ".join(properties.get(key, {}).get("description", "").split()).rstrip(".")

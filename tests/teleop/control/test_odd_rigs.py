@@ -23,6 +23,13 @@ AT = 300
 """Number of the first faulty call of the rig or the condition; the drives move then."""
 
 
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Leave the figure out of the reports of faults: `test_black_box.py` tests it."""
+    monkeypatch.setattr("teleop.output.fault_report.save", lambda *arguments, **options: None)
+    monkeypatch.setattr("teleop.output.fault_report.fault_figure", lambda *arguments: None)
+
+
 class OddRig(SimulatedRig):
     """The simulated rig, one of whose calls is replaced from call `AT` on."""
 
@@ -113,6 +120,7 @@ ANSWERS = {
 }
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize("odd", ANSWERS.values(), ids=ANSWERS)
 def test_an_invalid_return_value_of_a_rig_stops_the_drives_and_is_reported(odd, tmp_path):
     made = OddTrial(odd=odd)
@@ -167,6 +175,7 @@ def test_a_drive_error_has_one_line_of_bounded_length():
     assert len(trial.fault["text"]) < 3000
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize("force", [None, np.ones(2), 1j])
 def test_a_force_that_is_not_a_number_is_a_control_failure(force, tmp_path):
     made = OddTrial(other=Odd(force=force))
