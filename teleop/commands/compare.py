@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from cyclopts import Parameter
 
 from teleop.commands.overwriting import Overwrite
+from teleop.commands.quantities import Hertz, Seconds
 from teleop.commands.recording import BY_NAME, ColumnOptions
 from teleop.names import ConditioningName, CubeName, ModelName, PresetName, WidthName
 
@@ -26,8 +27,8 @@ def compare(
     preset: PresetName | None = None,
     cube: CubeName = "soft",
     conditioning: ConditioningName | None = None,
-    bandwidth: float | None = None,
-    force_lag: float | None = None,
+    bandwidth: Hertz | None = None,
+    force_lag: Seconds | None = None,
     anova: Literal["k", "b", "e_f", "rise_time_s"] | None = None,
     out: Path | None = None,
     plot: Path | None = None,

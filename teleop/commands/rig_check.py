@@ -8,12 +8,14 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from teleop.commands.quantities import Seconds
+
 
 def check(
     file: Path,
     /,
     *,
-    seconds: float = 3.0,
+    seconds: Seconds = 3.0,
     move: Annotated[bool, Parameter(negative="")] = False,
     json: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:

@@ -8,6 +8,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from teleop.commands.overwriting import Overwrite
+from teleop.commands.quantities import Hertz, Length
 from teleop.names import ConditionName, CubeName, RealtimeName
 
 REALTIME_STEPS = ("SCHED_FIFO", "no garbage collection")
@@ -23,8 +24,8 @@ def emulate(
     out: Path = Path("run.toml"),
     cube: CubeName = "soft",
     condition: ConditionName = "free",
-    depth: str | None = None,
-    frequency: float | None = None,
+    depth: Length | None = None,
+    frequency: Hertz | None = None,
     seed: int = 0,
     fault: tuple[str, ...] = (),
     overwrite: Overwrite = False,
@@ -71,7 +72,6 @@ def emulate(
 
     from sim_backend.wire.emulator import host_file, host_ports
     from teleop.commands.choices import make_signal
-    from teleop.commands.run import read_depth
     from teleop.files import check_outputs, write_text
     from teleop.interruption import stop_signals
     from teleop.output import console, rig_tables
@@ -89,7 +89,7 @@ def emulate(
         condition=condition,
         cube=cube,
         seed=seed,
-        depth=read_depth(depth),
+        depth=depth,
         signal=None if frequency is None else make_signal("sine", frequency),
         count_in=COUNT_IN,
     )

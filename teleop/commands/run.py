@@ -10,6 +10,7 @@ from cyclopts import Parameter
 
 from teleop.commands.figures import draw_trial
 from teleop.commands.overwriting import Overwrite
+from teleop.commands.quantities import Hertz, Length, Seconds
 from teleop.names import (
     ClockName,
     ConditioningName,
@@ -32,17 +33,17 @@ def run(
     specimen: str | None = None,
     operator: str | None = None,
     notes: str | None = None,
-    duration: float | None = None,
+    duration: Seconds | None = None,
     clock: ClockName | None = None,
-    rate: float | None = None,
-    depth: str | None = None,
+    rate: Hertz | None = None,
+    depth: Length | None = None,
     seed: int | None = None,
     signal: SignalName | None = None,
-    frequency: float | None = None,
+    frequency: Hertz | None = None,
     coupling: CouplingName | None = None,
     conditioning: ConditioningName | None = None,
-    bandwidth: float | None = None,
-    force_lag: float | None = None,
+    bandwidth: Hertz | None = None,
+    force_lag: Seconds | None = None,
     estimators: str | None = None,
     model: ModelName | None = None,
     realtime: RealtimeName = "try",
@@ -110,8 +111,8 @@ def run(
     bandwidth
         Bandwidth of the conditioning filter [Hz]; not used by foaw. Default: 20.
     force_lag
-        Lag of the force channel [s], as measured by `teleop lag`; matched conditioning
-        compensates it. Default: 0.
+        Lag of the force channel, such as 2.66ms, as measured by `teleop lag`; matched
+        conditioning compensates it. Default: 0.
     estimators
         Names of estimators, such as rls,kalman,rls_sift, or all. Default: rls,ai,me.
     model
@@ -171,7 +172,7 @@ def run(
     options: dict[str, Any] = {
         "condition": condition,
         "rig": rig_file,
-        "depth": read_depth(depth),
+        "depth": depth,
         "cube": cube,
         "specimen": specimen,
         "operator": operator,
@@ -243,20 +244,3 @@ def run(
     if problems:
         raise InputError("; ".join(problems))
     return 130 if trial.interrupted else 0
-
-
-def read_depth(text: str | None) -> float | None:
-    """Return a depth in m from a text with its unit; None stays None.
-
-    Raises
-    ------
-    InputError
-        The text is not a length with a unit.
-    """
-    from teleop.errors import InputError
-    from teleop.evaluation.units import quantity
-
-    depth = None if text is None else quantity(text, "position")
-    if text is not None and depth is None:
-        raise InputError(f"depth {text!r}: expected a length with its unit, such as 5mm")
-    return depth
