@@ -152,7 +152,7 @@ def run(
     from teleop.printable import discard_output, print_error
     from teleop.recording.new_recording import new_recording
     from teleop.safety.events import time_text
-    from teleop.trial.arming import ask_to_arm, check_stated
+    from teleop.trial.arming import arming_text, check_stated, is_armed
     from teleop.trial.configuration import read_configuration
     from teleop.trial.rig_loading import load_rig_file
     from teleop.trial.run import run_trial
@@ -201,8 +201,7 @@ def run(
         make_folder(record)
     sources = (config, rig, tare)
     check_outputs(record, pictures=(plot, plot_force), sources=sources, overwrite=overwrite)
-    if settings.rig and not yes and not ask_to_arm(settings):
-        print_error("not armed: nothing was moved")
+    if settings.rig and not is_armed(settings.rig, arming_text(settings), yes):
         return 130
     reserved = None
     if not (record or no_record):

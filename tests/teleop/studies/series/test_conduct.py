@@ -241,5 +241,5 @@ def test_the_prompt_of_a_series_arms_the_drives_and_is_the_only_one(tmp_path, mo
         main(["series", str(wired_plan(tmp_path)), "--out", str(tmp_path / "out"), "--ask"])
     assert len(run) == 1
     prompt = capsys.readouterr().err
-    for part in ("serial board: autonomous, liver, depth 3 mm, force limit 200 N", "Ctrl-C"):
+    for part in ("serial board: autonomous, liver, 0.5 s, depth 3 mm, force limit 200 N", "Ctrl-C"):
         assert part in prompt
