@@ -40,9 +40,10 @@ class Columns:
     invert: Literal["position", "force", "both"] | None = None
     """Change the sign of position, force or both, which must be positive in compression."""
     datum: str = "auto"
-    """Position and force that are used as zero: at the contact point (contact), as in the file, at
-    the first sample (start), at the mean of the motion, or given as in 1.5mm,20N. Default: the
-    contact point if the data begin or end without contact, and otherwise the mean."""
+    """Position and force that are used as zero: at the contact point (contact), as in the file
+    (file), at the first sample (start), at the mean of the motion (mean), or given as in
+    1.5mm,20N. Default (auto): contact if the data begin or end without contact, and otherwise
+    mean."""
 
     def read(self, file: Path) -> tuple[Signals, Recording | None]:
         """Read position, force and time from a file.

@@ -26,6 +26,14 @@ RESULTS = {
     "held": "held",
 }
 """Headings of the values in the summary of an estimator."""
+TRACKING = {
+    "gain": "tracking gain",
+    "phase_deg": "tracking phase [deg]",
+    "rms_m": "tracking error rms [m]",
+    "frequency_hz": "achieved frequency [Hz]",
+    "target_hz": "target frequency [Hz]",
+}
+"""Headings of the tracking of the target; the cells of other conditions than mimic are empty."""
 
 
 def result_rows(trials: Sequence[PlannedTrial], journal: Journal) -> Iterator[dict[str, Any]]:
@@ -33,6 +41,7 @@ def result_rows(trials: Sequence[PlannedTrial], journal: Journal) -> Iterator[di
     planned = {trial.number: trial for trial in trials}
     for result in journal.results():
         trial, summary = planned[result["trial"]], result["summary"]
+        tracking = summary["tracking"] or {}
         for name, values in summary["estimates"].items():
             yield {
                 "trial": trial.number,
@@ -45,6 +54,7 @@ def result_rows(trials: Sequence[PlannedTrial], journal: Journal) -> Iterator[di
                 "seed": summary["seed"],
                 "estimator": name,
                 **{RESULTS[key]: values[key] for key in RESULTS},
+                **{TRACKING[key]: tracking.get(key) for key in TRACKING},
             }
 
 
