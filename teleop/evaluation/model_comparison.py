@@ -17,7 +17,7 @@ from estimation.compiled import Floats, interpreted_sweep
 from estimation.model import KELVIN_VOIGT
 
 WINDOW = 1.0
-"""Window of the batch least squares that one-step errors are divided by [s]."""
+"""Window of the least squares that one-step errors are divided by [s]."""
 ROUNDING = 1e-9
 """If batch least squares errs by less than this share of the force, the ratio is NaN."""
 TIMED = 2000

@@ -133,7 +133,7 @@ def test_estimate_prints_the_estimators_beside_batch_least_squares(capsys, recor
     picture, table = tmp_path / "sine.svg", tmp_path / "out.csv"
     assert main(["estimate", recording, "--plot", str(picture), "--out", str(table)]) == 0
     out = capsys.readouterr().out
-    for word in ("sine.csv", "rls", "ai", "me", "batch", "one-step rms [N]", "datum"):
+    for word in ("sine.csv", "rls", "ai", "me", "least squares", "one-step rms [N]", "datum"):
         assert word in out
     assert "<svg" in picture.read_text()
     assert table.read_text().startswith(
