@@ -73,6 +73,9 @@ def compare(
         batch_error = math.nan
     found = {}
     for name, series in estimates.items():
+        if series.held.all():  # no estimate
+            found[name] = Comparison(*(math.nan for _ in Comparison._fields))
+            continue
         b_now, k_now, b_std, k_std = (column[settled] for column in series[:4])
         error = rms((f - predicted_force(regression, series))[settled])
         found[name] = Comparison(
