@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+from teleop.evaluation.tracking import COLUMNS as TRACKING
 from teleop.files import write_text
 from teleop.studies.series.journal import Journal
 from teleop.studies.series.plan import PlannedTrial
@@ -26,14 +27,6 @@ RESULTS = {
     "held": "held",
 }
 """Headings of the values in the summary of an estimator."""
-TRACKING = {
-    "gain": "tracking gain",
-    "phase_deg": "tracking phase [deg]",
-    "rms_m": "tracking error rms [m]",
-    "frequency_hz": "achieved frequency [Hz]",
-    "target_hz": "target frequency [Hz]",
-}
-"""Headings of the tracking of the target; the cells of other conditions than mimic are empty."""
 
 
 def result_rows(trials: Sequence[PlannedTrial], journal: Journal) -> Iterator[dict[str, Any]]:
