@@ -8,7 +8,7 @@ from pathlib import Path
 from string import ascii_lowercase
 from typing import Any
 
-from teleop.evaluation.comparison import Compared, Group, Mean
+from teleop.evaluation.comparison import RESULT, Compared, Group, Mean
 from teleop.output.console import plain_console, print_table
 from teleop.output.result_tables import significant
 from teleop.output.table_files import TextTable, shortened
@@ -92,7 +92,8 @@ def missing_text(method: str, missing: Mapping[str, str]) -> str:
         named = ", ".join(names[:FILES_NAMED]) + (f" and {more} more" if more > 0 else "")
         parts.append(f"{reason} ({named})")
     what = "recording" if len(missing) == 1 else "recordings"
-    return one_line(f"No {method} for {len(missing)} {what}: {'; '.join(parts)}.")
+    value = RESULT if method == RESULT else "estimate"
+    return one_line(f"No {value} for {len(missing)} {what}: {'; '.join(parts)}.")
 
 
 def letters(index: int) -> str:

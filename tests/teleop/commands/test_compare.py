@@ -165,7 +165,7 @@ def test_a_table_names_the_reason_of_each_value_that_is_missing(
     assert "\\usepackage{booktabs,threeparttable}" in latex
     assert " & 0 (a) & - & - & - \\\\" in latex
     assert f"\\item[(a)] No result for 1 recording: {reason} (a\\_b\\%c.csv)." in latex
-    assert "\\item[(b)] No rls for 1 recording: the estimator was never updated" in latex
+    assert "\\item[(b)] No estimate for 1 recording: the estimator was never updated" in latex
     assert latex.count("\\begin{") == latex.count("\\end{") == 3
     assert f"\n(a) No result for 1 recording: {reason} (a\\_b%c.csv).\n" in (
         (tmp_path / "table.md").read_text()
