@@ -154,7 +154,8 @@ def print_emulation(
         console.print(f"  {bus}: {port}")
     options = " ".join(f"--{option} {value}" for option, value in palpation.items())
     command = f"teleop run --rig {out} {options}"
-    console.print(f"  run against it: {command}", soft_wrap=True)
+    any_condition = "" if "condition" in palpation else ", with any --condition"
+    console.print(f"  run against it{any_condition}: {command}", soft_wrap=True)
 
 
 def print_lag(summary: Mapping[str, Any]) -> None:
