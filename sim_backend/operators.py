@@ -27,10 +27,11 @@ from sim_backend.plant import Arm, Intention
 ARM = Arm(stiffness=400.0, damping=12.0)
 TREMOR_AMPLITUDE = 0.1e-3
 """Amplitude of each of the three tremor components of the intended motion [m]."""
-AHEAD = 0.3e-3
-"""Distance by which a handle that moves by itself is ahead of a hand that waits [m].
+MOVED = 0.35
+"""Position of a handle that moves by itself while the hand waits, as a fraction of the depth.
 
-A hand that holds the handle is ahead of it, except for its tremor.
+The hand waits at 0.1 of the depth. Its tremor moves the handle by at most 0.1 mm, less than a tenth
+of the smallest depth of the paper.
 """
 REACTION = 0.2
 """Time from the start of the trial to the first movement [s]."""
@@ -195,15 +196,14 @@ class AttentiveOperator(MimickedSine):
     """Operator for every control condition, who does not know which one it is.
 
     The operator waits for the count-in at a small depth and then tracks the sine, which is also a
-    free palpation. If the handle moves ahead of the hand while the operator waits, it is the
-    autonomous condition that moves it, and the operator lets go of the handle.
+    free palpation. If the handle moves away while the operator waits, it is the autonomous
+    condition that moves it, and the operator lets go of the handle.
     """
 
     _released = False
 
     def holds(self, t: float, handle: float) -> bool:
         """Return False after the handle has moved by itself while the operator waited."""
-        waits = t < REACTION + self._count_in
-        if waits and handle - self.intention(t).position > AHEAD:
+        if t < REACTION + self._count_in and handle > MOVED * self.depth:
             self._released = True
         return not self._released
