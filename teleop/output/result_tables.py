@@ -112,6 +112,9 @@ def print_models(summary: Mapping[str, Any]) -> None:
             for fit in models
         ),
     )
+    console.print(
+        "  rms: error of the recorded force; a correct model has at most the noise of the sensor"
+    )
     for fit in models:
         cells = [parameter_text(name, one) for name, one in fit["parameters"].items()]
         console.print(f"  {fit['name']}: {', '.join(cells)}")
