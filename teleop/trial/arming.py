@@ -6,6 +6,7 @@ import sys
 
 from drivers.rig_file import RigFile
 from teleop.errors import InputError
+from teleop.output.console import terminal_width, wrapped
 from teleop.printable import print_error
 from teleop.trial.settings import TrialSettings
 from teleop.trial.stop_key import is_foreground
@@ -84,5 +85,9 @@ def arming_text(settings: TrialSettings) -> str:
 
 
 def motion_text(rig: str, motion: str) -> str:
-    """Return a text for the person who arms the drives: the motion of a rig, and how to stop it."""
-    return f"{rig}: {motion}.\nWhile it runs: {StopSwitch(key=True).instructions}."
+    """Return a text for the person who arms the drives: the motion of a rig, and how to stop it.
+
+    Its lines fit the terminal.
+    """
+    text = f"{rig}: {motion}.\nWhile it runs: {StopSwitch(key=True).instructions}."
+    return wrapped(text, terminal_width())

@@ -148,15 +148,17 @@ def test_a_refusal_ends_them_before_the_rig_is_opened(
 ):
     monkeypatch.chdir(tmp_path)
     terminal(b"no\n")
+    monkeypatch.setenv("COLUMNS", "80")
     assert main(["rig", *map(str, command)]) == 130
     shown = sys.stderr.getvalue()
     for part in ("serial board: ", "stop at", "Ctrl-C", "not armed: nothing was moved"):
-        assert part in shown
+        assert part in " ".join(shown.split())
+    assert max(map(len, shown.splitlines())) <= 80
     assert not [*tmp_path.iterdir()]
 
 
 def test_the_prompt_states_what_will_happen_and_how_to_stop():
-    text = arming_text(wired(condition="mimic", specimen="liver", depth=3e-3))
+    text = " ".join(arming_text(wired(condition="mimic", specimen="liver", depth=3e-3)).split())
     for part in ("serial board", "mimic", "liver", "3 mm", "200 N", "Ctrl-C"):
         assert part in text
 
