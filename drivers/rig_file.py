@@ -24,6 +24,7 @@ from drivers.device import (
     sole_drive,
 )
 from drivers.input_file import read_input
+from drivers.problems import syntax_problem, value_problem
 from drivers.registry import device_class, kinds
 from drivers.rig import UNITS, RigError
 from drivers.rig_sections import (
@@ -99,7 +100,7 @@ def parse_rig_file(path: Path, text: str) -> RigFile:
     try:
         tree = tomllib.loads(text)
     except (ValueError, RecursionError) as error:
-        raise RigFileError(f"{path}: not a TOML file: {error}") from error
+        raise RigFileError(f"{path}: {syntax_problem(error, text)}") from error
     problems: list[str] = []
     declared = tree.pop("devices", {})
     devices = dict(checked_devices(declared, path.parent, problems))
@@ -178,16 +179,9 @@ def validation_problems(error: ValidationError, where: tuple[str, ...]) -> list[
         Names of the sections that contain the checked part of the rig file.
     """
     return [
-        f"{'.'.join(map(str, where + part['loc']))}: {as_phrase(part['msg'])}"
-        + ("" if isinstance(part["input"], Mapping) else f", got {part['input']!r}")
+        f"{'.'.join(map(str, where + part['loc']))}: {value_problem(part)}"
         for part in error.errors()
     ]
-
-
-def as_phrase(message: str) -> str:
-    """Return a message of pydantic in a form that can follow a colon."""
-    message = message.removeprefix("Value error, ")
-    return message[:1].lower() + message[1:]
 
 
 def reference_problems(rig: RigFile, declared: frozenset[str]) -> Iterator[str]:

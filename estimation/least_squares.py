@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+import math
+from collections.abc import Iterable
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -26,6 +28,26 @@ class Fit(NamedTuple):
     def rms(self) -> float:
         """Root mean square of the residual [N]."""
         return float(np.sqrt(np.mean(self.residual**2)))
+
+    @property
+    def e_f(self) -> float:
+        """Mean of the absolute residual [N]."""
+        return float(np.mean(np.abs(self.residual)))
+
+    def summary(self, names: Iterable[str]) -> dict[str, Any]:
+        """Return the fit as a dictionary for JSON; `names` are those of `further`."""
+        return {
+            "b": self.b,
+            "k": self.k,
+            "e_f": self.e_f,
+            "one_step_rms": self.rms,
+            "further": dict(zip(names, self.further, strict=True)),
+        }
+
+
+def no_fit(samples: int, further: int) -> Fit:
+    """Return a fit of NaN, with the numbers of samples and of further parameters."""
+    return Fit(math.nan, math.nan, np.full(samples, math.nan), (math.nan,) * further)
 
 
 def least_squares(

@@ -16,8 +16,8 @@ from estimation.metrics import estimated_force, force_error, predicted_force, ri
 class EstimatorSummary(NamedTuple):
     """Summary of one estimator over a record.
 
-    `b`, `k`, `e_f` and `one_step_rms` do not include the samples before the first estimate. They
-    are NaN if there is no estimate.
+    `b`, `k`, `e_f` and `one_step_rms` do not include the samples before the first estimate. All
+    estimates and errors are NaN, and there is no note, if no sample changed the estimate.
     """
 
     b: float
@@ -62,7 +62,7 @@ def summarise(
     """Return the summary of one estimator.
 
     The averages do not include the samples at the start that did not change the initial value of
-    the estimate. They are NaN if no sample changed it.
+    the estimate.
 
     Parameters
     ----------
@@ -89,19 +89,22 @@ def summarise(
         e_f=force_error(f[known], fitted[known]) if some else math.nan,
         one_step_rms=float(np.sqrt(np.mean(one_step[known] ** 2))) if some else math.nan,
         rise_time_s=rise_time(t, estimates.k),
-        b_end=float(estimates.b[-1]),
-        k_end=float(estimates.k[-1]),
+        b_end=float(estimates.b[-1]) if some else math.nan,
+        k_end=float(estimates.k[-1]) if some else math.nan,
         b_interval=interval_at_end(estimates, estimates.b_std),
         k_interval=interval_at_end(estimates, estimates.k_std),
         held=float(np.mean(estimates.held)),
-        further={name: float(series.value[-1]) for name, series in estimates.further.items()},
+        further={
+            name: float(series.value[-1]) if some else math.nan
+            for name, series in estimates.further.items()
+        },
         further_interval={
             name: interval_at_end(estimates, series.std)
             for name, series in estimates.further.items()
         },
         further_unit={name: units[name] for name in estimates.further},
-        misfit=float(misfit[-1]),
-        note=estimator.note(estimates),
+        misfit=float(misfit[-1]) if some else math.nan,
+        note=estimator.note(estimates) if some else None,
     )
 
 

@@ -2,7 +2,7 @@
 
 from sim_backend.cube import Cube
 from sim_backend.faults import FaultyRig
-from sim_backend.operators import ARM, FreePalpation, MimickedSine, Operator
+from sim_backend.operators import ARM, AttentiveOperator, FreePalpation, MimickedSine, Operator
 from sim_backend.paper_rig import (
     CUBES,
     DEPTH,
@@ -26,6 +26,7 @@ __all__ = [
     "RIGID",
     "TRANSMISSION",
     "Arm",
+    "AttentiveOperator",
     "Cube",
     "FaultyRig",
     "FreePalpation",

@@ -27,6 +27,12 @@ from sim_backend.plant import Arm, Intention
 ARM = Arm(stiffness=400.0, damping=12.0)
 TREMOR_AMPLITUDE = 0.1e-3
 """Amplitude of each of the three tremor components of the intended motion [m]."""
+MOVED = 0.35
+"""Position of a handle that moves by itself while the hand waits, as a fraction of the depth.
+
+The hand waits at 0.1 of the depth. Its tremor moves the handle by at most 0.1 mm, less than a tenth
+of the smallest depth of the paper.
+"""
 REACTION = 0.2
 """Time from the start of the trial to the first movement [s]."""
 
@@ -63,6 +69,18 @@ class Operator(ABC):
 
         t must not decrease from one call to the next.
         """
+
+    def holds(self, t: float, handle: float) -> bool:
+        """Return whether the hand holds the handle. Once False, it stays False.
+
+        Parameters
+        ----------
+        t
+            Time since the start of the trial [s].
+        handle
+            Position of the handle [m].
+        """
+        return True
 
     def intention(self, t: float) -> Intention:
         """Return the intended motion, with tremor, at t [s] after the start of the trial.
@@ -172,3 +190,20 @@ class MimickedSine(Operator):
             0.1 * self.depth * light + half * lift,
             0.1 * self.depth * light_rate + half_rate * lift + half * phase_rate * math.sin(phase),
         )
+
+
+class AttentiveOperator(MimickedSine):
+    """Operator for every control condition, who does not know which one it is.
+
+    The operator waits for the count-in at a small depth and then tracks the sine, which is also a
+    free palpation. If the handle moves away while the operator waits, it is the autonomous
+    condition that moves it, and the operator lets go of the handle.
+    """
+
+    _released = False
+
+    def holds(self, t: float, handle: float) -> bool:
+        """Return False after the handle has moved by itself while the operator waited."""
+        if t < REACTION + self._count_in and handle > MOVED * self.depth:
+            self._released = True
+        return not self._released

@@ -234,6 +234,10 @@ class Plant:
         self._arm = arm
         self._max_step = max_step
 
+    def let_go(self) -> None:
+        """Remove the hand of the operator from the handle."""
+        self._arm = UNATTENDED
+
     def advance(self, dt: float, command: Command, intended: Intention = AT_REST) -> None:
         """Advance by `dt` [s].
 

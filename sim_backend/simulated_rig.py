@@ -89,6 +89,8 @@ class SimulatedRig(Rig):
         if now > self._time:
             intended = AT_REST
             if self._operator and now >= self._start:
+                if not self._operator.holds(now - self._start, self.plant.handle.x):
+                    self.plant.let_go()
                 intended = self._operator.intention(now - self._start)
             silent = self._commanded + self._watchdog
             if self._enabled and now > silent:

@@ -90,6 +90,16 @@ def prepare_streams() -> None:
             getattr(sys, name).reconfigure(errors="backslashreplace")
 
 
+def ignore_backend() -> None:
+    """Ignore the environment variable MPLBACKEND.
+
+    It selects the windows of matplotlib. The commands open no window, and write the same figures
+    with any backend, but matplotlib cannot be imported if the name is unknown: the figures of a
+    command, and those of the black box after a safety stop, would be lost.
+    """
+    os.environ.pop("MPLBACKEND", None)
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command and return its exit code.
 
@@ -109,6 +119,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         not handle the signal.
     """
     prepare_streams()
+    ignore_backend()
     try:
         with Interruption(), avoid_claimed_processors():
             if not (sys.argv[1:] if arguments is None else arguments):

@@ -6,6 +6,8 @@ import contextlib
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from drivers.problems import value_problem
+
 if TYPE_CHECKING:
     from pydantic import ValidationError
 
@@ -54,5 +56,6 @@ def invalid_parts(error: ValidationError) -> str:
         Error of pydantic, which checked the document.
     """
     return "; ".join(
-        f"{'.'.join(map(str, e['loc'])) or 'file'}: {e['msg'].lower()}" for e in error.errors()
+        f"{'.'.join(map(str, part['loc'])) or 'file'}: {value_problem(part)}"
+        for part in error.errors()
     )

@@ -178,7 +178,7 @@ def works(command: list[str], folder: Path) -> bool:
     if "run" in command:
         command = [*command, "--duration", "5" if "mimic" in command else "1", "--yes"]
     elif "check" in command:
-        command = [*command, "--seconds", "0.5"]
+        command = [*command, "--seconds", "0.5", *(["--yes"] if "--move" in command else [])]
     for _ in range(4):
         if "run" in command or "--move" in command:
             time.sleep(1.3)  # until the plant is back at its start

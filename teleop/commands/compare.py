@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from cyclopts import Parameter
 
 from teleop.commands.overwriting import Overwrite
+from teleop.commands.quantities import Hertz, Seconds
 from teleop.commands.recording import BY_NAME, ColumnOptions
 from teleop.names import ConditioningName, CubeName, ModelName, PresetName, WidthName
 
@@ -26,8 +27,8 @@ def compare(
     preset: PresetName | None = None,
     cube: CubeName = "soft",
     conditioning: ConditioningName | None = None,
-    bandwidth: float | None = None,
-    force_lag: float | None = None,
+    bandwidth: Hertz | None = None,
+    force_lag: Seconds | None = None,
     anova: Literal["k", "b", "e_f", "rise_time_s"] | None = None,
     out: Path | None = None,
     plot: Path | None = None,
@@ -77,7 +78,7 @@ def compare(
         estimator, and subject is a random factor. Needs the extra `stats`.
     out
         Write the table to a .csv, .tex or .md file: CSV has a row per recording and method,
-        LaTeX (booktabs) and Markdown have the groups.
+        LaTeX (booktabs, threeparttable) and Markdown have the groups and notes.
     plot
         Plot stiffness and damping by group to a .png, .svg or .pdf file.
     width
@@ -99,12 +100,14 @@ def compare(
         effect_cells,
         group_table,
         print_comparison,
+        tracking_table,
     )
     from teleop.output.console import plain_console, print_json, print_table
     from teleop.output.table_files import check_table_ending, write_table_file
     from teleop.printable import print_error
     from teleop.studies.anova import check_available
     from teleop.studies.recordings import known_factors, sources, usual_factors
+    from teleop.trial.result import recorded_tracking
 
     if anova:
         check_available()
@@ -133,7 +136,9 @@ def compare(
             print_error(f"{source.path}: left out: {text}")
             continue
         settings = recording.settings | {"rig": recording.session.get("rig")} if recording else {}
-        rows.append(compared(str(source.path), known_factors(source, settings), evaluation))
+        tracking = recorded_tracking(recording) if recording else None
+        known = known_factors(source, settings)
+        rows.append(compared(str(source.path), known, evaluation, tracking))
     if not rows:
         raise InputError("no file can be evaluated")
     factors = usual_factors(found) if by is None else [name.strip() for name in by.split(",")]
@@ -149,6 +154,7 @@ def compare(
                     "factors": row.factors,
                     "result": row.result.summary(),
                     "estimates": {name: one._asdict() for name, one in row.estimates.items()},
+                    "tracking": row.tracking and row.tracking._asdict(),
                 }
                 for row in rows
             ],
@@ -163,9 +169,9 @@ def compare(
             title = f"analysis of variance of {anova}"
             print_table(plain_console(), title, EFFECT_HEADINGS, effect_cells(effects))
     if out:
-        headings, cells = group_table(groups, factors)
-        tidy = tidy_rows(rows, factors)
-        write_table_file(out, tidy, headings, cells, len(factors) + 1, overwrite)
+        tables = [group_table(groups, factors), tracking_table(groups, factors)]
+        shown = [table for table in tables if table]
+        write_table_file(out, tidy_rows(rows, factors), shown, overwrite)
     if plot:
         from teleop.output.comparison_figure import comparison_figure
         from teleop.output.figure_style import figure_style, save
@@ -187,8 +193,8 @@ def effects_of(rows: list[Compared], factors: list[str], response: str) -> list[
     response
         Result of the estimators that is analysed: k, b, e_f or rise_time_s.
     """
+    from teleop.evaluation.comparison import SUBJECT
     from teleop.studies.anova import ESTIMATOR, analysis_of_variance
-    from teleop.studies.recordings import SUBJECT
 
     table = [
         {

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from math import radians
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -12,6 +11,7 @@ from cyclopts import Parameter
 
 from teleop.commands.figures import truth_of
 from teleop.commands.overwriting import Overwrite
+from teleop.commands.quantities import Degrees, Hertz, Millimetres, Seconds
 from teleop.commands.recording import BY_NAME, ColumnOptions
 from teleop.names import ConditioningName, CubeName, ModelName, PresetName, WidthName
 
@@ -30,8 +30,8 @@ def estimate(
     preset: PresetName | None = None,
     cube: CubeName = "soft",
     conditioning: ConditioningName | None = None,
-    bandwidth: float | None = None,
-    force_lag: float | None = None,
+    bandwidth: Hertz | None = None,
+    force_lag: Seconds | None = None,
     whole: Annotated[bool, Parameter(negative="")] = False,
     cost: Annotated[bool, Parameter(negative="")] = False,
     out: Path | None = None,
@@ -40,9 +40,9 @@ def estimate(
     plot_fit: Path | None = None,
     width: WidthName = "screen",
     indenter: Literal["flat", "sphere", "cone"] | None = None,
-    radius: float | None = None,
-    angle: float | None = None,
-    thickness: float | None = None,
+    radius: Millimetres | None = None,
+    angle: Degrees | None = None,
+    thickness: Millimetres | None = None,
     poisson: float = 0.5,
     overwrite: Overwrite = False,
     json: Annotated[bool, Parameter(negative="")] = False,
@@ -110,11 +110,13 @@ def estimate(
     indenter
         Shape of the tip, to report the elastic modulus.
     radius
-        Radius of a flat punch or a sphere [mm].
+        Radius of a flat punch or a sphere, such as 2.5mm; a number without a unit is in mm.
     angle
-        Half angle of a cone, between its axis and its side [deg].
+        Half angle of a cone, between its axis and its side; a number without a unit is in
+        degrees.
     thickness
-        Thickness of the specimen on a rigid base [mm]; the default is a half-space.
+        Thickness of the specimen on a rigid base; a number without a unit is in mm. The default
+        is a half-space.
     poisson
         Poisson's ratio of the specimen.
     json
@@ -138,13 +140,7 @@ def estimate(
         raise InputError("--out, --plot and --plot-force need exactly one file")
     tip = None
     if indenter:
-        tip = Indenter(
-            indenter,
-            None if radius is None else radius * 1e-3,
-            None if angle is None else radians(angle),
-            None if thickness is None else thickness * 1e-3,
-            poisson,
-        )
+        tip = Indenter(indenter, radius, angle, thickness, poisson)
     elif radius is not None or angle is not None or thickness is not None:
         raise InputError("--radius, --angle and --thickness need --indenter")
     pictures = (plot, plot_force, plot_fit)

@@ -32,6 +32,7 @@ def draw_trial(
         A file cannot be written.
     """
     from estimation import least_squares
+    from estimation.least_squares import no_fit
     from teleop.output.figure_style import figure_style, save
     from teleop.output.figures import estimates_figure, known_truth
     from teleop.output.force_figure import force_figure
@@ -46,6 +47,8 @@ def draw_trial(
             save(figure, plot, overwrite)
         if plot_force:
             first = next(iter(estimates))
-            fit = least_squares(*regression[:3], regression.further)
+            known = not estimates[first].held.all()
+            further = regression.further
+            fit = least_squares(*regression[:3], further) if known else no_fit(*further.shape)
             figure = force_figure(title, t, regression, first, estimates[first], fit)
             save(figure, plot_force, overwrite)

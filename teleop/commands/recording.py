@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
+from teleop.commands.quantities import Hertz, Length
+
 if TYPE_CHECKING:
     from teleop.evaluation.formats.columns import Wanted
     from teleop.evaluation.signals import Signals
@@ -30,17 +32,18 @@ class Columns:
     topic: str | None = None
     """Topic of a ROS bag or an MCAP file. The columns are its fields. Without a topic, the names
     of the columns are /topic.field."""
-    rate: float | None = None
+    rate: Hertz | None = None
     """Sampling rate [Hz] of a file without a time column."""
-    lever: str | None = None
+    lever: Length | None = None
     """Length of the lever arm, such as 50mm, that converts an angle and a torque to a
     displacement and a force."""
     invert: Literal["position", "force", "both"] | None = None
     """Change the sign of position, force or both, which must be positive in compression."""
     datum: str = "auto"
-    """Position and force that are used as zero: at the contact point (contact), as in the file, at
-    the first sample (start), at the mean of the motion, or given as in 1.5mm,20N. Default: the
-    contact point if the data begin or end without contact, and otherwise the mean."""
+    """Position and force that are used as zero: at the contact point (contact), as in the file
+    (file), at the first sample (start), at the mean of the motion (mean), or given as in
+    1.5mm,20N. Default (auto): contact if the data begin or end without contact, and otherwise
+    mean."""
 
     def read(self, file: Path) -> tuple[Signals, Recording | None]:
         """Read position, force and time from a file.
@@ -95,11 +98,9 @@ class Columns:
         """
         from teleop.errors import InputError
         from teleop.evaluation.formats.columns import Wanted
-        from teleop.evaluation.units import quantity
 
-        lever = None if self.lever is None else quantity(self.lever, "position")
-        if self.lever is not None and not (lever and lever > 0.0):
-            raise InputError(f"lever {self.lever!r}: expected a length such as 50mm")
+        if self.lever is not None and not self.lever > 0.0:
+            raise InputError(f"--lever {self.lever:g} m: expected more than zero, such as 50mm")
         if self.rate is not None and not 1e-3 <= self.rate <= 1e9:
             raise InputError(f"rate {self.rate:g}: expected 0.001 to 1e9 Hz")
         if self.rate is not None and self.time is not None:
@@ -110,7 +111,7 @@ class Columns:
             self.time,
             self.block,
             self.rate,
-            lever,
+            self.lever,
             self.invert,
             self.topic,
         )

@@ -9,6 +9,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from teleop.commands.overwriting import Overwrite
+from teleop.commands.quantities import Seconds
 from teleop.commands.recording import BY_NAME, ColumnOptions
 from teleop.names import CubeName, ModelName, PresetName
 
@@ -23,7 +24,7 @@ def report(
     model: ModelName | None = None,
     preset: PresetName | None = None,
     cube: CubeName = "soft",
-    force_lag: float | None = None,
+    force_lag: Seconds | None = None,
     overwrite: Overwrite = False,
     json: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:

@@ -8,13 +8,16 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from teleop.commands.quantities import Seconds
+
 
 def check(
     file: Path,
     /,
     *,
-    seconds: float = 3.0,
+    seconds: Seconds = 3.0,
     move: Annotated[bool, Parameter(negative="")] = False,
+    yes: Annotated[bool, Parameter(negative="")] = False,
     json: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
     """Connect to a rig, show every channel live, and test the watchdogs of its drives.
@@ -34,7 +37,10 @@ def check(
     move
         Also move both drives forward and back, by 0.05 to 0.4 mm at 1 mm/s at most, and compare
         the commanded travel with that of the encoders and the velocity channel. The first
-        difference ends the check. The slave must be free to move.
+        large difference ends the check. The slave must be free to move. A person has to arm the
+        drives first.
+    yes
+        Arm the drives for --move without asking, for scripts.
     json
         Print one JSON document instead of a table.
     """
@@ -44,8 +50,9 @@ def check(
     from teleop.output.console import print_json
     from teleop.output.rig_tables import live_channels, print_check
     from teleop.rig.channel_check import list_problems, listen, round_trips
-    from teleop.rig.drive_check import check_drives
+    from teleop.rig.drive_check import arming_text, check_drives
     from teleop.safety.events import time_text
+    from teleop.trial.arming import is_armed
     from teleop.trial.realtime import realtime
     from teleop.trial.rehearsal import tick_cost
     from teleop.trial.rig_loading import load_rig_file
@@ -54,6 +61,8 @@ def check(
     if not 0.1 <= seconds <= 3600.0:
         raise InputError(f"seconds {seconds:g}: expected 0.1 to 3600")
     rig_file = load_rig_file(file)
+    if move and not is_armed(rig_file, arming_text(rig_file), yes):
+        return 130
     tick_cost(TrialSettings(condition="autonomous"))  # the first ticks of a process are slow
     clock = RealClock(rig_file.sections.rate_hz)
     with realtime("try") as real_time, WiredRig(rig_file, clock.now) as rig:

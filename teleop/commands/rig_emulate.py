@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 
 from teleop.commands.overwriting import Overwrite
+from teleop.commands.quantities import Hertz, Length
 from teleop.names import ConditionName, CubeName, RealtimeName
 
 REALTIME_STEPS = ("SCHED_FIFO", "no garbage collection")
@@ -22,9 +23,9 @@ def emulate(
     *,
     out: Path = Path("run.toml"),
     cube: CubeName = "soft",
-    condition: ConditionName = "free",
-    depth: str | None = None,
-    frequency: float | None = None,
+    condition: ConditionName | Literal["any"] = "any",
+    depth: Length | None = None,
+    frequency: Hertz | None = None,
     seed: int = 0,
     fault: tuple[str, ...] = (),
     overwrite: Overwrite = False,
@@ -36,7 +37,7 @@ def emulate(
     command prints a `teleop run` command; enter it in another terminal. A little more than one
     second after the drives were disabled, the simulated plant returns to its initial state.
 
-    Example: `teleop rig emulate rigs/serial-board.toml --condition mimic --cube hard`
+    Example: `teleop rig emulate rigs/serial-board.toml --cube hard`
 
     Parameters
     ----------
@@ -48,13 +49,14 @@ def emulate(
     cube
         Cube that is palpated.
     condition
-        Simulated operator: palpates freely (free), follows a sine after a count-in of 3 s
-        (mimic), or does not touch the handle (autonomous).
+        Simulated operator: suits a run with any condition (any), palpates freely (free), follows
+        a sine after a count-in of 3 s (mimic), or does not touch the handle (autonomous). For any,
+        the operator follows the sine of mimic, and lets go of a handle that moves by itself.
     depth
         Depth to which the simulated operator palpates, with its unit, such as 5mm. Default: the
         paper's depth.
     frequency
-        Frequency of the sine that the operator of mimic follows [Hz]. Default: 1.
+        Frequency of the sine that the operator of any and mimic follows [Hz]. Default: 1.
     seed
         Seed of operator and sensor noise.
     fault
@@ -69,9 +71,9 @@ def emulate(
     import shutil
     import tempfile
 
+    from sim_backend import AttentiveOperator, MimickedSine
     from sim_backend.wire.emulator import host_file, host_ports
     from teleop.commands.choices import make_signal
-    from teleop.commands.run import read_depth
     from teleop.files import check_outputs, write_text
     from teleop.interruption import stop_signals
     from teleop.output import console, rig_tables
@@ -86,17 +88,18 @@ def emulate(
     check_outputs(out, sources=(file,), overwrite=overwrite)
     faults = [read_fault(text, rig) for text in fault]
     settings = TrialSettings(
-        condition=condition,
+        condition="mimic" if condition == "any" else condition,
         cube=cube,
         seed=seed,
-        depth=read_depth(depth),
+        depth=depth,
         signal=None if frequency is None else make_signal("sine", frequency),
         count_in=COUNT_IN,
     )
     urgency: RealtimeName = "try" if (os.cpu_count() or 1) > 1 else "off"
     folder = Path(tempfile.mkdtemp(prefix="teleop-"))
     try:
-        emulator = make_emulator(rig, settings, folder, faults)
+        mimic = AttentiveOperator if condition == "any" else MimickedSine
+        emulator = make_emulator(rig, settings, folder, faults, mimic)
         with (
             stop_signals() as stopped,
             opened(emulator),
@@ -107,8 +110,8 @@ def emulate(
             if json:
                 console.print_json({"rig": rig.sections.name, "file": str(out), "ports": ports})
             else:
-                palpation = {
-                    "condition": condition,
+                palpation: dict[str, Any] = {
+                    **({} if condition == "any" else {"condition": condition}),
                     "specimen": cube,
                     "depth": f"{settings.setup.depth * 1e3:g}mm",
                     **({} if frequency is None else {"frequency": f"{frequency:g}"}),

@@ -17,6 +17,7 @@ def tare(
     rig: Path | None = None,
     out: Path = Path("tare.json"),
     contact: str = "keep",
+    yes: Annotated[bool, Parameter(negative="")] = False,
     cube: CubeName = "soft",
     seed: int = 0,
     overwrite: Overwrite = False,
@@ -37,7 +38,10 @@ def tare(
         File for the zero offsets (JSON).
     contact
         Position at which contact begins: keep for the zero of the encoder; touch to move the slave
-        forward slowly, by at most 4 mm, until contact; or a position such as 1.5mm.
+        forward slowly, by at most 4 mm, until contact; or a position such as 1.5mm. On a rig of
+        devices, a person has to arm the drives before touch.
+    yes
+        Arm the drives for --contact touch without asking, for scripts.
     cube
         Cube on the simulated rig.
     seed
@@ -55,8 +59,9 @@ def tare(
     from teleop.files import check_outputs
     from teleop.output import console
     from teleop.output.rig_tables import print_tare
-    from teleop.rig.touching import dated_tare, rig_away_from_cube, touch
+    from teleop.rig.touching import arming_text, dated_tare, rig_away_from_cube, touch
     from teleop.rig.zeroing import force_zero
+    from teleop.trial.arming import is_armed
     from teleop.trial.rig_loading import load_rig_file
 
     given = 0.0 if contact in ("keep", "touch") else quantity(contact, "position")
@@ -65,6 +70,9 @@ def tare(
     check_outputs(out, sources=(rig,), overwrite=overwrite)
     sensors = Sensors()
     rig_file = load_rig_file(rig) if rig else None
+    touches = contact == "touch"
+    if rig_file and touches and not is_armed(rig_file, arming_text(rig_file), yes):
+        return 130
     clock: Clock
     if rig_file:
         clock = RealClock(rig_file.sections.rate_hz)
@@ -74,7 +82,7 @@ def tare(
         opened = rig_away_from_cube(cube, clock.now, sensors, seed)
     with opened:
         zero = force_zero(opened, clock)
-    if contact == "touch":
+    if touches:
         given = touch(zero, rig_file, cube, sensors, seed)
     found = dated_tare(zero, given, rig_file.sections.name if rig_file else "simulated")
     write_tare(found, out, overwrite)

@@ -10,6 +10,7 @@ from cyclopts import Parameter
 
 from teleop.commands.figures import draw_trial
 from teleop.commands.overwriting import Overwrite
+from teleop.commands.quantities import Hertz, Length, Seconds
 from teleop.names import (
     ClockName,
     ConditioningName,
@@ -32,17 +33,17 @@ def run(
     specimen: str | None = None,
     operator: str | None = None,
     notes: str | None = None,
-    duration: float | None = None,
+    duration: Seconds | None = None,
     clock: ClockName | None = None,
-    rate: float | None = None,
-    depth: str | None = None,
+    rate: Hertz | None = None,
+    depth: Length | None = None,
     seed: int | None = None,
     signal: SignalName | None = None,
-    frequency: float | None = None,
+    frequency: Hertz | None = None,
     coupling: CouplingName | None = None,
     conditioning: ConditioningName | None = None,
-    bandwidth: float | None = None,
-    force_lag: float | None = None,
+    bandwidth: Hertz | None = None,
+    force_lag: Seconds | None = None,
     estimators: str | None = None,
     model: ModelName | None = None,
     realtime: RealtimeName = "try",
@@ -110,8 +111,8 @@ def run(
     bandwidth
         Bandwidth of the conditioning filter [Hz]; not used by foaw. Default: 20.
     force_lag
-        Lag of the force channel [s], as measured by `teleop lag`; matched conditioning
-        compensates it. Default: 0.
+        Lag of the force channel, such as 2.66ms, as measured by `teleop lag`; matched
+        conditioning compensates it. Default: 0.
     estimators
         Names of estimators, such as rls,kalman,rls_sift, or all. Default: rls,ai,me.
     model
@@ -151,7 +152,7 @@ def run(
     from teleop.printable import discard_output, print_error
     from teleop.recording.new_recording import new_recording
     from teleop.safety.events import time_text
-    from teleop.trial.arming import ask_to_arm, check_stated
+    from teleop.trial.arming import arming_text, check_stated, is_armed
     from teleop.trial.configuration import read_configuration
     from teleop.trial.rig_loading import load_rig_file
     from teleop.trial.run import run_trial
@@ -171,7 +172,7 @@ def run(
     options: dict[str, Any] = {
         "condition": condition,
         "rig": rig_file,
-        "depth": read_depth(depth),
+        "depth": depth,
         "cube": cube,
         "specimen": specimen,
         "operator": operator,
@@ -200,8 +201,7 @@ def run(
         make_folder(record)
     sources = (config, rig, tare)
     check_outputs(record, pictures=(plot, plot_force), sources=sources, overwrite=overwrite)
-    if settings.rig and not yes and not ask_to_arm(settings):
-        print_error("not armed: nothing was moved")
+    if settings.rig and not is_armed(settings.rig, arming_text(settings), yes):
         return 130
     reserved = None
     if not (record or no_record):
@@ -243,20 +243,3 @@ def run(
     if problems:
         raise InputError("; ".join(problems))
     return 130 if trial.interrupted else 0
-
-
-def read_depth(text: str | None) -> float | None:
-    """Return a depth in m from a text with its unit; None stays None.
-
-    Raises
-    ------
-    InputError
-        The text is not a length with a unit.
-    """
-    from teleop.errors import InputError
-    from teleop.evaluation.units import quantity
-
-    depth = None if text is None else quantity(text, "position")
-    if text is not None and depth is None:
-        raise InputError(f"depth {text!r}: expected a length with its unit, such as 5mm")
-    return depth

@@ -57,7 +57,13 @@ def series(
     from teleop.errors import InputError
     from teleop.output.console import plain_console, print_json, print_table
     from teleop.printable import print_error
-    from teleop.studies.series.conduct import conduct, counts, no_note, unattended
+    from teleop.studies.series.conduct import (
+        conduct,
+        counts,
+        is_complete,
+        no_note,
+        unattended,
+    )
     from teleop.studies.series.plan import planned_trials, read_plan
     from teleop.trial.stop_key import is_foreground
 
@@ -74,7 +80,7 @@ def series(
         ]
         print_table(plain_console(), f"{read.name}, {read.order} order", headings, rows)
         return 0
-    wired = any(trial.settings.rig for trial in trials)
+    wired = any(trial.settings.rig for trial in trials) and not is_complete(folder, read, trials)
     if ask is None:
         ask = wired and is_foreground() and not yes
     if wired and not (ask or yes):

@@ -16,6 +16,7 @@ from estimation.robust_error import robust_fit
 from estimation.smoothing import CORNER
 from teleop.evaluation.contact_rows import Rows
 from teleop.evaluation.local_stiffness import LocalStiffness, local_stiffness
+from teleop.evaluation.motion import motion_of
 from teleop.evaluation.phases import Phase, Phases, find_phases
 from teleop.evaluation.prepared import Prepared, prepare
 from teleop.evaluation.result import Result, publishable
@@ -37,6 +38,11 @@ class Analysis:
     phases: Phases
     local: LocalStiffness | None
     result: Result
+
+    @property
+    def has_contact(self) -> bool:
+        """Whether the force follows the displacement in some part of the record."""
+        return self.record.band.coherence > 0.0
 
     @cached_property
     def data(self) -> BatchData | None:
@@ -66,9 +72,12 @@ class Analysis:
         )
 
     def models(self, x: float, f: float) -> list[BatchFit]:
-        """Return the models for a datum at position x [m] and force f [N], the best first."""
+        """Return the models for a datum at position x [m] and force f [N], the best first.
+
+        There are none without contact.
+        """
         data = self.data
-        if data is None:
+        if data is None or not self.has_contact:
             return []
         contact = None if data.contact is None else data.contact - x
         unloaded = (self.phases.free_force or 0.0) - f
@@ -83,9 +92,10 @@ class Analysis:
         )
 
     def summary(self) -> dict[str, Any]:
-        """Return phases, cycles, contact point and complex modulus as a dictionary for JSON."""
+        """Return motion, phases, contact point and complex modulus as a dictionary for JSON."""
         point = self.phases.contact_point
         return {
+            "motion": motion_of(self.record)._asdict(),
             "phases": self.rows,
             "cycles": self.cycles(),
             "contact_point": point

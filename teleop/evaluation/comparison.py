@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -14,11 +15,15 @@ from estimation.summary import EstimatorSummary
 from teleop.errors import InputError
 from teleop.evaluation.evaluation import Evaluation
 from teleop.evaluation.result import Result
+from teleop.evaluation.tracking import COLUMNS, Tracking
 
 NO_LEVEL = "-"
 """Level of a recording for which a factor is not known."""
-BATCH = "batch"
+RESULT = "result"
 """Name of the result of a recording beside the names of the estimators."""
+NEVER_UPDATED = "the estimator was never updated: no contact or no motion"
+SUBJECT = "subject"
+"""Name of the random factor, whose levels are a sample of persons or specimens."""
 
 
 @dataclass(frozen=True)
@@ -33,6 +38,8 @@ class Compared:
     """Stiffness and damping with their intervals, or the reasons why there are none."""
     estimates: dict[str, EstimatorSummary]
     """Averages of the estimators over the record, by their names."""
+    tracking: Tracking | None = None
+    """How the slave followed the target of mimic; None for other conditions and files."""
 
     def levels(self, by: Sequence[str]) -> tuple[str, ...]:
         """Return the levels of these factors."""
@@ -57,12 +64,24 @@ class Group:
     levels: tuple[str, ...]
     """Level of each factor."""
     means: dict[str, dict[str, Mean]]
-    """Means of k [N/m], b [N s/m] and e_f [N], by `BATCH` or the name of the estimator."""
+    """Means of k [N/m], b [N s/m] and e_f [N], by `RESULT` or the name of the estimator."""
+    missing: dict[str, dict[str, str]]
+    """Files without a value, and the reason, by `RESULT` or the name of the estimator."""
+    tracking: dict[str, Mean]
+    """Means of gain, phase_deg, rms_m and frequency_hz of the tracking; empty without a target."""
+    subjects: int
+    """Number of subjects with several recordings in this group, if there are two or more."""
 
 
-def compared(file: str, factors: Mapping[str, str], evaluation: Evaluation) -> Compared:
+def compared(
+    file: str,
+    factors: Mapping[str, str],
+    evaluation: Evaluation,
+    tracking: Tracking | None = None,
+) -> Compared:
     """Return the results of one evaluated recording."""
-    return Compared(file, dict(factors), evaluation.analysis.result, evaluation.summaries())
+    result = evaluation.analysis.result
+    return Compared(file, dict(factors), result, evaluation.summaries(), tracking)
 
 
 def mean_of(values: Sequence[float], halves: Sequence[float]) -> Mean:
@@ -104,7 +123,25 @@ def grouped(rows: Iterable[Compared], by: Sequence[str]) -> list[Group]:
     for row in rows:
         members.setdefault(row.levels(by), []).append(row)
     ordered = sorted(members, key=lambda levels: [in_order(level) for level in levels])
-    return [Group(levels, means(members[levels])) for levels in ordered]
+    return [group_of(levels, members[levels]) for levels in ordered]
+
+
+def group_of(levels: tuple[str, ...], rows: Sequence[Compared]) -> Group:
+    """Return the group of some recordings, which have these levels."""
+    missing: dict[str, dict[str, str]] = {}
+    for row in rows:
+        if not row.result.identifiable:
+            missing.setdefault(RESULT, {})[row.file] = "; ".join(row.result.reasons)
+        for name, one in row.estimates.items():
+            if not math.isfinite(one.k):
+                missing.setdefault(name, {})[row.file] = NEVER_UPDATED
+    tracked = [row.tracking for row in rows if row.tracking]
+    followed = ("gain", "phase_deg", "rms_m", "frequency_hz") if tracked else ()
+    blank = [math.nan] * len(tracked)
+    tracking = {name: mean_of([getattr(t, name) for t in tracked], blank) for name in followed}
+    subjects = Counter(row.factors[SUBJECT] for row in rows if SUBJECT in row.factors)
+    pooled = len(subjects) > 1 and max(subjects.values()) > 1
+    return Group(levels, means(rows), missing, tracking, len(subjects) if pooled else 0)
 
 
 def in_order(level: str) -> tuple[float, str]:
@@ -118,7 +155,7 @@ def in_order(level: str) -> tuple[float, str]:
 def means(rows: Sequence[Compared]) -> dict[str, dict[str, Mean]]:
     """Return the means of the results and of the estimators of some recordings."""
     results = [row.result for row in rows if row.result.identifiable]
-    found = {BATCH: {symbol: mean_result(results, symbol) for symbol in ("k", "b")}}
+    found = {RESULT: {symbol: mean_result(results, symbol) for symbol in ("k", "b")}}
     for name in dict.fromkeys(name for row in rows for name in row.estimates):
         summaries = [row.estimates[name] for row in rows if name in row.estimates]
         found[name] = {}
@@ -150,17 +187,18 @@ def check_factors(rows: Sequence[Compared], by: Sequence[str]) -> None:
 def tidy_rows(rows: Iterable[Compared], by: Sequence[str]) -> list[dict[str, Any]]:
     """Return one row per recording and method, for a file.
 
-    The row of the method `batch` has the result with its 95 % interval. Rows of estimators have
+    The row of the method `result` has the result with its 95 % interval. Rows of estimators have
     their averages over the record.
     """
     found = []
     for row in rows:
         start = {"file": row.file, **dict(zip(by, row.levels(by), strict=True))}
+        tracking = {text: getattr(row.tracking, key, None) for key, text in COLUMNS.items()}
         r = row.result
         found.append(
             {
                 **start,
-                "method": BATCH,
+                "method": RESULT,
                 "k [N/m]": r.k,
                 "k low [N/m]": r.k_low,
                 "k high [N/m]": r.k_high,
@@ -169,6 +207,7 @@ def tidy_rows(rows: Iterable[Compared], by: Sequence[str]) -> list[dict[str, Any
                 "b high [N s/m]": r.b_high,
                 "e_f [N]": None,
                 "reasons": "; ".join(r.reasons),
+                **tracking,
             }
         )
         blank = dict.fromkeys(found[-1])
@@ -180,6 +219,7 @@ def tidy_rows(rows: Iterable[Compared], by: Sequence[str]) -> list[dict[str, Any
                 "k [N/m]": one.k,
                 "b [N s/m]": one.b,
                 "e_f [N]": one.e_f,
+                **tracking,
             }
             for name, one in row.estimates.items()
         ]

@@ -16,7 +16,6 @@ from estimation import (
     Misfit,
     Preset,
     Regression,
-    force_error,
     least_squares,
     paper_preset,
     scaled_preset,
@@ -27,6 +26,7 @@ from estimation.conditioner_choice import make_conditioner
 from estimation.conditioning import BANDWIDTH
 from estimation.estimate_columns import estimate_arrays, estimate_columns, misfit_columns
 from estimation.excitation import dominant_frequency
+from estimation.least_squares import no_fit
 from estimation.model import KELVIN_VOIGT
 from estimation.registry import PAPER
 from estimation.summary import EstimatorSummary, summarise
@@ -62,7 +62,8 @@ class Evaluation:
     """The conditioned samples, which are the input of the estimators."""
     estimates: dict[str, Estimates]
     bank: Bank
-    batch: Fit
+    least_squares: Fit
+    """Least-squares fit to all conditioned samples; NaN without contact."""
     datum: Datum
     preset: Preset
     bandwidth: float
@@ -97,13 +98,13 @@ class Evaluation:
         estimates = {name: one._asdict() for name, one in self.summaries().items()}
         if not set(estimates) <= set(PAPER):
             x, v, f, *_ = self.regression
-            for batch, modelled in ((least_squares(x, v, f), False), (self.batch, True)):
+            for fit, modelled in ((least_squares(x, v, f), False), (self.least_squares, True)):
                 group = {
                     name: series
                     for name, series in self.estimates.items()
                     if bool(self.bank[name].model.further) is modelled
                 }
-                rows = compare(self.regression, self.bank, group, batch.b, batch.k)
+                rows = compare(self.regression, self.bank, group, fit.b, fit.k)
                 for name, row in rows.items():
                     estimates[name] |= row._asdict()
         if cost:
@@ -134,13 +135,7 @@ class Evaluation:
                 "last": float(self.excitation[-1]),
             },
             "estimates": estimates,
-            "batch": {
-                "b": self.batch.b,
-                "k": self.batch.k,
-                "e_f": force_error(self.batch.residual, np.zeros_like(self.batch.residual)),
-                "one_step_rms": self.batch.rms,
-                "further": dict(zip(self.preset.model.further, self.batch.further, strict=True)),
-            },
+            "least_squares": self.least_squares.summary(self.preset.model.further),
         }
 
     def summaries(self) -> dict[str, EstimatorSummary]:
@@ -265,7 +260,9 @@ def evaluate(signals: Signals, settings: EstimateSettings) -> Evaluation:
         regression=regression,
         estimates=estimates,
         bank=bank,
-        batch=least_squares(x, v, f, regression.further),
+        least_squares=least_squares(x, v, f, regression.further)
+        if analysis.has_contact
+        else no_fit(len(x), len(model.further)),
         datum=datum,
         preset=preset,
         bandwidth=bandwidth,

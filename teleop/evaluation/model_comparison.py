@@ -17,7 +17,7 @@ from estimation.compiled import Floats, interpreted_sweep
 from estimation.model import KELVIN_VOIGT
 
 WINDOW = 1.0
-"""Window of the batch least squares that one-step errors are divided by [s]."""
+"""Window of the least squares that one-step errors are divided by [s]."""
 ROUNDING = 1e-9
 """If batch least squares errs by less than this share of the force, the ratio is NaN."""
 TIMED = 2000
@@ -73,6 +73,9 @@ def compare(
         batch_error = math.nan
     found = {}
     for name, series in estimates.items():
+        if series.held.all():  # no estimate
+            found[name] = Comparison(*(math.nan for _ in Comparison._fields))
+            continue
         b_now, k_now, b_std, k_std = (column[settled] for column in series[:4])
         error = rms((f - predicted_force(regression, series))[settled])
         found[name] = Comparison(

@@ -19,6 +19,14 @@ SPAN = 2.0
 """The achieved frequency is searched up to this factor below and above that of the target."""
 SAMPLES, PADDING = 64, 8
 """Samples per period of the target in the search, and factor by which they are zero-padded."""
+COLUMNS = {
+    "gain": "tracking gain",
+    "phase_deg": "tracking phase [deg]",
+    "rms_m": "tracking error rms [m]",
+    "frequency_hz": "achieved frequency [Hz]",
+    "target_hz": "target frequency [Hz]",
+}
+"""Headings of the tracking in tables with a row per recording; empty if there is no target."""
 
 
 class Tracking(NamedTuple):

@@ -39,6 +39,13 @@ UNITS = {
 }
 """Units of each quantity and their size in SI units."""
 
+OPTION_UNITS = {
+    **UNITS,
+    "frequency": {"Hz": 1.0, "mHz": 1e-3, "kHz": 1e3},
+    "angle": {"deg": math.pi / 180.0, "rad": 1.0, "mrad": 1e-3},
+}
+"""Units of the quantities of options and their size in SI units."""
+
 ON_LEVER = {
     "time": {},
     "position": {"deg": math.pi / 180.0, "rad": 1.0, "mrad": 1e-3},
@@ -125,10 +132,10 @@ def quantity(text: str, kind: str) -> float | None:
     text
         A number and a unit.
     kind
-        `time`, `position` or `force`.
+        One of `OPTION_UNITS`: `time`, `position`, `force`, `frequency` or `angle`.
     """
     match = NUMBER.fullmatch(text.strip().replace(GREEK_MU, MICRO))
-    if not match or match[2] not in UNITS[kind]:
+    if not match or match[2] not in OPTION_UNITS[kind]:
         return None
-    value = float(match[1]) * UNITS[kind][match[2]]
+    value = float(match[1]) * OPTION_UNITS[kind][match[2]]
     return value if abs(value) < LARGEST else None

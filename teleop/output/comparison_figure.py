@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from teleop.evaluation.comparison import BATCH, Compared, Group, Mean
+from teleop.evaluation.comparison import RESULT, Compared, Group, Mean
 from teleop.evaluation.result import Result
 from teleop.output.figure_style import BLUE, legend, new_figure, plain, tidy
 
@@ -46,7 +46,7 @@ def comparison_figure(
         for place, group in enumerate(groups):
             members = [row.result for row in rows if row.levels(by) == group.levels]
             draw_results(axes, place, [one for one in members if one.identifiable], symbol)
-            draw_mean(axes, place, group.means[BATCH][symbol])
+            draw_mean(axes, place, group.means[RESULT][symbol])
         axes.set_ylabel(labels[symbol])
         tidy(axes, "y")
     names = ["\n".join(plain(level[:LONGEST_LEVEL]) for level in one.levels) for one in groups]

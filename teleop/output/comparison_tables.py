@@ -4,37 +4,106 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from string import ascii_lowercase
 from typing import Any
 
-from teleop.evaluation.comparison import Compared, Group, Mean
+from teleop.evaluation.comparison import RESULT, Compared, Group, Mean
 from teleop.output.console import plain_console, print_table
 from teleop.output.result_tables import significant
-from teleop.output.table_files import shortened
+from teleop.output.table_files import TextTable, shortened
+from teleop.printable import one_line
 
 CAPTION = (
-    "batch: mean of the results of n recordings. Other rows: mean of the averages of an online "
-    "estimator over each record. \u00b1: 95 % interval of the mean, from the spread between the "
-    "recordings; for n = 1 that of the recording."
+    "result: mean of the results of n recordings, which have no e_f. Other rows: mean of the "
+    "averages of an online estimator over each record. \u00b1: 95 % interval of the mean, from the "
+    "spread between the recordings; for n = 1 that of the recording."
 )
-"""Text below the table of groups, which explains its rows."""
+"""Note on the table of groups, which explains its rows."""
+TRACKING_CAPTION = (
+    "Tracking of the target in mimic: mean of n recordings; \u00b1: 95 % interval of the mean."
+)
+POOLED = (
+    "Recordings of several subjects are pooled: the interval counts the repeats of a subject as "
+    "independent, and is too narrow if the subjects differ."
+)
+"""Note on groups with repeats of several subjects."""
+FILES_NAMED = 3
+"""Largest number of files that a note names for one reason."""
 
 
-def group_table(groups: Iterable[Group], by: Sequence[str]) -> tuple[list[str], list[list[str]]]:
-    """Return headings and cells of the table of groups, one row per group and method."""
+def group_table(groups: Sequence[Group], by: Sequence[str]) -> TextTable:
+    """Return the table of groups, with one row per group and method, and its notes.
+
+    The number of recordings has a mark if recordings have no value; its note has the reasons.
+    """
+    rows, notes = [], [("", CAPTION)]
+    if any(group.subjects for group in groups):
+        notes.append(("", POOLED))
+    for group in groups:
+        for method, means in group.means.items():
+            count = str(means["k"].recordings)
+            if missing := group.missing.get(method):
+                text = missing_text(method, missing)
+                known = {note: mark for mark, note in notes}
+                mark = known.get(text) or f"({letters(sum(bool(m) for m, _ in notes))})"
+                if text not in known:
+                    notes.append((mark, text))
+                count = f"{count} {mark}"
+            symbols = ("k", "b", "e_f")
+            values = [mean_text(means[name]) if name in means else "-" for name in symbols]
+            rows.append([*group.levels, method, count, *values])
     headings = [*by, "method", "n", "k [N/m]", "b [N s/m]", "e_f [N]"]
-    cells = [
+    return TextTable(headings, rows, len(by) + 1, notes)
+
+
+def tracking_table(groups: Sequence[Group], by: Sequence[str]) -> TextTable | None:
+    """Return the table of the tracking in mimic, one row per group; None if there is none."""
+    rows = [
         [
             *group.levels,
-            method,
-            str(means["k"].recordings),
-            mean_text(means["k"]),
-            mean_text(means["b"]),
-            mean_text(means["e_f"]) if "e_f" in means else "-",
+            str(group.tracking["gain"].recordings),
+            *(mean_text(scaled(group.tracking[name], size)) for name, size in TRACKED),
         ]
         for group in groups
-        for method, means in group.means.items()
+        if group.tracking
     ]
-    return headings, cells
+    headings = [*by, "n", "gain", "phase [deg]", "error rms [mm]", "frequency [Hz]"]
+    return TextTable(headings, rows, len(by), [("", TRACKING_CAPTION)]) if rows else None
+
+
+TRACKED = (("gain", 1.0), ("phase_deg", 1.0), ("rms_m", 1e3), ("frequency_hz", 1.0))
+"""Values of the tracking, and the factor that converts each to the unit of its column."""
+
+
+def scaled(mean: Mean, size: float) -> Mean:
+    """Return a mean in another unit."""
+    return mean._replace(value=mean.value * size, half=mean.half * size)
+
+
+def missing_text(method: str, missing: Mapping[str, str]) -> str:
+    """Return the reasons why a method has no value for some files, each with its files."""
+    files: dict[str, list[str]] = {}
+    for file, reason in missing.items():
+        files.setdefault(reason, []).append(Path(file).name)
+    parts = []
+    for reason, names in files.items():
+        more = len(names) - FILES_NAMED
+        named = ", ".join(names[:FILES_NAMED]) + (f" and {more} more" if more > 0 else "")
+        parts.append(f"{reason} ({named})")
+    what = "recording" if len(missing) == 1 else "recordings"
+    value = RESULT if method == RESULT else "estimate"
+    return one_line(f"No {value} for {len(missing)} {what}: {'; '.join(parts)}.")
+
+
+def letters(index: int) -> str:
+    """Return a, b, ..., z, aa, ab, ... for the indices 0, 1, ..."""
+    text = ""
+    while index >= 0:
+        index, place = divmod(index, 26)
+        text = ascii_lowercase[place] + text
+        index -= 1
+    return text
 
 
 def mean_text(mean: Mean) -> str:
@@ -59,10 +128,20 @@ def print_comparison(rows: Sequence[Compared], groups: Sequence[Group], by: Sequ
         if not row.result.identifiable:
             reasons = "; ".join(row.result.reasons)
             console.print(f"  {row.file}: no result: {reasons}", style="yellow")
-    headings, cells = group_table(groups, by)
     title = f"by {', '.join(by)}" if by else "all"
-    print_table(console, title, headings, shortened(cells, len(by) + 1), len(by) + 1)
-    console.print(f"  {CAPTION}")
+    print_text_table(title, group_table(groups, by))
+    if tracking := tracking_table(groups, by):
+        print_text_table("tracking", tracking)
+
+
+def print_text_table(title: str, table: TextTable) -> None:
+    """Print a table with its notes."""
+    console = plain_console()
+    rows = shortened(table.rows, table.left)
+    print_table(console, title, table.headings, rows, max(table.left, 1))
+    for mark, text in table.notes:
+        style = "yellow" if mark or text == POOLED else None
+        console.print("  " + " ".join(filter(None, (mark, text))), style=style)
 
 
 def result_text(row: Compared, symbol: str) -> str:

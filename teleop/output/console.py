@@ -109,16 +109,26 @@ def print_table(
     rows: Iterable[Sequence[str]],
     left: int = 1,
 ) -> None:
-    """Print a table that fits the width of the terminal.
+    """Print a table that fits the width of the terminal; see `fitting_tables`."""
+    for part in fitting_tables(title, headings, rows, left):
+        console.print(part)
+
+
+def fitting_tables(
+    title: str,
+    headings: Sequence[str],
+    rows: Iterable[Sequence[str]],
+    left: int = 1,
+    styles: Sequence[str] = (),
+) -> list[Table | str]:
+    """Return a table that fits the width of the terminal, as one or several tables and lines.
 
     If the table is too wide, headings are divided into two lines. If it is still too wide, the
-    columns are printed in several tables. If the names in the first column are too long even then,
-    numbers replace them in the table, and the names are printed below.
+    columns are divided between several tables. If the names in the first column are too long even
+    then, numbers replace them in the table, and lines with the names follow.
 
     Parameters
     ----------
-    console
-        The console.
     title
         Title of the table; empty for none.
     headings, rows
@@ -126,11 +136,14 @@ def print_table(
     left
         Number of columns with text, at the left, which are part of each of several tables. The
         other columns are numbers.
+    styles
+        Style of each row; empty for plain rows.
     """
     cells = [list(row) for row in rows]
     width = terminal_width()
     names = list(headings)
-    legend = []
+    legend: list[str] = []
+    found: list[Table | str] = []
     if total(widths(names, cells)) > width:
         names = [BREAK.sub(lambda found: (found[1] or "") + "\n", name, count=1) for name in names]
     needed = widths(names, cells)
@@ -143,12 +156,11 @@ def print_table(
         )
         for i in part:
             table.add_column(names[i], justify="right" if i >= left else "left", no_wrap=True)
-        for row in cells:
-            table.add_row(*(row[i] for i in part))
-        console.print(table)
+        for row, style in zip(cells, styles or [""] * len(cells), strict=True):
+            table.add_row(*(row[i] for i in part), style=style)
+        found.append(table)
         title = ""
-    for line in legend:
-        console.print(line)
+    return [*found, *legend]
 
 
 def widths(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> list[int]:

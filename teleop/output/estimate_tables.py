@@ -25,8 +25,12 @@ AVERAGES = "averages, from the first estimate of each estimator on"
 """Title of the table of averages."""
 AT_END = "estimates at the end, \u00b1 95 % interval"
 """Title of the table of estimates at the end."""
-COMPARISON = "compared with batch least squares"
+LEAST_SQUARES = "least squares"
+"""Name of the least-squares fit to all samples, in the table of averages."""
+COMPARISON = "compared with least squares"
 """Title of the table of comparisons."""
+RMS_RATIO = "rms/window"
+"""Heading of the one-step error divided by that of least squares over a window of 1 s."""
 
 
 def estimate_cells(rows: Mapping[str, Mapping[str, Any]]) -> list[list[str]]:
@@ -72,7 +76,7 @@ def print_estimates(
     rows
         Summary of each estimator by its name.
     further
-        Summaries that are only in the table of averages, such as batch least squares.
+        Summaries that are only in the table of averages, such as that of least squares.
     """
     console = plain_console()
     headings, cells = interval_table(rows)
@@ -99,6 +103,8 @@ def further_lines(rows: Mapping[str, Mapping[str, Any]]) -> list[str]:
     """Return the estimates of further parameters, such as k3, at the end: a line per estimator."""
     lines = []
     for name, row in rows.items():
+        if row["held"] == 1.0:
+            continue
         texts = []
         for parameter, value in row["further"].items():
             half, unit = row["further_interval"][parameter], row["further_unit"][parameter]
@@ -134,7 +140,7 @@ def interval_table(rows: Mapping[str, Mapping[str, Any]]) -> tuple[list[str], li
 def comparison_table(
     rows: Mapping[str, Mapping[str, Any]],
 ) -> tuple[list[str], list[list[str]]] | None:
-    """Return headings and cells of the comparison of estimators with batch least squares.
+    """Return headings and cells of the comparison of estimators with least squares.
 
     None if no summary contains a comparison, see
     `teleop.evaluation.model_comparison.Comparison`.
@@ -149,7 +155,7 @@ def comparison_table(
         for name, row in rows.items()
         if "one_step_ratio" in row
     ]
-    return (["", "rms/batch", "k within", "b within"], cells) if cells else None
+    return (["", RMS_RATIO, "k within", "b within"], cells) if cells else None
 
 
 def percent(share: float) -> str:
@@ -175,7 +181,7 @@ def print_evaluation(summary: Mapping[str, Any], name: str) -> None:
     print_result(summary, name)
     print_models(summary)
     console.print("online estimators", style="bold")
-    print_estimates(summary["estimates"], {"batch": summary["batch"]})
+    print_estimates(summary["estimates"], {LEAST_SQUARES: summary["least_squares"]})
     for line in evaluation_lines(summary):
         console.print(f"  {line}")
     print_estimated(console, summary)

@@ -19,4 +19,4 @@ def force_of(name: str, evaluation: Evaluation) -> Figure:
     """Return the figure of the force, predicted by the first estimator."""
     e = evaluation
     first = next(iter(e.estimates))
-    return force_figure(name, e.t, e.regression, first, e.estimates[first], e.batch)
+    return force_figure(name, e.t, e.regression, first, e.estimates[first], e.least_squares)

@@ -44,6 +44,8 @@ LINES: tuple[dict[str, Any], ...] = (
 BLUE, ORANGE, GREY, PROFILE = "#0072B2", "#D55E00", "#555555", "#8C8C8C"
 LONGEST_TITLE = 120
 """Largest number of characters of a title; a longer title leaves no room for the figure."""
+NO_ESTIMATE = "no estimate: no contact or no motion"
+"""Text in axes of estimates if no estimator was updated."""
 BINS = 1000
 """Number of bins into which the samples of a line are divided, see `extremes`."""
 
@@ -219,6 +221,21 @@ def columns_width(names: Sequence[str], columns: int, font: float) -> float:
     rows = -(-len(names) // columns)
     longest = [max(map(len, names[i : i + rows])) for i in range(0, len(names), rows)]
     return sum(0.62 * length + 5.0 for length in longest) * font / 72.0
+
+
+def explain(axes: Axes, text: str) -> None:
+    """Write a text in the middle of axes that have no line, to say why."""
+    axes.text(
+        0.5,
+        0.5,
+        text,
+        transform=axes.transAxes,
+        ha="center",
+        va="center",
+        fontsize="medium",
+        color="#000000",
+        bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.85, "pad": 2.0},
+    )
 
 
 def tidy(axes: Axes, grid: Literal["both", "y"] = "both") -> None:

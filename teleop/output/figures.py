@@ -18,8 +18,10 @@ from estimation.estimator import LEVEL_95
 from teleop.output.figure_style import (
     BLUE,
     LINES,
+    NO_ESTIMATE,
     PROFILE,
     draw,
+    explain,
     is_narrow,
     legend,
     limits,
@@ -60,6 +62,11 @@ class Drawn(NamedTuple):
     b: Floats
     b_half: Floats
 
+    @property
+    def exists(self) -> bool:
+        """Whether there is an estimate at any sample."""
+        return bool(np.isfinite(self.k).any())
+
 
 def estimates_figure(
     title: str,
@@ -85,16 +92,22 @@ def estimates_figure(
     scale, prefix = k_scale(estimates)
     shown = {name: drawn(series, scale) for name, series in estimates.items()}
     labels = (f"stiffness $\\hat k$ [{prefix}]", "damping $\\hat b$ [N s/m]")
-    if len(shown) > TOGETHER:
+    if len(shown) > TOGETHER and any(one.exists for one in shown.values()):
         return small_multiples(title, t, shown, labels, scaled(truth, scale))
     figure = new_figure(0.75, rows=2)
     panels = figure.subplots(2, 1, sharex=True)
     for i, (name, one) in enumerate(shown.items()):
-        draw(panels[0], t, one.k, label=name, **line(i))
-        draw(panels[1], t, one.b, **line(i))
+        if one.exists:
+            draw(panels[0], t, one.k, label=name, **line(i))
+            draw(panels[1], t, one.b, **line(i))
     first = next(iter(shown))
     interval(panels[0], t, shown[first].k, shown[first].k_half)
     interval(panels[1], t, shown[first].b, shown[first].b_half)
+    missing = [name for name, one in shown.items() if not one.exists]
+    if len(missing) == len(shown):
+        for axes in panels:
+            explain(axes, NO_ESTIMATE)
+            axes.set_yticks([])
     panels[0].set_title(plain(title), loc="left")
     for axes, label in zip(panels, labels, strict=True):
         axes.set_ylabel(label)
@@ -104,6 +117,9 @@ def estimates_figure(
         names.append(f"95 % interval of {first}")
     handles.append(Line2D([], [], color=PROFILE, linewidth=0.8))
     names.append("motion (right axis)")
+    if 0 < len(missing) < len(shown):
+        handles.append(Line2D([], [], linestyle="none"))
+        names.append(f"no estimate: {', '.join(missing)}")
     handles, names = draw_truth(panels, scaled(truth, scale), handles, names)
     frame(panels, t, shown, scaled(truth, scale))
     panels[1].set_xlabel("time [s]")
@@ -154,6 +170,8 @@ def small_multiples(
         for axes, values, half in ((k_axes, one.k, one.k_half), (b_axes, one.b, one.b_half)):
             interval(axes, t, values, half)
             draw(axes, t, values, color="#000000", linewidth=0.9)
+            if not one.exists:
+                explain(axes, "no estimate")
         k_axes.annotate(
             name,
             (0.98, 0.08),
@@ -251,46 +269,6 @@ def profile(axes: Axes, t: Floats, values: Floats, label: str) -> None:
     twin.spines["top"].set_visible(False)
     axes.set_zorder(twin.get_zorder() + 1)
     axes.patch.set_visible(False)
-
-
-def stiffness_figure(
-    panels: Mapping[str, tuple[Floats, Mapping[str, Estimates]]],
-    paper: Mapping[str, float],
-    same_scale: bool = False,
-) -> Figure:
-    """Return a figure of the estimated stiffness of several trials, one panel per trial.
-
-    Parameters
-    ----------
-    panels
-        For each trial, by its title: time [s], shape (n,), and estimates by name of the estimator.
-    paper
-        The paper's average stiffness [N/m] by the title of the trial, drawn as a horizontal line.
-    same_scale
-        Whether all trials have the same axis of the stiffness.
-    """
-    figure = new_figure(0.29 * len(panels) + 0.08, rows=len(panels))
-    axes = figure.subplots(len(panels), 1, sharex=True, sharey=same_scale)
-    everything = []
-    for row, (title, (t, estimates)) in zip(axes, panels.items(), strict=True):
-        shown = {name: drawn(series, 1e-3) for name, series in estimates.items()}
-        for i, (name, one) in enumerate(shown.items()):
-            draw(row, t, one.k, label=name, **line(i))
-        level = paper[title] * 1e-3
-        row.axhline(level, color=PROFILE, linewidth=0.9, label="paper, average of rls")
-        row.set_title(title, loc="left", fontsize="medium")
-        row.set_ylabel("$\\hat k$ [kN/m]")
-        later = t >= t[0] + START * (t[-1] - t[0])
-        own = [one.k[later] for one in shown.values()]
-        everything += own
-        limits(row, everything if same_scale else own, (0.0, level))
-        tidy(row)
-        row.set_xlim(t[0], t[-1])
-    if same_scale:
-        limits(axes[0], everything, (0.0, *(level * 1e-3 for level in paper.values())))
-    axes[-1].set_xlabel("time [s]")
-    legend(figure, *axes[0].get_legend_handles_labels())
-    return figure
 
 
 def known_truth(values: Mapping[str, float] | None) -> Truth | None:

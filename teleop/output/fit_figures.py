@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,16 @@ from matplotlib.figure import Figure
 
 from estimation.batch_models import BatchFit
 from teleop.evaluation.evaluation import Evaluation
-from teleop.output.figure_style import BLUE, GREY, ORANGE, new_figure, plain, tidy
+from teleop.output.figure_style import (
+    BLUE,
+    GREY,
+    ORANGE,
+    explain,
+    is_narrow,
+    new_figure,
+    plain,
+    tidy,
+)
 
 PHASE_COLOURS = {
     "free": "#BBBBBB",
@@ -58,6 +68,10 @@ def fit_figure(title: str, evaluation: Evaluation) -> Figure:
         draw_fit(over_x, over_t, fit.name, (x, t, force), every)
         left = record.f - datum.f - force
         residual.plot(t[::every], left[::every], color=MODEL, linewidth=0.6)
+    else:
+        reasons = evaluation.analysis.result.reasons or ("no parameters are identifiable",)
+        explain(residual, fill(f"no model: {reasons[0]}", 45 if is_narrow() else 90))
+        residual.set_yticks([])
     over_x.set_title(plain(title), loc="left")
     over_x.set_xlabel("displacement from the datum [mm]")
     over_x.set_ylabel("force [N]")

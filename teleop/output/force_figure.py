@@ -12,8 +12,10 @@ from estimation.compiled import Floats
 from estimation.metrics import predicted_force
 from teleop.output.figure_style import (
     GREY,
+    NO_ESTIMATE,
     ORANGE,
     draw,
+    explain,
     extremes,
     legend,
     limits,
@@ -25,6 +27,7 @@ from teleop.output.figure_style import (
 MEASURED: dict[str, Any] = {"color": GREY, "linewidth": 1.6, "alpha": 0.5}
 PREDICTED: dict[str, Any] = {"color": ORANGE, "linewidth": 0.9, "linestyle": (0, (4, 2))}
 MODEL: dict[str, Any] = {"color": "#000000", "linewidth": 0.9}
+LEAST_SQUARES = "least squares of the model"
 
 
 def force_figure(
@@ -33,7 +36,7 @@ def force_figure(
     """Return a figure of the measured and the predicted force.
 
     Over time, the prediction is that of an online estimator. Over displacement, it is that of a
-    batch fit.
+    least-squares fit to all samples.
 
     Parameters
     ----------
@@ -47,7 +50,7 @@ def force_figure(
         Name of an estimator, and its estimates. Each sample of the force is predicted with the
         estimate after the previous sample.
     fit
-        Batch least-squares fit to the same samples.
+        Least-squares fit to the same samples; NaN for no fit.
     """
     figure = new_figure(0.95, rows=3)
     grid = figure.add_gridspec(3, 1, height_ratios=(2.0, 1.0, 2.5))
@@ -57,13 +60,16 @@ def force_figure(
     predicted = predicted_force(regression, estimates)
     predicted = np.where(np.logical_and.accumulate(estimates.held), np.nan, predicted)
     draw(over_t, t, f, label="measured", **MEASURED)
-    draw(over_t, t, predicted, label=f"predicted by {name}", **PREDICTED)
-    draw(error, t, f - predicted, color=ORANGE, linewidth=0.6)
+    if np.isfinite(predicted).any():
+        draw(over_t, t, predicted, label=f"predicted by {name}", **PREDICTED)
+        draw(error, t, f - predicted, color=ORANGE, linewidth=0.6)
+    else:
+        explain(error, f"{name}: {NO_ESTIMATE}")
+        error.set_yticks([])
     shown = extremes(f)
     over_x.plot(x[shown], f[shown], label="measured", **MEASURED)
-    over_x.plot(
-        x[shown], (f - fit.residual)[shown], label="batch least squares of the model", **MODEL
-    )
+    if np.isfinite(fit.residual).any():
+        over_x.plot(x[shown], (f - fit.residual)[shown], label=LEAST_SQUARES, **MODEL)
     over_t.set_title(plain(title), loc="left")
     over_t.set_ylabel("force [N]")
     over_t.tick_params(labelbottom=False)
@@ -78,5 +84,5 @@ def force_figure(
         tidy(axes)
     handles, names = over_t.get_legend_handles_labels()
     model, text = over_x.get_legend_handles_labels()
-    legend(figure, [*handles, model[1]], [*names, text[1]])
+    legend(figure, [*handles, *model[1:]], [*names, *text[1:]])
     return figure

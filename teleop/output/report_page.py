@@ -17,6 +17,7 @@ from teleop.output.estimate_tables import (
     AT_END,
     AVERAGES,
     HEADINGS,
+    LEAST_SQUARES,
     estimate_cells,
     evaluation_lines,
     further_lines,
@@ -26,7 +27,7 @@ from teleop.output.evaluation_figures import estimates_of, force_of
 from teleop.output.fault_report import fault_text
 from teleop.output.figures import Truth
 from teleop.output.fit_figures import fit_figure
-from teleop.output.result_tables import result_lines
+from teleop.output.result_tables import motion_line, result_lines
 from teleop.output.trial_figures import ambiguity_figure, fault_figure, timing_figure
 from teleop.output.web_page import svg, web_page
 from teleop.recording.gaps import missing_text
@@ -140,14 +141,16 @@ def of_evaluation(
     rows = summary["estimates"].items()
     return {
         "summary": summary,
-        "result": result_lines(summary),
+        "result": [*result_lines(summary), motion_line(summary)],
         "gaps": e.gaps,
         "lines": evaluation_lines(summary),
         "further": further_lines(summary["estimates"]),
         "at_end": AT_END,
         "averages": AVERAGES,
         "headings": HEADINGS,
-        "estimates": estimate_cells({**summary["estimates"], "batch": summary["batch"]}),
+        "estimates": estimate_cells(
+            {**summary["estimates"], LEAST_SQUARES: summary["least_squares"]}
+        ),
         "interval_headings": headings,
         "intervals": intervals,
         "notes": [(estimator, row["note"]) for estimator, row in rows if row["note"]],

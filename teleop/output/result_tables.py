@@ -23,6 +23,7 @@ def print_result(summary: Mapping[str, Any], name: str) -> None:
         style = "yellow" if result["identifiable"] else "red"
         console.print(f"  - {reason}", style=style)
     print_tangent(result["tangent"])
+    console.print(f"  {motion_line(summary)}")
     counts = Counter(phase["phase"] for phase in summary["phases"])
     phases = ", ".join(f"{count} {phase}" for phase, count in counts.items())
     console.print(f"  phases: {phases}")
@@ -49,6 +50,18 @@ def result_lines(summary: Mapping[str, Any]) -> list[str]:
         low, value, high = (significant(each, values[2] - values[0]) for each in values)
         lines.append(f"{what:9} {symbol} = {value} {unit} (95 % interval {low} to {high})")
     return lines
+
+
+def motion_line(summary: Mapping[str, Any]) -> str:
+    """Return a line with frequency, amplitude and travel of the motion."""
+    motion = summary["motion"]
+    travel = f"travel {motion['travel_m'] * 1e3:.3g} mm"
+    if not math.isfinite(motion["frequency_hz"]):
+        return f"motion: no cycles, {travel}"
+    return (
+        f"motion: {motion['frequency_hz']:.3g} Hz, amplitude {motion['amplitude_m'] * 1e3:.3g} mm "
+        f"(half of a stroke), {travel}"
+    )
 
 
 def print_tangent(tangent: Mapping[str, Any]) -> None:
@@ -82,6 +95,7 @@ def print_models(summary: Mapping[str, Any]) -> None:
     console = plain_console()
     models = summary["models"]
     if not models:
+        console.print("batch models: none is fitted, see the reasons above")
         return
     print_table(
         console,
@@ -97,6 +111,9 @@ def print_models(summary: Mapping[str, Any]) -> None:
             ]
             for fit in models
         ),
+    )
+    console.print(
+        "  rms: error of the recorded force; a correct model has at most the noise of the sensor"
     )
     for fit in models:
         cells = [parameter_text(name, one) for name, one in fit["parameters"].items()]
@@ -126,7 +143,7 @@ def print_together(together: Mapping[str, Any]) -> None:
     rows = [*zip(names, together["alone"], strict=True), ("all together", together)]
     print_table(
         console,
-        "batch least squares of Kelvin-Voigt, one by one and together",
+        "least squares of Kelvin-Voigt, one by one and together",
         ("", "k [N/m]", "b [N s/m]", "residual [N rms]"),
         ([name, number(row["k"], 0), number(row["b"], 1), small(row["rms"])] for name, row in rows),
     )

@@ -9,12 +9,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
 from rich import box
+from rich.console import Group
 from rich.live import Live
 from rich.table import Table
 
 from drivers.rig import UNITS as CHANNEL_UNITS
 from teleop.control.tare import Tare
-from teleop.output.console import number, plain_console, small
+from teleop.output.console import fitting_tables, number, plain_console, small
 from teleop.output.trial_tables import print_rejected
 
 if TYPE_CHECKING:
@@ -34,37 +35,40 @@ def table(title: str, *headings: str) -> Table:
     return made
 
 
-def channels_table(title: str, channels: Sequence[Row]) -> Table:
-    """Return the table of the channels of a rig."""
-    made = table(
-        title,
-        "channel",
-        "from",
-        "Hz",
-        "jitter",
-        "age",
-        "oldest [ms]",
-        "mean",
-        "noise",
-        "",
-        "at end",
-    )
+CHANNEL_HEADINGS = (
+    "channel",
+    "from",
+    "rate [Hz]",
+    "jitter [ms]",
+    "age [ms]",
+    "oldest [ms]",
+    "mean",
+    "noise rms",
+    "at range end",
+)
+"""Headings of the table of the channels."""
+
+
+def channel_tables(title: str, channels: Sequence[Row]) -> list[Table | str]:
+    """Return the table of the channels of a rig, in parts that fit the terminal."""
+    rows = []
     for c in channels:
         unit, factor = SHOWN_IN[CHANNEL_UNITS[c["name"]]]
-        made.add_row(
-            c["name"],
-            c["source"],
-            number(c["rate_hz"], 1),
-            number(c["jitter_s"] * 1e3, 2),
-            number(c["age_s"] * 1e3, 2),
-            number(c["oldest_s"] * 1e3, 1),
-            number(c["mean"] * factor, 3),
-            small(c["noise"] * factor),
-            unit,
-            f"{c['saturated']:.0%}",
-            style="red" if c["problem"] else "",
+        rows.append(
+            [
+                c["name"],
+                c["source"],
+                number(c["rate_hz"], 1),
+                number(c["jitter_s"] * 1e3, 2),
+                number(c["age_s"] * 1e3, 2),
+                number(c["oldest_s"] * 1e3, 1),
+                f"{number(c['mean'] * factor, 3)} {unit}",
+                f"{small(c['noise'] * factor)} {unit}",
+                f"{c['saturated']:.0%}",
+            ]
         )
-    return made
+    styles = ["red" if c["problem"] else "" for c in channels]
+    return fitting_tables(title, CHANNEL_HEADINGS, rows, 2, styles)
 
 
 @contextlib.contextmanager
@@ -79,7 +83,9 @@ def live_channels(stream: TextIO) -> Iterator[Callable[[Sequence[Row]], None]]:
         yield lambda channels: None
         return
     with Live(console=plain_console(stream), transient=True, auto_refresh=False) as live:
-        yield lambda channels: live.update(channels_table("listening", channels), refresh=True)
+        yield lambda channels: live.update(
+            Group(*channel_tables("listening", channels)), refresh=True
+        )
 
 
 def print_check(check: Mapping[str, Any]) -> None:
@@ -91,7 +97,8 @@ def print_check(check: Mapping[str, Any]) -> None:
         The document that `teleop rig check --json` prints.
     """
     console = plain_console()
-    console.print(channels_table(check["rig"], check["channels"]))
+    for part in channel_tables(check["rig"], check["channels"]):
+        console.print(part)
     for device, seconds in check["round_trip_s"].items():
         console.print(f"  {device}: answers after {seconds * 1e3:.2f} ms")
     print_rejected(console, check["rejected"])
@@ -100,12 +107,14 @@ def print_check(check: Mapping[str, Any]) -> None:
         if math.isfinite(drive["commanded_m"]):
             parts.append(f"commanded {drive['commanded_m'] * 1e3:.3f} mm and back")
         if math.isfinite(drive["moved_m"]):
-            parts.append(f"moved {drive['moved_m'] * 1e3:.3f} mm")
+            parts.append(f"moved {drive['moved_m'] * 1e3:.3f} mm ({drive['ratio']:.0%})")
         if math.isfinite(drive["watchdog_s"]):
             parts.append(f"stopped by its watchdog after {drive['watchdog_s'] * 1e3:.0f} ms")
         if parts:
             style = "red" if drive["problem"] else ""
             console.print(f"  {drive['name']} drive: {', '.join(parts)}", style=style)
+        if drive["remark"]:
+            console.print(f"  {drive['name']} drive: {drive['remark']}", style="yellow")
     for problem in check["problems"]:
         console.print(f"  {problem}", style="red")
 
@@ -145,7 +154,8 @@ def print_emulation(
         console.print(f"  {bus}: {port}")
     options = " ".join(f"--{option} {value}" for option, value in palpation.items())
     command = f"teleop run --rig {out} {options}"
-    console.print(f"  run against it: {command}", soft_wrap=True)
+    any_condition = "" if "condition" in palpation else ", with any --condition"
+    console.print(f"  run against it{any_condition}: {command}", soft_wrap=True)
 
 
 def print_lag(summary: Mapping[str, Any]) -> None:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import csv
 import io
+import re
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +31,23 @@ LATEX = {
     "\u2212": "$-$",
 }
 """Characters with a meaning in LaTeX, and their replacements."""
+MARKDOWN = re.compile(r"[\\`*_\[\]<>|#~]")
+"""Pattern of one character with a meaning in Markdown."""
+
+
+@dataclass(frozen=True)
+class TextTable:
+    """A table of text."""
+
+    headings: Sequence[str]
+    """Headings of the columns."""
+    rows: Sequence[Sequence[str]]
+    """Text of the cells."""
+    left: int
+    """Number of columns, from the first, that are aligned to the left. In these columns, except
+    the last of them, text that is the same as in the row above is left out."""
+    notes: Sequence[tuple[str, str]] = ()
+    """Mark and text of each note below the table. The mark is empty, or is also in a cell."""
 
 
 def check_table_ending(path: Path) -> None:
@@ -52,39 +71,56 @@ def csv_text(rows: Sequence[Mapping[str, Any]]) -> str:
     return text.getvalue()
 
 
-def latex_text(headings: Sequence[str], rows: Sequence[Sequence[str]], left: int) -> str:
+def latex_text(table: TextTable) -> str:
     """Return a table as a LaTeX tabular, with rules of the package booktabs.
 
-    Parameters
-    ----------
-    headings, rows
-        Text of the cells.
-    left
-        Number of columns, from the first, that are aligned to the left. In these columns, except
-        the last of them, text that is the same as in the row above is left out. A rule separates
-        rows that differ in the first column.
+    The notes are those of the package threeparttable. A rule separates rows that differ in the
+    first column.
     """
+    left, columns = table.left, len(table.headings)
     lines = [
-        "% \\usepackage{booktabs}",
-        f"\\begin{{tabular}}{{{'l' * left}{'r' * (len(headings) - left)}}}",
+        f"\\begin{{tabular}}{{{'l' * left}{'r' * (columns - left)}}}",
         "\\toprule",
-        " & ".join(map(latex, headings)) + r" \\",
+        " & ".join(map(latex, table.headings)) + r" \\",
         "\\midrule",
     ]
-    first = [row[0] for row in rows]
-    for i, row in enumerate(shortened(rows, left)):
+    first = [row[0] for row in table.rows]
+    for i, row in enumerate(shortened(table.rows, left)):
         if i and left > 1 and first[i] != first[i - 1]:
             lines.append("\\midrule")
         lines.append(" & ".join(map(latex, row)) + r" \\")
-    return "\n".join([*lines, "\\bottomrule", "\\end{tabular}", ""])
+    lines += ["\\bottomrule", "\\end{tabular}"]
+    if not table.notes:
+        return "\n".join(["% \\usepackage{booktabs}", *lines, ""])
+    notes = ["\\begin{tablenotes}\\footnotesize"]
+    for mark, text in table.notes:
+        notes.append(f"\\item[{mark}] {latex(text)}" if mark else f"\\item {latex(text)}")
+    return "\n".join(
+        [
+            "% \\usepackage{booktabs,threeparttable}",
+            "\\begin{threeparttable}",
+            *lines,
+            *notes,
+            "\\end{tablenotes}",
+            "\\end{threeparttable}",
+            "",
+        ]
+    )
 
 
-def markdown_text(headings: Sequence[str], rows: Sequence[Sequence[str]], left: int) -> str:
-    """Return a table of Markdown; for the parameters see `latex_text`."""
-    cells = [[cell.replace("|", "\\|") for cell in row] for row in (headings, *rows)]
-    rule = [":--" if i < left else "--:" for i in range(len(headings))]
-    lines = [cells[0], rule, *cells[1:]]
-    return "".join(f"| {' | '.join(row)} |\n" for row in lines)
+def markdown_text(table: TextTable) -> str:
+    """Return a table of Markdown, with the notes as paragraphs below it."""
+    headings, columns = table.headings, len(table.headings)
+    cells = [[cell.replace("|", "\\|") for cell in row] for row in (headings, *table.rows)]
+    rule = [":--" if i < table.left else "--:" for i in range(columns)]
+    rows = [f"| {' | '.join(row)} |\n" for row in (cells[0], rule, *cells[1:])]
+    notes = [f"\n{markdown(' '.join(filter(None, note)))}\n" for note in table.notes]
+    return "".join([*rows, *notes])
+
+
+def markdown(text: str) -> str:
+    """Return a text with a backslash before each character with a meaning in Markdown."""
+    return MARKDOWN.sub(r"\\\g<0>", text)
 
 
 def shortened(rows: Sequence[Sequence[str]], left: int) -> list[list[str]]:
@@ -110,9 +146,7 @@ def latex(text: str) -> str:
 def write_table_file(
     path: Path,
     tidy: Sequence[Mapping[str, Any]],
-    headings: Sequence[str],
-    rows: Sequence[Sequence[str]],
-    left: int,
+    tables: Sequence[TextTable],
     overwrite: bool = False,
 ) -> None:
     """Write a table to a file, in the format that the extension of the file selects.
@@ -123,8 +157,8 @@ def write_table_file(
         The file, whose extension is one of `ENDINGS`.
     tidy
         Rows that are written to a CSV file: values by column.
-    headings, rows, left
-        Table that is written to a LaTeX or Markdown file; see `latex_text`.
+    tables
+        Tables that are written to a LaTeX or Markdown file.
     overwrite
         Whether to overwrite an existing file.
 
@@ -136,7 +170,7 @@ def write_table_file(
     if path.suffix.lower() == ".csv":
         text = csv_text(tidy)
     elif path.suffix.lower() == ".tex":
-        text = latex_text(headings, rows, left)
+        text = "\n".join(map(latex_text, tables))
     else:
-        text = markdown_text(headings, rows, left)
+        text = "\n".join(map(markdown_text, tables))
     write_text(path, text, overwrite)

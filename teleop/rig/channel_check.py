@@ -14,7 +14,7 @@ from drivers import CHANNELS
 from drivers.rig_file import RigFile
 from drivers.wired_rig import WiredRig
 from teleop.control.clock import Clock
-from teleop.rig.drive_check import DriveReport
+from teleop.rig.drive_report import DriveReport
 from teleop.safety import ChannelLimits
 from teleop.safety.rig_limits import rig_limits
 

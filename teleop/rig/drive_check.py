@@ -7,23 +7,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 from typing import Any, NamedTuple
 
 from drivers import AXES, Measurement, RigError
+from drivers.rig_file import RigFile
 from drivers.wired_rig import WiredRig
 from teleop.control.admittance import AdmittanceParameters
 from teleop.control.clock import Clock
 from teleop.control.conditions import Condition
 from teleop.control.tare import Tare
-from teleop.errors import InputError
 from teleop.recording.black_box import BlackBox
 from teleop.recording.message import Layout
+from teleop.rig.drive_check_limits import narrow_forces, narrow_limits
+from teleop.rig.drive_report import DriveReport, Stroke, drive_report
 from teleop.rig.drive_travel import DriveTravel
 from teleop.rig.pausable_rig import PausableRig
-from teleop.rig.zeroing import ForceZero, force_zero
-from teleop.safety import Limits
+from teleop.rig.zeroing import force_zero
 from teleop.safety.rig_limits import rig_limits
+from teleop.trial.arming import motion_text
 from teleop.trial.assembly import make_controller
 from teleop.trial.loop import Loop
 from teleop.trial.settings import TrialSettings
@@ -45,33 +46,8 @@ SILENCE = 2.0
 """Longest wait, without commands, until a watchdog stops its drive [s]."""
 LONGEST = 60.0
 """Longest duration of the whole check [s]."""
-REACH = 1e-3
-"""Largest distance of the slave from its position at the start of the check [m]."""
-SOFT_FORCE, HARD_FORCE = 0.025, 0.05
-"""Soft and hard limit of the change of the contact force, as fractions of the rig's hard limit."""
 QUICK = AdmittanceParameters(mass=0.015, damping=15.0)
 """Admittance with a time constant of 1 ms, so that its velocity follows the wanted velocity."""
-
-
-class DriveReport(NamedTuple):
-    """Result of the check of one drive."""
-
-    name: str
-    """Name of the drive, `master` or `slave`."""
-    watchdog_s: float
-    """Time from the last command until the watchdog stopped the drive [s].
-
-    NaN if the watchdog did not stop the drive.
-    """
-    commanded_m: float
-    """Commanded travel of the longest stroke [m]; NaN if the drive was not moved."""
-    moved_m: float
-    """Travel of the longest stroke that the encoder measured [m].
-
-    NaN if the drive was not moved or has no encoder.
-    """
-    problem: str
-    """Problem of the drive; empty if there is none."""
 
 
 class DrivesReport(NamedTuple):
@@ -110,8 +86,8 @@ class DriveCheck(Condition):
         """Problem of each drive that has a problem; the first problem ends the check."""
         self.watchdogs: dict[str, float] = {}
         """Time from the last command until the watchdog stopped each drive [s]."""
-        self.longest: dict[str, tuple[float, float]] = {}
-        """Commanded and measured travel of each drive's longest stroke [m]."""
+        self.strokes: dict[str, list[Stroke]] = {name: [] for name in drives}
+        """Travel of each drive in each stroke."""
         self._rig = rig
         self._drives = drives
         self._damping = damping
@@ -142,7 +118,7 @@ class DriveCheck(Condition):
         if self._direction:
             for length, seconds in zip(STROKES, STROKE_TIMES, strict=True):
                 yield from self._stroke(self._direction, length, seconds)
-                self._store_longest()
+                self._store_stroke()
                 self._check_length(length)
                 back = abs(self._drives["slave"].commanded)
                 yield from self._stroke(-self._direction, back, seconds)
@@ -182,55 +158,35 @@ class DriveCheck(Condition):
             if problem := drive.problem(settled):
                 self.problems.setdefault(name, problem)
 
-    def _store_longest(self) -> None:
+    def _store_stroke(self) -> None:
         for name, drive in self._drives.items():
-            self.longest[name] = (
-                abs(drive.commanded),
-                math.copysign(1.0, drive.commanded) * drive.moved,
+            self.strokes[name].append(
+                Stroke(
+                    abs(drive.commanded),
+                    math.copysign(1.0, drive.commanded) * drive.moved,
+                    drive.explained,
+                )
             )
 
     def _check_length(self, length: float) -> None:
         """Add a problem, which ends the check, if the limits shortened a stroke too much."""
-        for name, (commanded, _) in self.longest.items():
-            if commanded < ENOUGH * length:
+        for name, strokes in self.strokes.items():
+            if strokes[-1].commanded < ENOUGH * length:
                 self.problems.setdefault(
                     name,
-                    f"the limits allowed {commanded * 1e3:.3f} mm of {length * 1e3:g} mm, too "
-                    "little to check sign and scale: expected a slave that is free to move",
+                    f"the limits allowed {strokes[-1].commanded * 1e3:.3f} mm of "
+                    f"{length * 1e3:g} mm, too little to check sign and scale: expected a slave "
+                    "that is free to move",
                 )
 
 
-def narrow_limits(limits: Limits, zero: ForceZero) -> Limits:
-    """Return the limits for the check of the drives, which allow only a small motion of the slave.
-
-    The position limits are relative to the present position of the slave.
-
-    Parameters
-    ----------
-    limits
-        Limits of the rig.
-    zero
-        Readings of the sensors at rest. They include the present position of the slave.
-
-    Raises
-    ------
-    InputError
-        The slave is beyond a hard position limit.
-    """
-    low, high = (end - zero.position for end in limits.hard_position)
-    if not low <= 0.0 <= high:
-        raise InputError(
-            f"slave_position is {zero.position * 1e3:g} mm: expected it within "
-            f"hard_position_mm, {limits.hard_position[0] * 1e3:g} to "
-            f"{limits.hard_position[1] * 1e3:g} mm"
-        )
-    hard = max(low, -REACH), min(high, REACH)
-    return replace(
-        limits,
-        soft_position=(0.8 * hard[0], 0.8 * hard[1]),
-        hard_position=hard,
-        soft_force=min(SOFT_FORCE * limits.hard_force, limits.soft_force),
-        hard_force=HARD_FORCE * limits.hard_force,
+def arming_text(rig: RigFile) -> str:
+    """Return a text that describes the motion, for the person who arms the drives."""
+    soft_force, hard_force = narrow_forces(rig_limits(rig.sections))
+    return motion_text(
+        rig.sections.name,
+        f"check, both drives move by {STROKES[0] * 1e3:g} to {STROKES[-1] * 1e3:g} mm and back, "
+        f"change of the contact force limited to {soft_force:g} N, stop at {hard_force:g} N",
     )
 
 
@@ -288,10 +244,10 @@ def check_drives(rig: WiredRig, clock: Clock, move: bool) -> DrivesReport:
     if controller.error and not isinstance(controller.error, RigError):
         raise controller.error
     reports = [
-        DriveReport(
+        drive_report(
             name,
             test.watchdogs.get(name, math.nan),
-            *test.longest.get(name, (math.nan, math.nan)),
+            test.strokes[name],
             test.problems.get(name, ""),
         )
         for name in drives

@@ -32,7 +32,7 @@ class DriveTravel:
         """Commanded travel since the beginning of the stroke [m]."""
         self._name = name
         self._compliance = compliance if name == "slave" else 0.0
-        self._slack = SLACK + (encoder.resolution_um * 1e-6 if encoder else 0.0)
+        self._resolution = encoder.resolution_um * 1e-6 if encoder else 0.0
         self._position = self._force = self._start = self._start_force = math.nan
         self._integral = 0.0
 
@@ -67,6 +67,11 @@ class DriveTravel:
         """
         return self._position - self._start
 
+    @property
+    def explained(self) -> float:
+        """Difference of the travels that encoder resolution and drive compliance explain [m]."""
+        return self._resolution + self._compliance * abs(self._force - self._start_force)
+
     def problem(self, settled: bool) -> str:
         """Return the problem of the travel so far; empty if there is none.
 
@@ -77,7 +82,7 @@ class DriveTravel:
             measured travel may be smaller than the commanded travel, but neither larger nor in
             the opposite direction.
         """
-        slack = self._slack + self._compliance * abs(self._force - self._start_force)
+        slack = SLACK + self.explained
         band = BAND * abs(self.commanded) + slack
         shown = {f"{self._name}_position": self.moved}
         if settled:

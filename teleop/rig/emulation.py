@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from drivers.rig_file import RigFile
 from drivers.rig_sections import CanSettings, SerialSettings
+from sim_backend import MimickedSine
 from sim_backend.wire.emulator import ACTIONS, Emulator, PlannedFault
 from sim_backend.wire.mechanism import NEVER
 from sim_backend.wire.wire_faults import FAULTS, ON_CAN, ON_SERIAL_LINES
@@ -72,7 +73,11 @@ def is_possible(kind: str, bus: SerialSettings | CanSettings) -> bool:
 
 
 def make_emulator(
-    rig: RigFile, settings: TrialSettings, folder: Path, faults: Sequence[PlannedFault] = ()
+    rig: RigFile,
+    settings: TrialSettings,
+    folder: Path,
+    faults: Sequence[PlannedFault] = (),
+    mimic: type[MimickedSine] = MimickedSine,
 ) -> Emulator:
     """Return an emulator of the devices of a rig, connected to a simulated telemanipulator.
 
@@ -86,6 +91,8 @@ def make_emulator(
         Folder for the links to the pseudo-terminals of the serial lines.
     faults
         Faults of buses and devices that the emulator causes.
+    mimic
+        Class of the operator, if the condition of the settings is mimic.
 
     Raises
     ------
@@ -94,7 +101,7 @@ def make_emulator(
     """
 
     def make_rig(now: Callable[[], float]) -> SimulatedRig:
-        return make_simulated_rig(settings, now, NEVER)
+        return make_simulated_rig(settings, now, NEVER, mimic)
 
     try:
         return Emulator(rig, make_rig, folder, faults)

@@ -22,8 +22,11 @@ from teleop.recording.recording import Recording
 from teleop.rig.zeroing import ForceZero
 from teleop.safety import Limits
 from teleop.safety.events import time_text
+from teleop.safety.rig_limits import rig_limits
+from teleop.trial.arming import motion_text
 from teleop.trial.run import run_trial
 from teleop.trial.settings import TrialSettings
+from teleop.trial.stop_switch import StopSwitch
 
 SPEED = 1e-3
 """Speed of the approach [m/s]."""
@@ -114,18 +117,31 @@ def touch(
     )
     settings = replace(settings, custom_limits=touch_limits(settings.raw_limits))
     threshold = max(TOUCH, 10.0 * zero.noise)
-    trial = run_trial(
-        settings,
-        record,
-        condition=Touch(settings.admittance.damping * SPEED, threshold, 0.5 * AWAY),
-        rig_maker=None if rig else lambda now: rig_away_from_cube(cube, now, sensors, seed),
-    )
+    with StopSwitch(key=rig is not None) as switch:
+        trial = run_trial(
+            settings,
+            record,
+            switch=switch,
+            condition=Touch(settings.admittance.damping * SPEED, threshold, 0.5 * AWAY),
+            rig_maker=None if rig else lambda now: rig_away_from_cube(cube, now, sensors, seed),
+        )
     if trial.fault:
         text = trial.fault["text"]
         raise SafetyStop(f"tare: stopped {time_text(trial.fault['time'])}: {text}")
     if trial.interrupted:
         raise KeyboardInterrupt
     return zero.position + contact_position(trial.recording.estimated())
+
+
+def arming_text(rig: RigFile) -> str:
+    """Return a text that describes the approach, for the person who arms the drives."""
+    limits = touch_limits(rig_limits(rig.sections))
+    return motion_text(
+        rig.sections.name,
+        f"tare, the slave moves forward at {SPEED * 1e3:g} mm/s until contact, by at most "
+        f"{REACH * 1e3:g} mm, then back, force limit {limits.soft_force:g} N, stop at "
+        f"{limits.hard_force:g} N",
+    )
 
 
 def touch_limits(limits: Limits) -> Limits:

@@ -10,11 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from teleop.errors import InputError
+from teleop.evaluation.comparison import SUBJECT
 from teleop.files import RECORDING, unreadable
 from teleop.studies.series.table import NAME, RECORDINGS
-
-SUBJECT = "subject"
-"""Name of the random factor, whose levels are a sample of persons or specimens."""
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import sys
 
+from drivers.rig_file import RigFile
 from teleop.errors import InputError
+from teleop.output.console import terminal_width, wrapped
+from teleop.printable import print_error
 from teleop.trial.settings import TrialSettings
 from teleop.trial.stop_key import is_foreground
 from teleop.trial.stop_switch import StopSwitch
@@ -37,32 +40,54 @@ def discard_typed_ahead() -> None:
         termios.tcflush(sys.stdin, termios.TCIFLUSH)
 
 
-def ask_to_arm(settings: TrialSettings) -> bool:
+def is_armed(rig: RigFile, text: str, yes: bool = False) -> bool:
     """Ask the person at the terminal to arm the drives, and return whether the answer was Enter.
+
+    Parameters
+    ----------
+    rig
+        The rig.
+    text
+        Description of the motion, see `motion_text`.
+    yes
+        Whether the drives are armed without asking.
 
     Raises
     ------
     InputError
         Standard input is not a terminal of this process.
     """
+    if yes:
+        return True
     if not is_foreground():
         raise InputError(
-            f"rig {settings.rig_name!r}: standard input is not a terminal, so that nobody can arm "
+            f"rig {rig.sections.name!r}: standard input is not a terminal, so that nobody can arm "
             "the drives: expected --yes, which arms them without asking"
         )
     discard_typed_ahead()
-    print(arming_text(settings), file=sys.stderr)
+    print(text, file=sys.stderr)
     print("Enter arms the drives, any other answer ends.", file=sys.stderr)
-    return sys.stdin.readline() == "\n"
+    if sys.stdin.readline() == "\n":
+        return True
+    print_error("not armed: nothing was moved")
+    return False
 
 
 def arming_text(settings: TrialSettings) -> str:
     """Return a text that describes a trial, for the person who arms the drives."""
     limits = settings.limits
     depth = "not stated" if settings.depth is None else f"{settings.depth * 1e3:g} mm"
-    return (
-        f"{settings.rig_name}: {settings.condition}, {settings.palpated}, depth {depth}, "
-        f"force limit {limits.soft_force:g} N, stop at {limits.hard_force:g} N, "
-        f"{settings.duration:g} s.\n"
-        f"While it runs: {StopSwitch(key=True).instructions}."
+    motion = (
+        f"{settings.condition}, {settings.palpated}, {settings.duration:g} s, depth {depth}, "
+        f"force limit {limits.soft_force:g} N, stop at {limits.hard_force:g} N"
     )
+    return motion_text(settings.rig_name, motion)
+
+
+def motion_text(rig: str, motion: str) -> str:
+    """Return a text for the person who arms the drives: the motion of a rig, and how to stop it.
+
+    Its lines fit the terminal.
+    """
+    text = f"{rig}: {motion}.\nWhile it runs: {StopSwitch(key=True).instructions}."
+    return wrapped(text, terminal_width())

@@ -41,7 +41,10 @@ def make_rig(settings: TrialSettings, now: Callable[[], float]) -> Rig:
 
 
 def make_simulated_rig(
-    settings: TrialSettings, now: Callable[[], float], watchdog: float = 0.1
+    settings: TrialSettings,
+    now: Callable[[], float],
+    watchdog: float = 0.1,
+    mimic: type[MimickedSine] = MimickedSine,
 ) -> SimulatedRig:
     """Return a new simulated rig, with a simulated operator if the condition needs one.
 
@@ -53,6 +56,8 @@ def make_simulated_rig(
         Returns the time of the clock [s].
     watchdog
         Timeout of the drives' watchdogs [s].
+    mimic
+        Class of the operator in the condition mimic.
     """
     setup = settings.setup
     depth = setup.depth / settings.coupling.scale
@@ -61,7 +66,7 @@ def make_simulated_rig(
         operator = FreePalpation(depth, settings.seed)
     elif settings.condition == "mimic":
         target = settings.target
-        operator = MimickedSine(depth, settings.seed, target.frequency, target.count_in)
+        operator = mimic(depth, settings.seed, target.frequency, target.count_in)
     return SimulatedRig(
         setup.cube,
         now,

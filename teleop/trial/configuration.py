@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from drivers.input_file import read_input
+from drivers.problems import syntax_problem
 from estimation import MODELS
 from estimation.model import model_named
 from teleop.control.tare import read_tare
@@ -21,7 +22,8 @@ from teleop.files import RECORDING, unreadable
 from teleop.recording.recording import load
 from teleop.trial.rig_loading import load_rig_file
 from teleop.trial.settings import TrialSettings
-from teleop.trial.settings_json import DERIVED, NAMES, adapter, from_document, to_document
+from teleop.trial.settings_json import DERIVED, adapter, from_document, to_document
+from teleop.trial.settings_keys import NAMES
 
 if TYPE_CHECKING:
     from tomlkit.items import Table
@@ -77,12 +79,14 @@ def read_toml(path: Path) -> dict[str, Any]:
     InputError
         The file cannot be read, or is not a TOML file.
     """
+    text = ""
     try:
-        return tomllib.loads(read_input(path).decode())
+        text = read_input(path).decode()
+        return tomllib.loads(text)
     except OSError as error:
         raise unreadable(path, error) from error
     except (ValueError, RecursionError) as error:
-        raise InputError(f"{path}: not a TOML file: {error}") from error
+        raise InputError(f"{path}: {syntax_problem(error, text)}") from error
 
 
 def settings_from(document: Mapping[str, Any], folder: Path) -> TrialSettings:

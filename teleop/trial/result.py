@@ -14,7 +14,7 @@ from estimation.compiled import Floats
 from estimation.presets import GATE
 from estimation.summary import summarise
 from teleop.errors import InputError
-from teleop.evaluation.tracking import tracking
+from teleop.evaluation.tracking import Tracking, tracking
 from teleop.recording.gaps import gap_rows, missing_text
 from teleop.recording.recording import Recording
 from teleop.recording.sinks import Outcome
@@ -83,10 +83,7 @@ class Trial:
 
         None if the condition is not mimic, or if the target moved for less than two periods.
         """
-        if self.settings.condition != "mimic":
-            return None
-        t, target, position = (self.recording[n] for n in ("time", "target", "slave_position"))
-        found = tracking(t, target, position, self.settings.target.frequency)
+        found = recorded_tracking(self.recording)
         return found and found._asdict()
 
     def summary(self) -> dict[str, Any]:
@@ -180,6 +177,18 @@ def recorded_truth(recording: Recording) -> dict[str, float] | None:
     except InputError:
         return None
     return truth(settings, float(np.max(np.abs(recording["slave_position"]), initial=0.0)))
+
+
+def recorded_tracking(recording: Recording) -> Tracking | None:
+    """Return the tracking of a recorded trial; None if it is not mimic or the target is short."""
+    if recording.settings.get("condition") != "mimic":
+        return None
+    try:
+        frequency = from_document(recording.settings).target.frequency
+        target, position = recording["target"], recording["slave_position"]
+        return tracking(recording["time"], target, position, frequency)
+    except InputError:  # of an older version, without a target
+        return None
 
 
 def safety_summary(active: Recording, fault: dict[str, Any] | None) -> dict[str, Any]:

@@ -12,7 +12,8 @@ from typing import Any
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 from pydantic_core import to_jsonable_python
 
-from drivers.rig_file import RigFile, RigFileError, as_phrase, parse_rig_file
+from drivers.problems import given, value_problem
+from drivers.rig_file import RigFile, RigFileError, parse_rig_file
 from estimation import Axis, Grid, Model, Preset
 from estimation.own_settings import OwnSettings
 from sim_backend import Cube, Sensors, Setup, Transmission
@@ -24,17 +25,8 @@ from teleop.errors import InputError
 from teleop.safety import ChannelLimits, Limits
 from teleop.safety.tightened_limits import TightenedLimits
 from teleop.trial.settings import TrialSettings
+from teleop.trial.settings_keys import NAMES, expected_form, unknown_key
 
-NAMES = {
-    "duration": "duration_s",
-    "rate": "rate_hz",
-    "bandwidth": "bandwidth_hz",
-    "force_lag": "force_lag_s",
-    "depth": "depth_m",
-    "count_in": "count_in_s",
-    "preset": "custom_preset",
-}
-"""Names in the document that differ from those of the settings."""
 DERIVED = {
     "preset": ": expected estimator_parameters or custom_preset",
     "encoder_resolution_m": "",
@@ -117,11 +109,14 @@ def problems(error: ValidationError) -> list[str]:
     """Return the problems that pydantic found, each as a line with the key in the document."""
     lines = []
     for part in error.errors():
-        path, message = ".".join(map(str, part["loc"] or ("document",))), as_phrase(part["msg"])
-        if part["type"] == "unexpected_keyword_argument":
-            key = NAMES.get(path)
-            message = f"unknown setting: expected {key}" if key else "unknown setting"
-        lines.append(f"{path}: {message}")
+        place, kind, value = part["loc"] or ("document",), part["type"], part["input"]
+        message = value_problem(part)
+        if kind == "unexpected_keyword_argument":
+            message = unknown_key(place)
+        elif kind.endswith("_type") or kind == "union_tag_not_found":
+            form = expected_form(place, value)
+            message = f"{form}{given(value)}" if form else message
+        lines.append(f"{'.'.join(map(str, place))}: {message}")
     return lines
 
 

@@ -59,9 +59,9 @@ def test_units_become_si(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ('name = "serial board"', "", "name: field required"),
+        ('name = "serial board"', "", "name: is missing"),
         ("rate_hz = 1000\n\n", "rate_hz = 5\n\n", "rate_hz"),
-        ("watchdog_ms = 50", "watchdog = 50", "devices.board.watchdog: extra inputs"),
+        ("watchdog_ms = 50", "watchdog = 50", "devices.board.watchdog: unknown setting"),
         ("baud_bps = 921600", 'baud_bps = "fast"', "buses.usb.serial.baud_bps"),
         ('signal = "force_1"', 'signal = "force_9"', "channels.contact_force.signal: 'force_9'"),
         ('signal = "force_1"', 'signal = "analogue_0"', "channels.contact_force.scale: missing"),

@@ -133,7 +133,7 @@ def test_estimate_prints_the_estimators_beside_batch_least_squares(capsys, recor
     picture, table = tmp_path / "sine.svg", tmp_path / "out.csv"
     assert main(["estimate", recording, "--plot", str(picture), "--out", str(table)]) == 0
     out = capsys.readouterr().out
-    for word in ("sine.csv", "rls", "ai", "me", "batch", "one-step rms [N]", "datum"):
+    for word in ("sine.csv", "rls", "ai", "me", "least squares", "one-step rms [N]", "datum"):
         assert word in out
     assert "<svg" in picture.read_text()
     assert table.read_text().startswith(
@@ -308,6 +308,28 @@ def test_ctrl_c_ends_a_run_and_prints_its_results():
     document = json.loads(out)
     assert document["interrupted"]
     assert 1 <= document["ticks"] < 100_000
+
+
+def test_the_help_names_every_word_that_the_datum_accepts(capsys):
+    assert main(["estimate", "--help"]) == 0
+    text = " ".join(capsys.readouterr().out.replace("\u2502", " ").split())
+    for word in ("auto", "contact", "file", "start", "mean"):
+        assert f"({word})" in text
+    assert "1.5mm,20N" in text
+
+
+@pytest.mark.parametrize("command", [[*RUN, "--plot", "a.png"], ["report", "sine.csv"]])
+def test_an_unknown_backend_of_matplotlib_does_not_cost_the_figures(recording, tmp_path, command):
+    done = subprocess.run(
+        [sys.executable, "-m", "teleop", *command],
+        env=os.environ | {"MPLBACKEND": "nowhere"},
+        capture_output=True,
+        text=True,
+        check=False,
+        cwd=tmp_path,
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    assert (tmp_path / ("a.png" if "run" in command else "sine.html")).stat().st_size
 
 
 def test_a_run_is_reproducible_through_the_command_line(capsys):

@@ -30,7 +30,7 @@ class MethodResult(NamedTuple):
     e_f: float
     """Average force error [N]."""
     one_step_ratio: float
-    """One-step force error divided by that of batch least squares over the last second."""
+    """One-step force error divided by that of least squares over the last second."""
     held: float
     """Fraction of samples at which the estimate was held."""
 

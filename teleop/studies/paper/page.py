@@ -9,6 +9,7 @@ from markupsafe import Markup
 
 from sim_backend import CUBES
 from teleop.control.conditions import CONDITIONS
+from teleop.output.estimate_tables import RMS_RATIO
 from teleop.output.web_page import web_page
 from teleop.studies.anova import Effect
 from teleop.studies.paper.claims import Claim
@@ -26,7 +27,7 @@ METHOD_HEADINGS = (
     "b within",
     "rise [s]",
     "e_f [N]",
-    "rms/batch",
+    RMS_RATIO,
     "held",
 )
 

@@ -114,6 +114,8 @@ def conduct(
     make_folder(folder / NAME)
     with locked(folder):
         journal = open_journal(folder, plan, trials)
+        if any(journal.attempts(trial.number) or journal.last(trial.number) for trial in trials):
+            report(resumed_text(folder, counts(journal, trials)))
         previous: PlannedTrial | None = None
         rested = -math.inf
         while pending := next((t for t in trials if not journal.is_finished(t.number)), None):
@@ -175,6 +177,31 @@ def prompt_of(plan: Plan, trial: PlannedTrial, count: int) -> str:
     for name, level in trial.levels.items():
         text = text.replace(f"{{{name}}}", level)
     return f"trial {trial.number} of {count}: {text}"
+
+
+def resumed_text(folder: Path, found: dict[str, Any]) -> str:
+    """Return the text that states how much of an existing series is done."""
+    trials = sum(found.values())
+    if not found["pending"]:
+        return f"{folder}: the series is complete, no trial is run"
+    return (
+        f"{folder}: the series is resumed: {found['done']} of {trials} trials are done, "
+        f"{found['skipped']} skipped"
+    )
+
+
+def is_complete(folder: Path, plan: Plan, trials: Sequence[PlannedTrial]) -> bool:
+    """Return whether all trials of a series are done or skipped; False for a new folder.
+
+    Raises
+    ------
+    InputError
+        The folder contains a series of another plan, or another series runs in it.
+    """
+    if not (folder / NAME).is_file():
+        return False
+    with locked(folder):
+        return not counts(open_journal(folder, plan, trials), trials)["pending"]
 
 
 def counts(journal: Journal, trials: Sequence[PlannedTrial]) -> dict[str, Any]:

@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+from teleop.evaluation.tracking import COLUMNS as TRACKING
 from teleop.files import write_text
 from teleop.studies.series.journal import Journal
 from teleop.studies.series.plan import PlannedTrial
@@ -33,6 +34,7 @@ def result_rows(trials: Sequence[PlannedTrial], journal: Journal) -> Iterator[di
     planned = {trial.number: trial for trial in trials}
     for result in journal.results():
         trial, summary = planned[result["trial"]], result["summary"]
+        tracking = summary["tracking"] or {}
         for name, values in summary["estimates"].items():
             yield {
                 "trial": trial.number,
@@ -45,6 +47,7 @@ def result_rows(trials: Sequence[PlannedTrial], journal: Journal) -> Iterator[di
                 "seed": summary["seed"],
                 "estimator": name,
                 **{RESULTS[key]: values[key] for key in RESULTS},
+                **{TRACKING[key]: tracking.get(key) for key in TRACKING},
             }
 
 

@@ -69,7 +69,7 @@ def test_recordings_are_grouped_by_their_settings_and_other_files_have_no_level(
     found = document(capsys, *sorted(tmp_path.iterdir()), "--by", "cube,condition")
     levels = [group["levels"] for group in found["groups"]]
     assert levels == [["-", "-"], ["medium", "autonomous"], ["soft", "autonomous"]]
-    alone = found["groups"][0]["means"]["batch"]["k"]
+    alone = found["groups"][0]["means"]["result"]["k"]
     result = next(one["result"] for one in found["recordings"] if "foreign" in one["file"])
     assert alone == [result["k"], pytest.approx(0.5 * (result["k_high"] - result["k_low"])), 1]
 
@@ -112,7 +112,7 @@ def test_a_table_is_written_as_csv_latex_and_markdown(series, tmp_path, capsys):
         assert main(["compare", *map(str, two), "--by", "cube", "--out", str(tmp_path / name)]) == 0
     with (tmp_path / "table.csv").open(newline="") as file:
         rows = [*csv.DictReader(file)]
-    assert [row["method"] for row in rows] == 2 * ["batch", "rls", "me"]
+    assert [row["method"] for row in rows] == 2 * ["result", "rls", "me"]
     batch = rows[0]
     assert float(batch["k low [N/m]"]) < float(batch["k [N/m]"]) < float(batch["k high [N/m]"])
     assert rows[1]["k low [N/m]"] == ""
@@ -120,10 +120,12 @@ def test_a_table_is_written_as_csv_latex_and_markdown(series, tmp_path, capsys):
     assert latex.count("\\midrule") == 2
     assert "e\\_f [N]" in latex
     assert "$\\pm$" in latex
-    assert latex.splitlines()[1:3] == ["\\begin{tabular}{llrrrr}", "\\toprule"]
-    lines = (tmp_path / "table.md").read_text().splitlines()
+    assert latex.splitlines()[2:4] == ["\\begin{tabular}{llrrrr}", "\\toprule"]
+    markdown = (tmp_path / "table.md").read_text()
+    lines = [line for line in markdown.splitlines() if line.startswith("|")]
     assert len({line.count("|") for line in lines}) == 1
     assert len(lines) == 2 + 2 * 3
+    assert "\nresult: mean of the results" in markdown
 
 
 def test_a_series_names_the_command_for_its_table_and_figure(series, capsys):
@@ -135,3 +137,78 @@ def test_a_series_names_the_command_for_its_table_and_figure(series, capsys):
     assert (series / "figure.pdf").stat().st_size > 5000
     for name in ("table.tex", "figure.pdf"):
         (Path(series) / name).unlink()
+
+
+@pytest.fixture(scope="module")
+def free_motion(tmp_path_factory):
+    """A file of a motion without contact, with a name that LaTeX would take for commands."""
+    path = tmp_path_factory.mktemp("free") / "a_b%c.csv"
+    t = np.arange(0.0, 6.0, 4e-3)
+    f = np.random.default_rng(0).normal(0.0, 0.02, t.size)
+    rows = zip(t, 3.0 - 3.0 * np.cos(6.0 * t), f, strict=True)
+    lines = "".join(f"{a},{x},{y}\n" for a, x, y in rows)
+    path.write_text("Time [s],Position [mm],Force [N]\n" + lines)
+    return path
+
+
+def test_a_table_names_the_reason_of_each_value_that_is_missing(
+    series, free_motion, tmp_path, capsys
+):
+    good = sorted((series / "recordings").iterdir())[0]
+    for name in ("table.tex", "table.md"):
+        options = ["--by", "folder", "--out", str(tmp_path / name)]
+        assert main(["compare", str(good), str(free_motion), *options]) == 0
+    reason = "the force does not follow the displacement: no contact"
+    out = " ".join(capsys.readouterr().out.split())
+    assert f"(a) No result for 1 recording: {reason} (a_b%c.csv)." in out
+    latex = (tmp_path / "table.tex").read_text()
+    assert "\\usepackage{booktabs,threeparttable}" in latex
+    assert " & 0 (a) & - & - & - \\\\" in latex
+    assert f"\\item[(a)] No result for 1 recording: {reason} (a\\_b\\%c.csv)." in latex
+    assert "\\item[(b)] No estimate for 1 recording: the estimator was never updated" in latex
+    assert latex.count("\\begin{") == latex.count("\\end{") == 3
+    assert f"\n(a) No result for 1 recording: {reason} (a\\_b%c.csv).\n" in (
+        (tmp_path / "table.md").read_text()
+    )
+    dashes = [row.count("-") for row in latex.splitlines() if " & - " in row]
+    assert dashes
+
+
+def test_repeats_of_several_subjects_that_are_pooled_are_remarked(series, tmp_path, capsys):
+    text = "Recordings of several subjects are pooled"
+    table = tmp_path / "table.tex"
+    assert main(["compare", str(series), "--out", str(table)]) == 0
+    assert text in capsys.readouterr().out
+    assert text in table.read_text()
+    assert main(["compare", str(series), "--by", "subject,cube"]) == 0
+    assert text not in capsys.readouterr().out
+
+
+def test_the_tracking_of_mimic_is_compared(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "80")
+    for seed in ("1", "2"):
+        run = ["run", "--clock", "virtual", "--duration", "4", "--condition", "mimic"]
+        assert main([*run, "--seed", seed, "--record", f"{seed}.mcap", "--json"]) == 0
+    expected = json.loads("{" + capsys.readouterr().out.split("\n{")[-1])["tracking"]
+    files = ["1.mcap", "2.mcap"]
+    found = document(capsys, *files, "--by", "condition")
+    assert found["recordings"][1]["tracking"] == expected
+    gain = [one["tracking"]["gain"] for one in found["recordings"]]
+    assert found["groups"][0]["tracking"]["gain"][0] == pytest.approx(np.mean(gain))
+    for name in ("table.csv", "table.tex"):
+        assert main(["compare", *files, "--by", "condition", "--out", name]) == 0
+    out = capsys.readouterr().out
+    assert "phase [deg]" in " ".join(out.split())
+    assert max(map(len, out.splitlines())) <= 80
+    with Path("table.csv").open(newline="") as file:
+        rows = [*csv.DictReader(file)]
+    assert {float(row["tracking gain"]) for row in rows} == set(gain)
+    assert "error rms [mm]" in Path("table.tex").read_text()
+
+
+def test_only_mimic_has_a_table_of_the_tracking(series, capsys):
+    found = document(capsys, series)
+    assert {one["tracking"] for one in found["recordings"]} == {None}
+    assert main(["compare", str(series)]) == 0
+    assert "tracking" not in capsys.readouterr().out

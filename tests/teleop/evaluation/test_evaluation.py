@@ -34,7 +34,7 @@ def test_measured_indentation_agrees_with_batch_least_squares(frequency):
     k, b = BATCH[frequency]
     evaluation = evaluate(read_signals(path), EstimateSettings())
     summary = evaluation.summary()
-    rls, me, batch = (summary["estimates"]["rls"], summary["estimates"]["me"], summary["batch"])
+    rls, me, batch = (*map(summary["estimates"].get, ("rls", "me")), summary["least_squares"])
     assert rls["k"] == pytest.approx(k, rel=0.03)
     assert rls["b"] == pytest.approx(b, rel=0.15)
     assert me["k"] == pytest.approx(k, rel=0.03)
@@ -49,7 +49,7 @@ def test_finds_the_parameters_about_a_preload(jitter):
     for name in ("rls", "me"):
         assert summary["estimates"][name]["k"] == pytest.approx(2000.0, rel=0.03)
         assert summary["estimates"][name]["b"] == pytest.approx(20.0, rel=0.15)
-    assert summary["batch"]["b"] == pytest.approx(20.0, rel=0.02)
+    assert summary["least_squares"]["b"] == pytest.approx(20.0, rel=0.02)
     assert summary["jitter"] == pytest.approx(jitter, abs=0.05)
 
 

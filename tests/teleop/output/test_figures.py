@@ -21,9 +21,10 @@ from teleop.output.figure_style import (
     line,
     save,
 )
-from teleop.output.figures import TOGETHER, Truth, estimates_figure, stiffness_figure
+from teleop.output.figures import TOGETHER, Truth, estimates_figure
 from teleop.output.fit_figures import fit_figure
 from teleop.output.force_figure import force_figure
+from teleop.output.stiffness_figure import stiffness_figure
 from teleop.output.web_page import svg
 
 T = np.linspace(0.0, 10.0, 5000)
@@ -154,7 +155,7 @@ def test_the_figure_of_the_force_has_measurement_prediction_and_model():
     over_t, error, over_x = drawn.axes
     assert {"measured", "predicted by rls"} <= lines(over_t).keys()
     assert np.abs(error.get_lines()[0].get_ydata()[1:]).max() == pytest.approx(0.0, abs=1e-9)
-    model = lines(over_x)["batch least squares of the model"]
+    model = lines(over_x)["least squares of the model"]
     assert np.allclose(model.get_ydata(), lines(over_x)["measured"].get_ydata())
 
 

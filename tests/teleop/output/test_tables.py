@@ -37,7 +37,7 @@ def test_no_word_or_number_is_lost_on_a_narrow_or_dumb_terminal(
     wide = printed(capsys, monkeypatch, {"COLUMNS": "200"}, *arguments)
     narrow = printed(capsys, monkeypatch, environment, *arguments)
     assert {*narrow.split()} >= {word for word in wide.split() if "─" not in word} - {
-        "rms/batch",
+        "rms/window",
     }
     assert "…" not in narrow
 

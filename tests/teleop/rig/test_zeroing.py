@@ -120,7 +120,7 @@ def test_the_command_stores_a_dated_tare_that_run_accepts(tmp_path, capsys, monk
         ("[]", ["expected a file of teleop rig tare"]),
         ("{", ["expected a file of teleop rig tare"]),
         ('{"master_force": "high", "date": 3}', ["master_force", "date"]),
-        ('{"contact_force": NaN}', ["contact_force", "finite", "master_force: field required"]),
+        ('{"contact_force": NaN}', ["contact_force", "finite", "master_force: is missing"]),
         ('{"contact_farce": 1.0}', ["contact_farce"]),
         (json.dumps(FILE | {"contact_force": 20.0}), ["contact_force", "15"]),
         (json.dumps(FILE | {"master_force": -1e308}), ["master_force", "-15"]),

@@ -14,7 +14,7 @@ from drivers.rig_file import read_rig_file
 from teleop.cli import main
 from teleop.control.excitation_signals import Sine
 from teleop.errors import InputError
-from teleop.trial.arming import arming_text, ask_to_arm
+from teleop.trial.arming import arming_text, is_armed
 from teleop.trial.configuration import read_configuration
 from teleop.trial.run import run_trial
 from teleop.trial.settings import TrialSettings
@@ -112,13 +112,13 @@ def test_without_a_terminal_the_drives_are_not_armed(refused, unopened, monkeypa
 @pytest.mark.parametrize(("line", "armed"), [(b"\n", True), (b"n\n", False), (b" \n", False)])
 def test_enter_alone_arms_the_drives(terminal, line, armed):
     terminal(line)
-    assert ask_to_arm(wired(specimen="liver", depth=3e-3)) == armed
+    assert is_armed(read_rig_file(BOARD), "moves") == armed
 
 
 def test_a_key_typed_before_the_prompt_does_not_arm(terminal):
     leader = terminal(b"no\n")
     os.write(leader, b"\n")
-    assert not ask_to_arm(wired(specimen="liver", depth=3e-3))
+    assert not is_armed(read_rig_file(BOARD), "moves")
 
 
 def test_a_refusal_ends_the_command_before_the_rig_is_opened(terminal, unopened, tmp_path):
@@ -128,8 +128,37 @@ def test_a_refusal_ends_the_command_before_the_rig_is_opened(terminal, unopened,
     assert not record.exists()
 
 
+MOVING = [("check", BOARD, "--move"), ("tare", "--rig", BOARD, "--contact", "touch")]
+
+
+@pytest.mark.parametrize("command", MOVING, ids=["check", "tare"])
+def test_other_commands_that_move_a_rig_need_a_person_or_yes_too(
+    refused, monkeypatch, command, tmp_path
+):
+    monkeypatch.chdir(tmp_path)
+    opened = "port /dev/ttyACM0 cannot be opened"
+    monkeypatch.setattr("sys.stdin", io.StringIO("\n"))
+    assert "expected --yes" in refused("rig", *command)
+    assert opened in refused("rig", *command, "--yes")
+
+
+@pytest.mark.parametrize("command", MOVING, ids=["check", "tare"])
+def test_a_refusal_ends_them_before_the_rig_is_opened(
+    terminal, unopened, monkeypatch, command, tmp_path
+):
+    monkeypatch.chdir(tmp_path)
+    terminal(b"no\n")
+    monkeypatch.setenv("COLUMNS", "80")
+    assert main(["rig", *map(str, command)]) == 130
+    shown = sys.stderr.getvalue()
+    for part in ("serial board: ", "stop at", "Ctrl-C", "not armed: nothing was moved"):
+        assert part in " ".join(shown.split())
+    assert max(map(len, shown.splitlines())) <= 80
+    assert not [*tmp_path.iterdir()]
+
+
 def test_the_prompt_states_what_will_happen_and_how_to_stop():
-    text = arming_text(wired(condition="mimic", specimen="liver", depth=3e-3))
+    text = " ".join(arming_text(wired(condition="mimic", specimen="liver", depth=3e-3)).split())
     for part in ("serial board", "mimic", "liver", "3 mm", "200 N", "Ctrl-C"):
         assert part in text
 

@@ -97,9 +97,64 @@ def test_a_key_without_its_unit_and_a_value_that_follows_from_others_are_refused
 def test_values_out_of_range_are_reported_at_once(written):
     with pytest.raises(InputError) as refused:
         read_configuration(written('rate_hz = 1\nduration_s = -1\ncondition = "odd"'))
-    for word in ("rate 1 Hz", "duration -1 s", "condition: input should be"):
+    for word in ("rate 1 Hz", "duration -1 s", "condition: expected one of free, mimic"):
         assert word in str(refused.value)
     assert len(str(refused.value).splitlines()) == 3
+
+
+@pytest.mark.parametrize(
+    ("text", "problems"),
+    [
+        (
+            'signal = "chirp"',
+            ['signal: expected a table, signal = { kind = "chirp", low = ..., high = ..., sweep'],
+        ),
+        ("signal = { frequency = 2 }", ['signal: expected a table, signal = { kind = "sine", f']),
+        (
+            'signal = { kind = "square" }',
+            ["signal: kind 'square': expected one of sine, multisine, chirp"],
+        ),
+        (
+            "[estimator_parameters.rls]\nadaptation_gain = 0.99\nforgeting = 0.9",
+            [
+                "estimator_parameters.rls.adaptation_gain: expected a list of 2 numbers, got 0.99",
+                "estimator_parameters.rls.forgeting: unknown setting: expected one of forgetting, ",
+            ],
+        ),
+        (
+            'duration_s = "5 s"\nseed = 1.5\nspecimen = 3\nbandwith_hz = 3',
+            [
+                "duration_s: expected a number, got '5 s'",
+                "seed: expected a whole number, got 1.5",
+                "specimen: expected text in quotes, got 3",
+                "bandwith_hz: unknown setting: expected bandwidth_hz",
+            ],
+        ),
+        ("coupling = 3", ["coupling: expected a table with keys such as scale, position_gain"]),
+        ('estimators = "rls"', ["estimators: expected a list of texts in quotes, got 'rls'"]),
+        ("estimator_parameters = 3", ["estimator_parameters: expected a table, got 3"]),
+        ("[custom_setup]\nforce_lag = 1", ["custom_setup.cube: is missing", "custom_setup.depth"]),
+    ],
+)
+def test_a_value_of_a_wrong_form_is_refused_in_plain_words(written, text, problems):
+    path = written(text)
+    with pytest.raises(InputError) as refused:
+        read_configuration(path)
+    lines = [line.removeprefix(f"{path}: ") for line in str(refused.value).splitlines()]
+    assert len(lines) == len(problems)
+    for problem in problems:
+        assert any(line.startswith(problem) for line in lines), lines
+    for word in ("valid", "input", "tuple", "dictionary", "instance", "discriminator"):
+        assert word not in str(refused.value).replace(str(path), "")
+
+
+def test_a_syntax_error_is_reported_with_its_line(written):
+    path = written("duration_s = 3\n[estimator_parameters.rls]\nforgetting = = 0.99\nx = 1")
+    with pytest.raises(InputError) as refused:
+        read_configuration(path)
+    assert str(refused.value) == (
+        f"{path}: not a TOML file: line 3, column 14, invalid value: forgetting = = 0.99"
+    )
 
 
 @pytest.mark.parametrize("text", ["rate_hz = ", "[" * 2000])

@@ -171,6 +171,8 @@ def test_a_sound_rig_passes_and_its_watchdogs_act(in_memory, name):
     for drive in checked.report.drives:
         assert drive.commanded_m == pytest.approx(STROKES[-1], rel=0.05)
         assert drive.moved_m == pytest.approx(drive.commanded_m, abs=10e-6)
+        assert drive.ratio == pytest.approx(1.0, abs=0.025)
+        assert drive.remark == ""
         assert 0.01 < drive.watchdog_s < 0.15
 
 
@@ -238,7 +240,7 @@ def command(monkeypatch):
         monkeypatch.setattr("teleop.trial.realtime.realtime", lambda mode: RealTime("off", ()))
         monkeypatch.setattr("teleop.rig.channel_check.round_trips", lambda rig, clock: [])
         path = str(trial.file.path)
-        return main(["rig", "check", path, "--seconds", "0.2", "--move", *options])
+        return main(["rig", "check", path, "--seconds", "0.2", "--move", "--yes", *options])
 
     return run
 
@@ -286,3 +288,26 @@ def test_ctrl_c_during_the_check_ends_it_with_130(command, stepped, capsys):
     out, err = capsys.readouterr()
     assert err == ""
     assert all(drive["commanded_m"] is None for drive in json.loads(out)["drives"])
+
+
+def test_lost_motion_of_the_emulated_slave_is_remarked(in_memory):
+    report = Checked(in_memory("serial-board")).report
+    master, slave = report.drives
+    assert master.remark == ""
+    assert slave.problem == ""
+    assert slave.ratio == pytest.approx(0.81, abs=0.02)
+    assert "moved 81% of the commanded travel" in slave.remark
+    assert "lost motion or friction" in slave.remark
+
+
+def test_the_tables_of_the_check_fit_80_columns_and_have_units(
+    command, stepped, capsys, monkeypatch
+):
+    monkeypatch.setenv("COLUMNS", "80")
+    assert command(stepped("odrive-bota")) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert max(map(len, lines)) <= 80
+    text = " ".join(" ".join(lines).split())
+    units = ("rate jitter age oldest", "[Hz] [ms] [ms] [ms]", "0.000 mm/s", " N ")
+    for part in (*units, "lost motion"):
+        assert part in text

@@ -151,7 +151,8 @@ def test_an_mcap_file_of_ros_2_messages_is_read_with_the_stamps_of_their_headers
 ):
     motion.same(read_signals(ros2_mcap, force="force=N"))
     assert main(["estimate", str(ros2_mcap), "--force", "force=N", "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["batch"]["k"] == pytest.approx(2000.0, rel=1e-3)
+    fit = json.loads(capsys.readouterr().out)["least_squares"]
+    assert fit["k"] == pytest.approx(2000.0, rel=1e-3)
 
 
 @pytest.mark.parametrize("use_chunking", [True, False])

@@ -241,6 +241,53 @@ def test_the_prompt_of_a_series_arms_the_drives_and_is_the_only_one(tmp_path, mo
     with pytest.raises(ZeroDivisionError):
         main(["series", str(wired_plan(tmp_path)), "--out", str(tmp_path / "out"), "--ask"])
     assert len(run) == 1
-    prompt = capsys.readouterr().err
-    for part in ("serial board: autonomous, liver, depth 3 mm, force limit 200 N", "Ctrl-C"):
+    prompt = " ".join(capsys.readouterr().err.split())
+    for part in ("serial board: autonomous, liver, 0.5 s, depth 3 mm, force limit 200 N", "Ctrl-C"):
         assert part in prompt
+
+
+def test_a_series_that_is_resumed_says_so(plan, tmp_path):
+    lines: list[str] = []
+    conduct(tmp_path / "out", *plan, ask=Person("run", "skip", "quit"), report=lines.append)
+    assert not any("resumed" in line for line in lines)
+    lines.clear()
+    conduct(tmp_path / "out", *plan, report=lines.append)
+    assert lines[0].endswith("the series is resumed: 1 of 3 trials are done, 1 skipped")
+    lines.clear()
+    conduct(tmp_path / "out", *plan, report=lines.append)
+    (line,) = lines
+    assert line.endswith("the series is complete, no trial is run")
+
+
+def test_a_complete_series_on_a_rig_of_devices_needs_neither_person_nor_yes(tmp_path, capsys):
+    path, out = wired_plan(tmp_path), tmp_path / "out"
+    skip = Person("skip", "skip")
+    read = read_plan(path)
+    conduct(out, read, planned_trials(read, tmp_path), ask=skip)
+    assert main(["series", str(path), "--out", str(out)]) == 0
+    captured = capsys.readouterr()
+    assert "complete, no trial is run" in captured.err
+    assert "0 of 2 trials done, 2 skipped" in captured.out
+
+
+def test_the_table_has_the_tracking_of_mimic_and_empty_cells_for_other_conditions(tmp_path):
+    text = PLAN.replace('cube = ["soft", "medium", "hard"]', "")
+    text = text.replace('condition = ["autonomous"]', 'condition = ["free", "mimic"]')
+    (tmp_path / "plan.toml").write_text(text.replace("duration_s = 0.5", "duration_s = 4.0"))
+    read = read_plan(tmp_path / "plan.toml")
+    conduct(tmp_path / "out", read, planned_trials(read, tmp_path))
+    names = [
+        "tracking gain",
+        "tracking phase [deg]",
+        "tracking error rms [m]",
+        "achieved frequency [Hz]",
+        "target frequency [Hz]",
+    ]
+    free, mimic = rows(tmp_path / "out")
+    assert [free[name] for name in names] == [""] * 5
+    gain, phase, rms, achieved, target = (float(mimic[name]) for name in names)
+    assert 0.3 < gain < 1.5
+    assert -180.0 < phase < 90.0
+    assert 0.0 < rms < 0.02
+    assert achieved == pytest.approx(target, rel=0.2)
+    assert target == 1.0

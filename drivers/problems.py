@@ -1,0 +1,97 @@
+"""Texts for the problems of a file: those of its TOML syntax, and those that pydantic finds."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import Any
+
+PLACE = re.compile(r" \(at (?:line (\d+), column (\d+)|end of document)\)$")
+"""End of a message of `tomllib` with the place of the problem."""
+LONGEST_INPUT = 60
+"""Largest number of characters of a given value in a message."""
+EXPECTED = {
+    "bool": "true or false",
+    "dataclass": "a table",
+    "dict": "a table",
+    "float": "a number",
+    "int": "a whole number",
+    "list": "a list",
+    "mapping": "a table",
+    "model": "a table",
+    "string": "text in quotes",
+    "tuple": "a list",
+}
+"""Expected form of a value, by the first word of the type of an error of pydantic."""
+
+
+def syntax_problem(error: Exception, text: str) -> str:
+    """Return the problem of a TOML file, with the line in which it is.
+
+    Parameters
+    ----------
+    error
+        Error of `tomllib`.
+    text
+        Content of the file.
+    """
+    message = str(error)
+    place = PLACE.search(message)
+    if place is None:
+        return f"not a TOML file: {message}"
+    what = message[: place.start()]
+    if place[1] is None:
+        return f"not a TOML file: {as_phrase(what)} at the end of the file"
+    line = text.splitlines()[int(place[1]) - 1].strip()
+    return f"not a TOML file: line {place[1]}, column {place[2]}, {as_phrase(what)}: {line}"
+
+
+def value_problem(part: Mapping[str, Any]) -> str:
+    """Return one problem that pydantic found in a value, and the value, without the key.
+
+    Parameters
+    ----------
+    part
+        One of the errors of pydantic's ValidationError.
+    """
+    kind, context = part["type"], part.get("ctx", {})
+    if kind == "missing":
+        return "is missing"
+    if kind in ("unexpected_keyword_argument", "extra_forbidden"):
+        return "unknown setting"
+    if kind == "value_error":
+        return as_phrase(part["msg"]) + given(part["input"])
+    if kind == "literal_error":
+        expected = str(context["expected"]).replace("'", "").replace(" or ", ", ")
+        return f"expected one of {expected}{given(part['input'])}"
+    if kind == "union_tag_invalid":
+        tags = str(context["expected_tags"]).replace("'", "")
+        return f"{tag_name(part)} {context['tag']!r}: expected one of {tags}"
+    if kind == "union_tag_not_found":
+        return f"expected a table with the key {tag_name(part)}"
+    form = EXPECTED.get(kind.partition("_")[0])
+    if form is None or not kind.endswith(("_type", "_parsing", "_from_float")):
+        return as_phrase(part["msg"]).replace("input should be ", "expected a value ") + given(
+            part["input"]
+        )
+    return f"expected {form}{given(part['input'])}"
+
+
+def tag_name(part: Mapping[str, Any]) -> str:
+    """Return the name of the key that selects one of several kinds of a table."""
+    return str(part["ctx"]["discriminator"]).strip("'")
+
+
+def given(value: Any) -> str:
+    """Return a text that states a given value; empty for a table."""
+    if isinstance(value, dict):
+        return ""
+    text = repr(value)
+    shown = text if len(text) <= LONGEST_INPUT else f"{text[:LONGEST_INPUT]} ..."
+    return f", got {shown}"
+
+
+def as_phrase(message: str) -> str:
+    """Return a message of pydantic or tomllib in a form that can follow a colon."""
+    message = message.removeprefix("Value error, ")
+    return message[:1].lower() + message[1:]

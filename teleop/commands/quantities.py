@@ -1,0 +1,61 @@
+"""Types of the options for quantities. Each accepts a number with a unit, and returns SI units."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
+
+if TYPE_CHECKING:
+    from cyclopts import Token
+
+EXAMPLES = {"time": "5ms", "frequency": "20Hz", "position": "5mm", "angle": "30deg"}
+"""Example of a quantity of each kind, for messages."""
+NOUNS = {"time": "time", "frequency": "frequency", "position": "length", "angle": "angle"}
+
+
+def in_si(kind: str, unit: str = "") -> Callable[[Any, Sequence[Token]], float]:
+    """Return the function that converts the text of an option to SI units.
+
+    Parameters
+    ----------
+    kind
+        Kind of the quantity: `time`, `frequency`, `position` or `angle`.
+    unit
+        Unit of a number without a unit; empty if the unit must be stated.
+    """
+
+    def convert(_: Any, tokens: Sequence[Token]) -> float:
+        """Return the value of the option in SI units.
+
+        Raises
+        ------
+        InputError
+            The text is not a number with a unit of this kind.
+        """
+        from teleop.errors import InputError
+        from teleop.evaluation.units import OPTION_UNITS, quantity
+
+        text = tokens[0].value
+        value = quantity(text, kind)
+        if value is None and unit:
+            with contextlib.suppress(ValueError):
+                value = float(text) * OPTION_UNITS[kind][unit]
+        if value is None:
+            plain = f", or a number in {unit}" if unit else ""
+            noun = f"{NOUNS[kind]} with its unit"
+            raise InputError(
+                f"{tokens[0].keyword} {text!r}: expected a {noun}, such as {EXAMPLES[kind]}{plain}"
+            )
+        return value
+
+    return convert
+
+
+Seconds = Annotated[float, Parameter(converter=in_si("time", "s"), metavar="TIME")]
+Hertz = Annotated[float, Parameter(converter=in_si("frequency", "Hz"), metavar="FREQUENCY")]
+Length = Annotated[float, Parameter(converter=in_si("position"), metavar="LENGTH")]
+Millimetres = Annotated[float, Parameter(converter=in_si("position", "mm"), metavar="LENGTH")]
+Degrees = Annotated[float, Parameter(converter=in_si("angle", "deg"), metavar="ANGLE")]

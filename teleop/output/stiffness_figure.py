@@ -1,0 +1,52 @@
+"""Figure of the estimated stiffness of several trials, with the values of the paper."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from matplotlib.figure import Figure
+
+from estimation import Estimates
+from estimation.compiled import Floats
+from teleop.output.figure_style import PROFILE, draw, legend, limits, line, new_figure, tidy
+from teleop.output.figures import START, drawn
+
+
+def stiffness_figure(
+    panels: Mapping[str, tuple[Floats, Mapping[str, Estimates]]],
+    paper: Mapping[str, float],
+    same_scale: bool = False,
+) -> Figure:
+    """Return a figure of the estimated stiffness of several trials, one panel per trial.
+
+    Parameters
+    ----------
+    panels
+        For each trial, by its title: time [s], shape (n,), and estimates by name of the estimator.
+    paper
+        The paper's average stiffness [N/m] by the title of the trial, drawn as a horizontal line.
+    same_scale
+        Whether all trials have the same axis of the stiffness.
+    """
+    figure = new_figure(0.29 * len(panels) + 0.08, rows=len(panels))
+    axes = figure.subplots(len(panels), 1, sharex=True, sharey=same_scale)
+    everything = []
+    for row, (title, (t, estimates)) in zip(axes, panels.items(), strict=True):
+        shown = {name: drawn(series, 1e-3) for name, series in estimates.items()}
+        for i, (name, one) in enumerate(shown.items()):
+            draw(row, t, one.k, label=name, **line(i))
+        level = paper[title] * 1e-3
+        row.axhline(level, color=PROFILE, linewidth=0.9, label="paper, average of rls")
+        row.set_title(title, loc="left", fontsize="medium")
+        row.set_ylabel("$\\hat k$ [kN/m]")
+        later = t >= t[0] + START * (t[-1] - t[0])
+        own = [one.k[later] for one in shown.values()]
+        everything += own
+        limits(row, everything if same_scale else own, (0.0, level))
+        tidy(row)
+        row.set_xlim(t[0], t[-1])
+    if same_scale:
+        limits(axes[0], everything, (0.0, *(level * 1e-3 for level in paper.values())))
+    axes[-1].set_xlabel("time [s]")
+    legend(figure, *axes[0].get_legend_handles_labels())
+    return figure

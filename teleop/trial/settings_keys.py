@@ -1,0 +1,104 @@
+"""The keys and the forms of values that a configuration file may have at a place."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import fields, is_dataclass
+from difflib import get_close_matches
+from types import UnionType
+from typing import Any, Union, get_args, get_origin, get_type_hints
+
+from teleop.trial.settings import TrialSettings
+
+NAMES = {
+    "duration": "duration_s",
+    "rate": "rate_hz",
+    "bandwidth": "bandwidth_hz",
+    "force_lag": "force_lag_s",
+    "depth": "depth_m",
+    "count_in": "count_in_s",
+    "preset": "custom_preset",
+}
+"""Names in the document that differ from those of the settings."""
+FIELDS = {key: name for name, key in NAMES.items()}
+MOST_LISTED = 12
+"""Largest number of keys that are listed; of more keys, only a similar one is named."""
+Place = Sequence[str | int]
+"""Keys that lead to a value in the document."""
+
+
+def forms(place: Place) -> list[Any]:
+    """Return the types that the value at a place may have; empty for an unknown place."""
+    found: list[Any] = [TrialSettings]
+    for key in place:
+        found = [after for form in found for after in below(form, key)]
+    return found
+
+
+def below(form: Any, key: str | int) -> Iterator[Any]:
+    """Yield the types of the value with a key in a table or list of a type.
+
+    The name of a kind of signal, which pydantic inserts between the keys, selects that kind.
+    """
+    if get_origin(form) is Mapping:
+        yield from flat(get_args(form)[1])
+    elif is_dataclass(form) and getattr(form, "kind", None) == key:
+        yield form
+    elif is_dataclass(form):
+        name = FIELDS.get(str(key), str(key)) if form is TrialSettings else str(key)
+        yield from flat(get_type_hints(form).get(name))
+
+
+def flat(hint: Any) -> Iterator[Any]:
+    """Yield the alternatives of a type hint, without None."""
+    if get_origin(hint) in (Union, UnionType):
+        for one in get_args(hint):
+            yield from flat(one)
+    elif hint not in (None, type(None)):
+        yield hint
+
+
+def keys(form: Any) -> list[str]:
+    """Return the keys of a table whose content is that of a dataclass."""
+    names = (field.name for field in fields(form))
+    return [NAMES.get(name, name) if form is TrialSettings else name for name in names]
+
+
+def unknown_key(place: Place) -> str:
+    """Return the text on a key that does not exist, with those that do, or a similar one."""
+    key = str(place[-1])
+    known = [name for form in forms(place[:-1]) if is_dataclass(form) for name in keys(form)]
+    if len(place) == 1 and key in NAMES:
+        return f"unknown setting: expected {NAMES[key]}"
+    if 0 < len(known) <= MOST_LISTED:
+        return f"unknown setting: expected one of {', '.join(dict.fromkeys(known))}"
+    similar = get_close_matches(key, known, 1)
+    return f"unknown setting: expected {similar[0]}" if similar else "unknown setting"
+
+
+def expected_form(place: Place, value: Any) -> str:
+    """Return the form that a table or a list at a place must have; empty if it is not known.
+
+    Parameters
+    ----------
+    place
+        Keys that lead to the value.
+    value
+        The given value. If it is the name of a kind of signal, the table of this kind is described.
+    """
+    found = forms(place)
+    if lists := [form for form in found if get_origin(form) is tuple]:
+        items = get_args(lists[0])
+        what = "texts in quotes" if items[0] is str else "numbers"
+        count = "" if Ellipsis in items else f"{len(items)} "
+        return f"expected a list of {count}{what}"
+    tables = [form for form in found if is_dataclass(form)]
+    if not tables:
+        return "expected a table" if found and get_origin(found[0]) is Mapping else ""
+    kinds = [form for form in tables if hasattr(form, "kind")]
+    if not kinds:
+        return f"expected a table with keys such as {', '.join(keys(tables[0])[:3])}"
+    chosen = next((form for form in kinds if form.kind == value), kinds[0])
+    others = [name for name in keys(chosen) if name != "kind"]
+    parts = [f'kind = "{chosen.kind}"', *(f"{name} = ..." for name in others)]
+    return f"expected a table, {place[-1]} = {{ {', '.join(parts)} }}"
