@@ -36,6 +36,9 @@ def emulate(
     command prints a `teleop run` command; enter it in another terminal. A little more than one
     second after the drives were disabled, the simulated plant returns to its initial state.
 
+    To change the simulated operator or the cube between two trials, type the name of a condition,
+    of a cube, or both, such as `mimic medium`, and Enter.
+
     Example: `teleop rig emulate rigs/serial-board.toml --condition mimic --cube hard`
 
     Parameters
@@ -72,11 +75,14 @@ def emulate(
     from sim_backend.wire.emulator import host_file, host_ports
     from teleop.commands.choices import make_signal
     from teleop.commands.run import read_depth
+    from teleop.errors import InputError
     from teleop.files import check_outputs, write_text
     from teleop.interruption import stop_signals
     from teleop.output import console, rig_tables
-    from teleop.rig.emulation import make_emulator, opened, read_fault
+    from teleop.printable import print_error
+    from teleop.rig.emulation import make_emulator, opened, read_fault, telemanipulator, with_change
     from teleop.rig.generated_file import is_unchanged, with_checksum
+    from teleop.rig.typed_lines import TypedLines
     from teleop.trial.realtime import realtime
     from teleop.trial.rig_loading import load_rig_file
     from teleop.trial.settings import COUNT_IN, TrialSettings
@@ -93,6 +99,20 @@ def emulate(
         signal=None if frequency is None else make_signal("sine", frequency),
         count_in=COUNT_IN,
     )
+    typed = TypedLines()
+
+    def change() -> None:
+        nonlocal settings
+        for line in typed.read():
+            try:
+                settings = with_change(settings, line)
+            except InputError as error:
+                print_error(str(error))
+                continue
+            when = "after this trial" if emulator.mechanism.driven else "now"
+            emulator.mechanism.exchange(telemanipulator(settings))
+            print_error(f"{when}: {settings.condition}, {settings.cube} cube")
+
     urgency: RealtimeName = "try" if (os.cpu_count() or 1) > 1 else "off"
     folder = Path(tempfile.mkdtemp(prefix="teleop-"))
     try:
@@ -115,7 +135,7 @@ def emulate(
                 }
                 rig_tables.print_emulation(rig.sections.name, ports, out, palpation)
             real_time.start()
-            emulator.serve(stopped)
+            emulator.serve(stopped, change)
     finally:
         shutil.rmtree(folder, ignore_errors=True)
     return 0

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from drivers.rig_file import RigFile
 from drivers.rig_sections import CanSettings, SerialSettings
+from sim_backend import CUBES
 from sim_backend.wire.emulator import ACTIONS, Emulator, PlannedFault
 from sim_backend.wire.mechanism import NEVER
 from sim_backend.wire.wire_faults import FAULTS, ON_CAN, ON_SERIAL_LINES
+from teleop.control.conditions import CONDITIONS
 from teleop.errors import InputError
 from teleop.trial.assembly import make_simulated_rig
 from teleop.trial.settings import TrialSettings
@@ -92,14 +95,50 @@ def make_emulator(
     InputError
         A device cannot be emulated.
     """
-
-    def make_rig(now: Callable[[], float]) -> SimulatedRig:
-        return make_simulated_rig(settings, now, NEVER)
-
     try:
-        return Emulator(rig, make_rig, folder, faults)
+        return Emulator(rig, telemanipulator(settings), folder, faults)
     except ValueError as error:
         raise InputError(f"{rig.path}: {error}") from error
+
+
+def telemanipulator(settings: TrialSettings) -> Callable[[Callable[[], float]], SimulatedRig]:
+    """Return a function that creates the telemanipulator of emulated devices.
+
+    The argument of this function is a function that returns the time [s].
+    """
+    return lambda now: make_simulated_rig(settings, now, NEVER)
+
+
+def with_change(settings: TrialSettings, line: str) -> TrialSettings:
+    """Return settings with the condition and the cube that a line of text names.
+
+    Parameters
+    ----------
+    settings
+        The settings before the change.
+    line
+        Name of a condition, of a cube, or of both, such as `mimic medium`.
+
+    Raises
+    ------
+    InputError
+        The line contains another word, or no word.
+    """
+    changes: dict[str, Any] = {}
+    for word in line.split():
+        if word in CONDITIONS:
+            changes["condition"] = word
+        elif word in CUBES:
+            changes["cube"] = word
+        else:
+            changes.clear()
+            break
+    if not changes:
+        raise InputError(
+            f"{line.strip()!r}: expected a condition ({', '.join(CONDITIONS)}), a cube "
+            f"({', '.join(CUBES)}), or both"
+        )
+    return replace(settings, **changes)
 
 
 @contextlib.contextmanager
