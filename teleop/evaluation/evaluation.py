@@ -28,6 +28,7 @@ from estimation.conditioning import BANDWIDTH
 from estimation.estimate_columns import estimate_arrays, estimate_columns, misfit_columns
 from estimation.excitation import dominant_frequency
 from estimation.model import KELVIN_VOIGT
+from estimation.presentation import Presented
 from estimation.registry import PAPER
 from estimation.summary import EstimatorSummary, summarise
 from teleop.errors import InputError, as_input_error
@@ -54,8 +55,8 @@ FEWEST = 10
 """Fewest moving samples that are evaluated."""
 
 
-@dataclass(frozen=True)
-class Evaluation:
+@dataclass(frozen=True, repr=False)
+class Evaluation(Presented):
     """Online estimates and batch evaluation of one recording; arrays have shape (n,)."""
 
     t: Floats

@@ -10,8 +10,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from estimation.batch_models import BatchFit
+from estimation.figure_style import BLUE, GREY, ORANGE, new_figure, tidy
 from teleop.evaluation.evaluation import Evaluation
-from teleop.output.figure_style import BLUE, GREY, ORANGE, new_figure, plain, tidy
+from teleop.output.figure_files import plain
 
 PHASE_COLOURS = {
     "free": "#BBBBBB",

@@ -10,6 +10,7 @@ from urllib.parse import quote
 from markupsafe import Markup
 
 from estimation import MultiEstimator
+from estimation.figures import Truth
 from estimation.model import KELVIN_VOIGT
 from estimation.redundancy import ambiguity
 from teleop.evaluation.evaluation import Evaluation
@@ -22,9 +23,8 @@ from teleop.output.estimate_tables import (
     further_lines,
     interval_table,
 )
-from teleop.output.evaluation_figures import estimates_of, force_of
 from teleop.output.fault_report import fault_text
-from teleop.output.figures import Truth
+from teleop.output.figure_files import plain
 from teleop.output.fit_figures import fit_figure
 from teleop.output.result_tables import result_lines
 from teleop.output.trial_figures import ambiguity_figure, fault_figure, timing_figure
@@ -151,8 +151,8 @@ def of_evaluation(
         "interval_headings": headings,
         "intervals": intervals,
         "notes": [(estimator, row["note"]) for estimator, row in rows if row["note"]],
-        "drawing": svg(estimates_of(name, e, truth)),
-        "force": svg(force_of(name, e)),
+        "drawing": svg(e.plot(title=plain(name), truth=truth)),
+        "force": svg(e.plot_force(title=plain(name))),
         "fit": svg(fit_figure(name, e)),
         "ambiguity": ambiguity_drawing(e),
         "margin": f"{MARGIN:.0%}",

@@ -10,18 +10,18 @@ from matplotlib.figure import Figure
 
 from estimation import Estimates
 from estimation.compiled import Floats
-from estimation.redundancy import Ambiguity
-from teleop.output.figure_style import (
+from estimation.figure_style import (
     BLUE,
     ORANGE,
     draw,
     legend,
     limits,
     new_figure,
-    plain,
     shade,
     tidy,
 )
+from estimation.redundancy import Ambiguity
+from teleop.output.figure_files import plain
 from teleop.recording.recording import Recording
 
 

@@ -12,10 +12,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from estimation import Estimates
 from estimation.compiled import Floats
-from estimation.estimator import LEVEL_95
-from teleop.output.figure_style import (
+from estimation.estimator import LEVEL_95, Estimates
+from estimation.figure_style import (
     BLUE,
     LINES,
     PROFILE,
@@ -25,7 +24,6 @@ from teleop.output.figure_style import (
     limits,
     line,
     new_figure,
-    plain,
     shade,
     tidy,
 )
@@ -95,7 +93,7 @@ def estimates_figure(
     first = next(iter(shown))
     interval(panels[0], t, shown[first].k, shown[first].k_half)
     interval(panels[1], t, shown[first].b, shown[first].b_half)
-    panels[0].set_title(plain(title), loc="left")
+    panels[0].set_title(title, loc="left")
     for axes, label in zip(panels, labels, strict=True):
         axes.set_ylabel(label)
     handles, names = panels[0].get_legend_handles_labels()
@@ -178,7 +176,7 @@ def small_multiples(
     if truth:
         handles.append(Line2D([], [], **TRUTH))
         names.append("true values")
-    figure.suptitle(plain(title), x=0.01, ha="left")
+    figure.suptitle(title, x=0.01, ha="left")
     legend(figure, handles, names, "lower")
     return figure
 

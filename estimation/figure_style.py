@@ -1,14 +1,13 @@
-"""Style of all figures: widths, fonts, lines, titles, reduction of samples, and file formats."""
+"""Style of all figures: widths, fonts, lines, and reduction of samples."""
 
 from __future__ import annotations
 
 import contextlib
-import warnings
 from collections.abc import Iterator, Sequence
 from contextvars import ContextVar
+from io import BytesIO
 from itertools import pairwise
-from pathlib import Path
-from typing import IO, Any, Literal
+from typing import Any, Literal
 
 import matplotlib as mpl
 import numpy as np
@@ -17,20 +16,15 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from estimation.compiled import Floats
-from teleop.files import new_file
-from teleop.names import WidthName
-from teleop.printable import printable
 
-WIDTHS: dict[WidthName, float] = {"screen": 8.0, "single": 3.5, "double": 7.16, "a4": 6.3}
+WIDTHS: dict[str, float] = {"screen": 8.0, "single": 3.5, "double": 7.16, "a4": 6.3}
 """Widths of figures [in]: screen, one and two columns of an IEEE paper, text width of A4."""
-FONTS: dict[WidthName, float] = {"screen": 10.0, "single": 7.0, "double": 8.0, "a4": 9.0}
+FONTS: dict[str, float] = {"screen": 10.0, "single": 7.0, "double": 8.0, "a4": 9.0}
 """Sizes of text [pt]."""
-CHOSEN: ContextVar[WidthName] = ContextVar("CHOSEN", default="screen")
+CHOSEN: ContextVar[str] = ContextVar("CHOSEN", default="screen")
 """Name of the width for which figures are drawn at present, see `figure_style`."""
 NARROW = 5.0
 """Width below which a figure has one column of panels [in]."""
-FILES: Any = {"pdf.fonttype": 42, "svg.fonttype": "none"}
-"""Settings of matplotlib: Type 42 fonts in PDF files, and text stored as text in SVG files."""
 LINES: tuple[dict[str, Any], ...] = (
     {"color": "#0072B2", "linewidth": 2.4, "alpha": 0.55},
     {"color": "#D55E00", "linewidth": 1.2},
@@ -40,14 +34,21 @@ LINES: tuple[dict[str, Any], ...] = (
 )
 """Line styles that differ in colour (palette of Okabe and Ito), width and dashes."""
 BLUE, ORANGE, GREY, PROFILE = "#0072B2", "#D55E00", "#555555", "#8C8C8C"
-LONGEST_TITLE = 120
-"""Largest number of characters of a title; a longer title leaves no room for the figure."""
 BINS = 1000
 """Number of bins into which the samples of a line are divided, see `extremes`."""
 
 
+class Drawing(Figure):
+    """A figure that a notebook shows, also if matplotlib.pyplot was not imported."""
+
+    def _repr_png_(self) -> bytes:
+        file = BytesIO()
+        self.savefig(file, format="png", dpi=100)
+        return file.getvalue()
+
+
 @contextlib.contextmanager
-def figure_style(width: WidthName = "screen") -> Iterator[None]:
+def figure_style(width: str = "screen") -> Iterator[None]:
     """Within the block, draw figures for a width: for a screen, columns of a paper, or A4."""
     font = FONTS[width]
     parameters: Any = {
@@ -76,7 +77,7 @@ def new_figure(ratio: float, rows: int = 1) -> Figure:
     """
     width = WIDTHS[CHOSEN.get()]
     height = max(ratio * width, 1.25 * rows + 1.0)
-    return Figure(figsize=(width, height), layout="constrained")
+    return Drawing(figsize=(width, height), layout="constrained")
 
 
 def is_narrow() -> bool:
@@ -88,13 +89,6 @@ def line(index: int) -> dict[str, Any]:
     """Return the style of the line with an index; the styles repeat after five lines."""
     style = LINES[index % len(LINES)]
     return style | {"linewidth": style["linewidth"] * (0.65 if is_narrow() else 1.0)}
-
-
-def plain(text: str) -> str:
-    """Return a text for a figure: shortened, with escapes for control characters and `$`."""
-    shown = printable(" ".join(text.split()))
-    shown = shown if len(shown) <= LONGEST_TITLE else f"{shown[: LONGEST_TITLE - 4]} ..."
-    return shown.replace("$", r"\$")
 
 
 def draw(axes: Axes, t: Floats, values: Floats, **style: Any) -> None:
@@ -207,36 +201,3 @@ def tidy(axes: Axes, grid: Literal["both", "y"] = "both") -> None:
     """Draw a light grid for these axes, and no border above and to the right."""
     axes.grid(axis=grid, alpha=0.25, linewidth=0.6)
     axes.spines[["top", "right"]].set_visible(False)
-
-
-def save(figure: Figure, path: Path, overwrite: bool = False) -> None:
-    """Write a figure to a file, in the format that the extension of the file selects.
-
-    Parameters
-    ----------
-    figure
-        The figure.
-    path
-        The file.
-    overwrite
-        Whether to overwrite an existing file.
-
-    Raises
-    ------
-    InputError
-        The file cannot be written, or exists and may not be overwritten.
-    """
-    with new_file(path, overwrite) as file:
-        render(figure, file, dpi=300 if is_small(figure) else 150, format=path.suffix[1:].lower())
-
-
-def is_small(figure: Figure) -> bool:
-    """Return whether a figure is for print, which needs more pixels per inch than a screen."""
-    return bool(figure.get_figwidth() < WIDTHS["screen"])
-
-
-def render(figure: Figure, file: IO[Any], **options: Any) -> None:
-    """Write a figure to an open file, without warnings about characters missing in the font."""
-    with warnings.catch_warnings(), mpl.rc_context(FILES):
-        warnings.filterwarnings("ignore", "Glyph .* missing from font")
-        figure.savefig(file, **options)
