@@ -22,14 +22,19 @@ def truth_of(recording: Recording | None) -> Truth | None:
 
 
 def draw_trial(
-    trial: Trial, plot: Path | None, plot_force: Path | None, width: WidthName, overwrite: bool
+    trial: Trial,
+    plot: Path | None,
+    plot_force: Path | None,
+    plot_tracking: Path | None,
+    width: WidthName,
+    overwrite: bool,
 ) -> None:
-    """Plot the estimates of a trial to the file `plot`, and the force to the file `plot_force`.
+    """Plot estimates, force and tracking of a trial to files; None for a figure that is not drawn.
 
     Raises
     ------
     InputError
-        A file cannot be written.
+        A file cannot be written, or there is no tracking.
     """
     from teleop.output.figure_files import save
 
@@ -37,3 +42,5 @@ def draw_trial(
         save(trial.plot(width), plot, overwrite)
     if plot_force:
         save(trial.plot_force(width), plot_force, overwrite)
+    if plot_tracking:
+        save(trial.plot_tracking(width), plot_tracking, overwrite)

@@ -27,7 +27,9 @@ from teleop.output.fault_report import fault_text
 from teleop.output.figure_files import plain
 from teleop.output.fit_figures import fit_figure
 from teleop.output.result_tables import result_lines
+from teleop.output.tracking_figure import tracking_figure
 from teleop.output.trial_figures import ambiguity_figure, fault_figure, timing_figure
+from teleop.output.trial_tables import tracking_lines
 from teleop.output.web_page import svg, web_page
 from teleop.recording.gaps import missing_text
 from teleop.recording.recording import Recording
@@ -50,6 +52,7 @@ def report_page(
     recording: Recording | None = None,
     truth: Truth | None = None,
     link: str = "",
+    tracking: Mapping[str, Any] | None = None,
 ) -> str:
     """Return the HTML page for one recording.
 
@@ -66,8 +69,14 @@ def report_page(
         True values of a simulated trial; None if they are not known.
     link
         Path of the recording from the folder of the page; empty for its name.
+    tracking
+        Tracking of a trial of the condition mimic; None for another file.
     """
     values = of_recording(recording) | of_evaluation(name, evaluation, summary, truth)
+    values["tracking"] = ""
+    if recording and tracking:
+        values["tracking"] = svg(tracking_figure("", recording, tracking))
+        values["tracking_lines"] = tracking_lines(tracking)
     address = quote(link or name, errors="surrogateescape")  # a name may have any bytes
     return web_page("report.html", title=name, link=address, **values)
 

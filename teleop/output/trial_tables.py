@@ -112,12 +112,18 @@ def print_truth(console: Console, truth: Mapping[str, Any]) -> None:
 def print_tracking(console: Console, tracking: Mapping[str, Any] | None) -> None:
     """Print gain, phase and error of the slave relative to the target of the condition mimic."""
     if tracking:
-        console.print(
-            f"  tracking: gain {tracking['gain']:.2f}, phase {tracking['phase_deg']:.0f} deg "
-            f"(delay {tracking['delay_s']:.3f} s), error {tracking['rms_m'] * 1e3:.2f} mm rms,\n"
-            f"  frequency {tracking['frequency_hz']:.3f} of {tracking['target_hz']:g} Hz, over "
-            f"{tracking['periods']} periods"
-        )
+        first, second = tracking_lines(tracking)
+        console.print(f"  tracking: {first},\n  {second}")
+
+
+def tracking_lines(tracking: Mapping[str, Any]) -> tuple[str, str]:
+    """Return two lines with gain, phase, error and frequency of the slave's motion."""
+    return (
+        f"gain {tracking['gain']:.2f}, phase {tracking['phase_deg']:.0f} deg "
+        f"(delay {tracking['delay_s']:.3f} s), error {tracking['rms_m'] * 1e3:.2f} mm rms",
+        f"frequency {tracking['frequency_hz']:.3f} of {tracking['target_hz']:g} Hz, over "
+        f"{tracking['periods']} periods",
+    )
 
 
 def print_loop(console: Console, summary: Mapping[str, Any]) -> None:

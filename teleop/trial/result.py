@@ -15,7 +15,6 @@ from estimation.presentation import Presented
 from estimation.presets import GATE
 from estimation.summary import summarise
 from teleop.errors import InputError
-from teleop.evaluation.tracking import tracking
 from teleop.recording.gaps import gap_rows, missing_text
 from teleop.recording.recording import Recording
 from teleop.recording.sinks import Outcome
@@ -25,6 +24,7 @@ from teleop.safety.soft_limits import ACCELERATION, FORCE, POSITION, VELOCITY
 from teleop.trial.metadata import estimated_channels
 from teleop.trial.settings import TrialSettings
 from teleop.trial.settings_json import from_document
+from teleop.trial.tracked import tracking_of
 
 if TYPE_CHECKING:
     import pandas
@@ -131,6 +131,31 @@ class Trial(Presented):
         """
         return super().plot_force(width, self._title(title))
 
+    def plot_tracking(self, width: str = "screen", title: str | None = None) -> Figure:
+        """Return a figure of target, own position and error in the condition mimic.
+
+        Parameters
+        ----------
+        width, title
+            As in `plot`.
+
+        Raises
+        ------
+        InputError
+            The condition is not mimic, or the target moved for less than two periods.
+        """
+        from estimation.figure_style import figure_style
+        from teleop.output.tracking_figure import tracking_figure
+
+        found = self.tracking()
+        if found is None:
+            raise InputError(
+                f"no tracking in a trial of {self.settings.condition} and "
+                f"{self.settings.duration:g} s: expected mimic and two periods of the target"
+            )
+        with figure_style(width):
+            return tracking_figure(self._title(title), self.recording, found)
+
     def to_dataframe(self) -> pandas.DataFrame:
         """Return all columns of the recording at these ticks, indexed by time [s].
 
@@ -155,11 +180,7 @@ class Trial(Presented):
 
         None if the condition is not mimic, or if the target moved for less than two periods.
         """
-        if self.settings.condition != "mimic":
-            return None
-        t, target, position = (self.recording[n] for n in ("time", "target", "slave_position"))
-        found = tracking(t, target, position, self.settings.target.frequency)
-        return found and found._asdict()
+        return tracking_of(self.recording, self.settings)
 
     def summary(self) -> dict[str, Any]:
         """Return the results of the trial, in the form of `teleop run --json`."""
