@@ -26,13 +26,27 @@ CHOSEN: ContextVar[str] = ContextVar("CHOSEN", default="screen")
 NARROW = 5.0
 """Width below which a figure has one column of panels [in]."""
 LINES: tuple[dict[str, Any], ...] = (
-    {"color": "#0072B2", "linewidth": 2.4, "alpha": 0.55},
-    {"color": "#D55E00", "linewidth": 1.2},
+    {"color": "#0072B2", "linewidth": 2.4, "alpha": 0.75},
+    {"color": "#D55E00", "linewidth": 1.2, "marker": "o", "markevery": (0.02, 0.17)},
     {"color": "#000000", "linewidth": 1.0, "linestyle": (0, (4, 2))},
-    {"color": "#009E73", "linewidth": 1.2, "linestyle": (0, (6, 1.5, 1, 1.5))},
-    {"color": "#CC79A7", "linewidth": 1.4, "linestyle": (0, (1, 1.2))},
+    {
+        "color": "#009E73",
+        "linewidth": 1.2,
+        "linestyle": (0, (6, 1.5, 1, 1.5)),
+        "marker": "^",
+        "markevery": (0.08, 0.17),
+    },
+    {
+        "color": "#CC79A7",
+        "linewidth": 1.4,
+        "linestyle": (0, (1, 1.2)),
+        "marker": "s",
+        "markevery": (0.14, 0.17),
+    },
 )
-"""Line styles that differ in colour (palette of Okabe and Ito), width and dashes."""
+"""Line styles that differ in colour (palette of Okabe and Ito), width, dashes and markers."""
+MARKER_SIZE = 4.0
+"""Size of the markers [pt]."""
 BLUE, ORANGE, GREY, PROFILE = "#0072B2", "#D55E00", "#555555", "#8C8C8C"
 BINS = 1000
 """Number of bins into which the samples of a line are divided, see `extremes`."""
@@ -87,8 +101,8 @@ def is_narrow() -> bool:
 
 def line(index: int) -> dict[str, Any]:
     """Return the style of the line with an index; the styles repeat after five lines."""
-    style = LINES[index % len(LINES)]
-    return style | {"linewidth": style["linewidth"] * (0.65 if is_narrow() else 1.0)}
+    style, scale = LINES[index % len(LINES)], 0.65 if is_narrow() else 1.0
+    return style | {"linewidth": style["linewidth"] * scale, "markersize": MARKER_SIZE * scale}
 
 
 def draw(axes: Axes, t: Floats, values: Floats, **style: Any) -> None:

@@ -32,8 +32,10 @@ TOGETHER = len(LINES)
 """Largest number of estimators in one panel. If there are more, each has panels of its own."""
 START = 0.1
 """Share of the time, at the start, that is not used to compute the limits of an axis."""
-TRUTH: dict[str, Any] = {"color": "#009E73", "linewidth": 1.0, "linestyle": (0, (2, 2))}
+TRUTH: dict[str, Any] = {"color": "#444444", "linewidth": 0.9, "linestyle": (0, (10, 3))}
 """Style of the true values of the simulated rig."""
+MOTION: dict[str, Any] = {"color": PROFILE, "linewidth": 0.7, "alpha": 0.55}
+"""Style of displacement and velocity."""
 
 
 class Truth(NamedTuple):
@@ -100,7 +102,7 @@ def estimates_figure(
     if np.isfinite(shown[first].k_half).any():
         handles.append(Patch(facecolor=BLUE, alpha=0.12))
         names.append(f"95 % interval of {first}")
-    handles.append(Line2D([], [], color=PROFILE, linewidth=0.8))
+    handles.append(Line2D([], [], **MOTION))
     names.append("motion (right axis)")
     handles, names = draw_truth(panels, scaled(truth, scale), handles, names)
     frame(panels, t, shown, scaled(truth, scale))
@@ -243,7 +245,7 @@ def interval(axes: Axes, t: Floats, values: Floats, half: Floats) -> None:
 def profile(axes: Axes, t: Floats, values: Floats, label: str) -> None:
     """Draw displacement or velocity as a thin grey line on a second axis, behind the estimates."""
     twin = axes.twinx()
-    draw(twin, t, values, color=PROFILE, linewidth=0.8, alpha=0.8)
+    draw(twin, t, values, **MOTION)
     twin.set_ylabel(label, color=PROFILE)
     twin.tick_params(axis="y", colors=PROFILE)
     twin.spines["top"].set_visible(False)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from estimation.figure_style import BLUE, ORANGE, draw, legend, limits, new_figure, tidy
+from estimation.figure_style import BLUE, ORANGE, draw, is_narrow, legend, limits, new_figure, tidy
 from teleop.output.trial_tables import tracking_lines
 from teleop.recording.recording import Recording
 
@@ -36,7 +37,8 @@ def tracking_figure(title: str, recording: Recording, tracking: Mapping[str, Any
     draw(lower, t, error, color=ORANGE, linewidth=1.0)
     lower.axhline(0.0, color="#888888", linewidth=0.6)
     limits(lower, [np.repeat((error.min(), error.max()), 50)], (0.0,))
-    caption = ",\n".join(tracking_lines(tracking))
+    width = 48 if is_narrow() else 100
+    caption = textwrap.fill(", ".join(tracking_lines(tracking)), width)
     upper.set_title(f"{title}\n{caption}" if title else caption, loc="left", fontsize="medium")
     upper.set_ylabel("position [mm]")
     lower.set_ylabel("error [mm]")
