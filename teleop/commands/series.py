@@ -84,7 +84,8 @@ def series(
         rows = [
             [str(trial.number), *trial.levels.values(), str(trial.repetition)] for trial in trials
         ]
-        print_table(plain_console(), f"{read.name}, {read.order} order", headings, rows)
+        title = f"{read.name}, {read.order} order"
+        print_table(plain_console(), title, headings, rows, left=1 + len(read.factors))
         return 0
     wired = any(trial.settings.rig for trial in trials)
     if ask is None:

@@ -25,7 +25,9 @@ def print_trial(summary: Mapping[str, Any]) -> None:
         The results, from `Trial.summary`.
     """
     console = plain_console()
-    console.print(f"{summary['condition']}, {palpated(summary)}, {duration(summary)}", style="bold")
+    console.print(
+        f"{summary['condition']}, {summary['specimen']}, {duration(summary)}", style="bold"
+    )
     if summary["interrupted"]:
         console.print("  INTERRUPTED before the end", style="bold yellow")
     if summary["estimates"]:
@@ -82,11 +84,6 @@ def print_incomplete(console: Console, recording: Mapping[str, Any]) -> None:
             )
         else:
             console.print("  the tables above are computed from the last seconds, kept in memory")
-
-
-def palpated(summary: Mapping[str, Any]) -> str:
-    """Return the name of the palpated body: the cube or the specimen."""
-    return f"{summary['cube']} cube" if summary["cube"] else str(summary["specimen"])
 
 
 def duration(summary: Mapping[str, Any]) -> str:
