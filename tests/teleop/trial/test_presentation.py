@@ -9,7 +9,10 @@ import pytest
 
 from teleop.cli import main
 from teleop.errors import InputError
-from teleop.recording.recording import load
+from teleop.evaluation.tracking import tracking
+from teleop.output.tracking_figure import tracking_figure
+from teleop.output.web_page import svg
+from teleop.recording.recording import Recording, load
 from teleop.trial.run import run_trial
 from teleop.trial.settings import TrialSettings
 
@@ -104,3 +107,12 @@ def test_texts_are_one_short_line(recorded):
     for one in (text, repr(load(path))):
         assert "\n" not in one
         assert len(one) < 200
+
+
+def test_the_drawing_of_the_tracking_of_ten_minutes_is_small():
+    t = np.arange(0.0, 600.0, 1e-3)
+    target = 5e-3 - 4e-3 * np.cos(2 * np.pi * t)
+    position = np.roll(target, 80)
+    columns = {"time": t, "target": target, "slave_position": position}
+    found = tracking(t, target, position, 1.0)._asdict()
+    assert len(svg(tracking_figure("", Recording(columns, {}), found))) < 300_000
