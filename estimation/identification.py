@@ -13,20 +13,19 @@ from estimation.bank import Bank
 from estimation.checks import checked_samples
 from estimation.compiled import Floats
 from estimation.conditioning import MatchedFilter, Regression
-from estimation.estimate_columns import estimate_arrays, estimate_columns
-from estimation.estimator import LEVEL_95, Estimates
+from estimation.estimator import Estimates
 from estimation.excitation import dominant_frequency
 from estimation.model import model_named
+from estimation.presentation import Presented
 from estimation.presets import Preset, scaled_preset
 from estimation.registry import PAPER, named_estimators
 
 if TYPE_CHECKING:
-    import pandas
-    from matplotlib.figure import Figure
+    pass
 
 
-@dataclass(frozen=True)
-class Identification:
+@dataclass(frozen=True, repr=False)
+class Identification(Presented):
     """Result of `identify`: signals and estimates of a recording."""
 
     t: Floats
@@ -39,46 +38,6 @@ class Identification:
     """The estimators, in their state after the last sample."""
     preset: Preset
     """Settings of the estimators."""
-
-    def to_dataframe(self) -> pandas.DataFrame:
-        """Return signals and estimates, with one row per sample, indexed by time [s].
-
-        Raises
-        ------
-        ImportError
-            pandas is not installed.
-        """
-        import pandas
-
-        x, v, f, *_ = self.regression
-        columns: dict[str, ArrayLike] = {"x": x, "v": v, "f": f}
-        arrays = estimate_arrays(self.estimates)
-        for column, values in zip(estimate_columns(self.bank), arrays, strict=True):
-            columns[column.name] = values == 1.0 if column.name.endswith("_held") else values
-        return pandas.DataFrame(columns, index=pandas.Index(self.t, name="t"))
-
-    def plot(self) -> Figure:
-        """Return a figure of stiffness and damping over time with 95 % confidence intervals."""
-        from matplotlib.figure import Figure
-
-        figure = Figure(figsize=(8.0, 5.0), layout="constrained")
-        for place, parameter, unit in ((1, "k", "N/m"), (2, "b", "N s/m")):
-            axes = figure.add_subplot(2, 1, place)
-            for name, e in self.estimates.items():
-                value, std = getattr(e, parameter), getattr(e, f"{parameter}_std")
-                (line,) = axes.plot(self.t, value, label=name, linewidth=1.2)
-                low, high = value - LEVEL_95 * std, value + LEVEL_95 * std
-                axes.fill_between(self.t, low, high, color=line.get_color(), alpha=0.2, lw=0)
-            settled = [getattr(e, parameter)[len(self.t) // 5 :] for e in self.estimates.values()]
-            low, high = np.percentile(np.concatenate(settled), (0.5, 99.5))
-            margin = 0.3 * (high - low) + 0.05 * max(abs(low), abs(high)) + 1e-12
-            axes.set_ylim(low - margin, high + margin)
-            axes.set_xlim(self.t[0], self.t[-1])
-            axes.set_ylabel(f"{parameter} [{unit}]")
-            axes.grid(alpha=0.3)
-        figure.axes[0].legend(ncols=4, fontsize="small", frameon=False)
-        figure.axes[1].set_xlabel("time [s]")
-        return figure
 
 
 def identify(

@@ -148,11 +148,20 @@ class Emulator:
         for wire in self.wires.values() if wires is None else wires:
             wire.serve(now)
 
-    def serve(self, stopped: Callable[[], bool]) -> None:
+    def serve(
+        self, stopped: Callable[[], bool], each_period: Callable[[], None] = lambda: None
+    ) -> None:
         """Serve all wires until `stopped()` is True.
 
         A wire is served when a frame of its devices is due, or when the host has sent data. All
         wires are also served at the rate of the rig, so that watchdogs can expire.
+
+        Parameters
+        ----------
+        stopped
+            Function that returns whether to end.
+        each_period
+            Function that is called in each period of the rig. It must not block.
         """
         period = 1.0 / self.file.sections.rate_hz
         wires = list(self.wires.values())
@@ -165,6 +174,7 @@ class Emulator:
             if now >= round_due:
                 round_due = max(round_due + period, now - LATEST)
                 self.step()
+                each_period()
             else:
                 received = {files[number] for number in readable}
                 self.step([wire for wire in wires if wire in received or wire.due() <= now])

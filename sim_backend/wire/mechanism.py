@@ -81,6 +81,20 @@ class Mechanism:
         rig.open()
         return rig
 
+    def exchange(self, make_rig: Callable[[Callable[[], float]], SimulatedRig]) -> None:
+        """Replace the telemanipulator.
+
+        If a drive is enabled, the present one is used until the next reset to the initial state.
+
+        Parameters
+        ----------
+        make_rig
+            Function that returns the new telemanipulator, as in the constructor.
+        """
+        self._make_rig = make_rig
+        if not self.driven:
+            self._idle_since = -math.inf
+
     def advance(self) -> Measurement:
         """Advance the telemanipulator to the present time; return its measurement."""
         now = self._now()

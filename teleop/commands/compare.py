@@ -173,8 +173,9 @@ def compare(
         shown = [table for table in tables if table]
         write_table_file(out, tidy_rows(rows, factors), shown, overwrite)
     if plot:
+        from estimation.figure_style import figure_style
         from teleop.output.comparison_figure import comparison_figure
-        from teleop.output.figure_style import figure_style, save
+        from teleop.output.figure_files import save
 
         with figure_style(width):
             save(comparison_figure(rows, groups, factors), plot, overwrite)

@@ -195,14 +195,15 @@ def estimate(
     if out:
         with new_file(out, overwrite) as table:
             write_table(table, *evaluation.columns())
-    from teleop.output.evaluation_figures import estimates_of, force_of
-    from teleop.output.figure_style import figure_style, save
+    from estimation.figure_style import figure_style
+    from teleop.output.figure_files import plain, save
 
+    title = plain(file.name)
     with figure_style(width):
         if plot:
-            save(estimates_of(file.name, evaluation, truth_of(recording)), plot, overwrite)
+            save(evaluation.plot(width, title, truth_of(recording)), plot, overwrite)
         if plot_force:
-            save(force_of(file.name, evaluation), plot_force, overwrite)
+            save(evaluation.plot_force(width, title), plot_force, overwrite)
         if plot_fit:
             from teleop.output.fit_figures import fit_figure, modulus_figure
 

@@ -45,6 +45,7 @@ GROUPS = {
         "out",
         "plot",
         "plot_force",
+        "plot_tracking",
         "plot_fit",
         "width",
         "overwrite",

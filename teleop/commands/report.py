@@ -69,6 +69,7 @@ def report(
     from teleop.files import check_ending, check_outputs, write_text
     from teleop.output import console
     from teleop.output.report_page import report_page
+    from teleop.trial.tracked import recorded_tracking
 
     page = out or file.with_suffix(".html")
     check_ending(page, ".html")
@@ -87,7 +88,8 @@ def report(
         summary = {**settings_summary(settings), **evaluation.summary()}
     link = os.path.relpath(file.resolve(), page.resolve().parent)
     truth = truth_of(recording)
-    text = report_page(file.name, evaluation, summary, recording, truth, link)
+    tracking = recorded_tracking(recording) if recording else None
+    text = report_page(file.name, evaluation, summary, recording, truth, link, tracking)
     write_text(page, text, overwrite)
     if json:
         console.print_json({"page": str(page), "file": str(file), **(summary or {})})

@@ -37,6 +37,9 @@ def emulate(
     command prints a `teleop run` command; enter it in another terminal. A little more than one
     second after the drives were disabled, the simulated plant returns to its initial state.
 
+    To change the simulated operator or the cube between two trials, type the name of a condition,
+    of a cube, or both, such as `mimic medium`, and Enter.
+
     Example: `teleop rig emulate rigs/serial-board.toml --cube hard`
 
     Parameters
@@ -74,11 +77,14 @@ def emulate(
     from sim_backend import AttentiveOperator, MimickedSine
     from sim_backend.wire.emulator import host_file, host_ports
     from teleop.commands.choices import make_signal
+    from teleop.errors import InputError
     from teleop.files import check_outputs, write_text
     from teleop.interruption import stop_signals
     from teleop.output import console, rig_tables
-    from teleop.rig.emulation import make_emulator, opened, read_fault
+    from teleop.printable import print_error
+    from teleop.rig.emulation import Palpation, make_emulator, opened, read_fault
     from teleop.rig.generated_file import is_unchanged, with_checksum
+    from teleop.rig.typed_lines import TypedLines
     from teleop.trial.realtime import realtime
     from teleop.trial.rig_loading import load_rig_file
     from teleop.trial.settings import COUNT_IN, TrialSettings
@@ -95,11 +101,25 @@ def emulate(
         signal=None if frequency is None else make_signal("sine", frequency),
         count_in=COUNT_IN,
     )
+    palpated = Palpation(settings, AttentiveOperator if condition == "any" else MimickedSine)
+    typed = TypedLines()
+
+    def change() -> None:
+        nonlocal palpated
+        for line in typed.read():
+            try:
+                palpated = palpated.changed(line)
+            except InputError as error:
+                print_error(str(error))
+                continue
+            when = "after this trial" if emulator.mechanism.driven else "now"
+            emulator.mechanism.exchange(palpated.rig)
+            print_error(f"{when}: {line.strip()}")
+
     urgency: RealtimeName = "try" if (os.cpu_count() or 1) > 1 else "off"
     folder = Path(tempfile.mkdtemp(prefix="teleop-"))
     try:
-        mimic = AttentiveOperator if condition == "any" else MimickedSine
-        emulator = make_emulator(rig, settings, folder, faults, mimic)
+        emulator = make_emulator(rig, settings, folder, faults, palpated.mimic)
         with (
             stop_signals() as stopped,
             opened(emulator),
@@ -118,7 +138,7 @@ def emulate(
                 }
                 rig_tables.print_emulation(rig.sections.name, ports, out, palpation)
             real_time.start()
-            emulator.serve(stopped)
+            emulator.serve(stopped, change)
     finally:
         shutil.rmtree(folder, ignore_errors=True)
     return 0

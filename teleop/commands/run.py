@@ -53,6 +53,7 @@ def run(
     plot: Path | None = None,
     yes: Annotated[bool, Parameter(negative="")] = False,
     plot_force: Path | None = None,
+    plot_tracking: Path | None = None,
     width: WidthName = "screen",
     overwrite: Overwrite = False,
     json: Annotated[bool, Parameter(negative="")] = False,
@@ -135,6 +136,8 @@ def run(
         Arm the drives of a rig of devices without asking, for scripts.
     plot_force
         Plot the measured and the predicted force to this .png, .svg or .pdf file.
+    plot_tracking
+        In mimic, plot target, own position and error to this .png, .svg or .pdf file.
     width
         Width of the figures: for a screen, one (single) or two columns (double) of an IEEE paper,
         or a page of A4.
@@ -200,7 +203,11 @@ def run(
         check_ending(record, RECORDING)
         make_folder(record)
     sources = (config, rig, tare)
-    check_outputs(record, pictures=(plot, plot_force), sources=sources, overwrite=overwrite)
+    if plot_tracking and settings.condition != "mimic":
+        raise InputError("--plot-tracking: expected --condition mimic, in which there is a target")
+    pictures = (plot, plot_force, plot_tracking)
+    drawn = [path for path in pictures if path]
+    check_outputs(record, pictures=pictures, sources=sources, overwrite=overwrite)
     if settings.rig and not is_armed(settings.rig, arming_text(settings), yes):
         return 130
     reserved = None
@@ -220,13 +227,13 @@ def run(
             if reserved and reserved.exists() and not reserved.stat().st_size:
                 reserved.unlink()
         problems = [trial.incomplete] if trial.incomplete else []
-        if (plot or plot_force) and len(trial.columns["time"]):
+        if drawn and len(trial.t):
             try:
-                draw_trial(trial, plot, plot_force, width, overwrite)
+                draw_trial(trial, plot, plot_force, plot_tracking, width, overwrite)
             except InputError as error:
                 problems.append(str(error))
-        elif plot or plot_force:
-            print_error(f"{plot or plot_force}: not drawn: there are no estimates")
+        elif drawn:
+            print_error(f"{drawn[0]}: not drawn: there are no estimates")
         try:
             if json:
                 console.print_json(trial.summary())

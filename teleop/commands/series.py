@@ -22,6 +22,8 @@ def series(
     plan: Path,
     /,
     *,
+    rig: Path | None = None,
+    tare: Path | None = None,
     out: Path | None = None,
     ask: bool | None = None,
     yes: Annotated[bool, Parameter(negative="")] = False,
@@ -38,13 +40,19 @@ def series(
     Parameters
     ----------
     plan
-        File with the plan of the series (TOML), or paper for the nine trials of the paper on the
-        simulated rig.
+        File with the plan of the series (TOML), or paper for the nine trials of the paper.
+    rig
+        Rig file (TOML) of a rig of devices. The trials run on this rig, in real time. Default: the
+        rig of the plan, or the simulated rig.
+    tare
+        File with the zero offsets of the channels, from `teleop rig tare`. Default: the tare of
+        the plan.
     out
         Folder for the recordings, the table trials.csv with a row for each trial and estimator,
         and the journal journal.jsonl. Default: series-NAME, with the name in the plan.
     ask
-        Ask before each trial: Enter runs it, s skips it, r repeats the previous trial, q quits.
+        Ask before each trial: Enter runs it, s skips it, r asks for the previous trial again to
+        repeat it, q quits.
         Text after the letter is stored as a note. After each trial, ask for a note. Default: ask
         if a trial has a rig of devices and the command runs in a terminal.
     yes
@@ -64,10 +72,14 @@ def series(
         no_note,
         unattended,
     )
-    from teleop.studies.series.plan import planned_trials, read_plan
+    from teleop.studies.series.plan import on_rig, planned_trials, read_plan
     from teleop.trial.stop_key import is_foreground
 
     read = read_plan(plan)
+    if tare and not rig:
+        raise InputError("--tare: expected also --rig, the rig to which the zero offsets belong")
+    if rig:
+        read = on_rig(read, rig, tare)
     trials = planned_trials(read, plan.parent)
     folder = out or Path(f"series-{read.name}")
     if dry_run and json:
@@ -78,7 +90,8 @@ def series(
         rows = [
             [str(trial.number), *trial.levels.values(), str(trial.repetition)] for trial in trials
         ]
-        print_table(plain_console(), f"{read.name}, {read.order} order", headings, rows)
+        title = f"{read.name}, {read.order} order"
+        print_table(plain_console(), title, headings, rows, left=1 + len(read.factors))
         return 0
     wired = any(trial.settings.rig for trial in trials) and not is_complete(folder, read, trials)
     if ask is None:

@@ -132,7 +132,8 @@ def sweep(
         if not ended.parquet:
             shown.print(f"{PARQUET} needs pyarrow: pip install '.[sweep]'", soft_wrap=True)
     if plot or plot_map:
-        from teleop.output.figure_style import figure_style, save
+        from estimation.figure_style import figure_style
+        from teleop.output.figure_files import save
         from teleop.output.sweep_figures import main_effects_figure, map_figure
         from teleop.studies.sweep.figure_rows import read_rows
 

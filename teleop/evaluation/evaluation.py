@@ -28,6 +28,7 @@ from estimation.estimate_columns import estimate_arrays, estimate_columns, misfi
 from estimation.excitation import dominant_frequency
 from estimation.least_squares import no_fit
 from estimation.model import KELVIN_VOIGT
+from estimation.presentation import Presented
 from estimation.registry import PAPER
 from estimation.summary import EstimatorSummary, summarise
 from teleop.errors import InputError, as_input_error
@@ -53,8 +54,8 @@ of less than one is not resolved where k is known to 10 %.
 """
 
 
-@dataclass(frozen=True)
-class Evaluation:
+@dataclass(frozen=True, repr=False)
+class Evaluation(Presented):
     """Online estimates and batch evaluation of one recording; arrays have shape (n,)."""
 
     t: Floats

@@ -1,4 +1,7 @@
-"""The progress line: it shows time, mode and present estimates on a terminal during a trial."""
+"""The progress line: it shows time, mode and present estimates during a trial.
+
+It is drawn on a terminal, or in the output of a notebook.
+"""
 
 from __future__ import annotations
 
@@ -11,8 +14,11 @@ from typing import NamedTuple
 from teleop.live.cue import LEGEND, Cue
 from teleop.live.terminal import Terminal
 
-REDRAW, REDRAW_CUE = 0.1, 0.03
-"""Time between two updates of the line, without and with a target that the operator follows [s]."""
+REDRAW, REDRAW_CUE, REDRAW_PLAIN = 0.1, 0.03, 0.5
+"""Time between two updates of the line, without and with a target that the operator follows, and
+if standard error is not a terminal, as in a notebook [s]."""
+PLAIN_WIDTH = 100
+"""Width of the line if standard error is not a terminal [characters]."""
 SHOWN = 4
 """Largest number of estimators whose estimates the line shows."""
 HEADING, SHORT_HEADING = "  k [N/m], b [N s/m]", "  k, b:"
@@ -68,6 +74,7 @@ class Progress:
         self._cue = cue
         self._largest_misfit = largest_misfit
         self._due = 0.0
+        self._drawn = 0
         self._terminal = Terminal(STDERR)
         if shown and instructions:
             self.report(f"teleop: {instructions}" + (f"; {LEGEND}" if cue else ""))
@@ -85,7 +92,8 @@ class Progress:
         now = time.monotonic()
         if not self._shown or now < self._due:
             return
-        self._due = now + (REDRAW_CUE if self._cue else REDRAW)
+        period = REDRAW_CUE if self._cue else REDRAW
+        self._due = now + (period if terminal_width() else REDRAW_PLAIN)
         mode, target, position, estimates = status()
         line = f"{self._hint}{mode}  {max(t, 0.0):4.1f} of {self._duration:g} s"
         if self._cue:
@@ -105,23 +113,32 @@ class Progress:
 
     def report(self, text: str) -> None:
         """Write a message on a line of its own, which remains on the terminal."""
-        self._terminal.write(("\r\x1b[K" if self._shown else "") + text + "\n")
+        self._terminal.write((self._replacing("") + "\r" if self._shown else "") + text + "\n")
 
     def close(self) -> None:
         """Clear the line. If the terminal is stopped (Ctrl-S), the line may remain."""
         if self._shown:
-            self._terminal.draw("\r\x1b[K")
+            self._terminal.draw(self._replacing("") + "\r")
         self._terminal.close()
 
     def _draw(self, line: str, texts: list[str]) -> None:
         """Draw the line with a heading and texts. Texts that do not fit are omitted."""
-        try:
-            width = os.get_terminal_size(STDERR).columns or 80
-        except OSError:
-            self._shown = False
-            return
+        width = terminal_width() or PLAIN_WIDTH
         if len(texts) > 1 and len(line + "".join(texts)) >= width:
             texts = [SHORT_HEADING, *texts[1:]]
         while texts and len(line + "".join(texts)) >= width:
             texts.pop()
-        self._terminal.draw("\r" + (line + "".join(texts))[: width - 1] + "\x1b[K")
+        self._terminal.draw(self._replacing((line + "".join(texts))[: width - 1]))
+
+    def _replacing(self, text: str) -> str:
+        """Return a text that replaces the present line; not in a terminal, spaces do it."""
+        drawn, self._drawn = self._drawn, len(text)
+        return f"\r{text}\x1b[K" if terminal_width() else f"\r{text:<{drawn}}"
+
+
+def terminal_width() -> int | None:
+    """Return the number of columns of the terminal; None if standard error is not a terminal."""
+    try:
+        return os.get_terminal_size(STDERR).columns or 80
+    except OSError:
+        return None

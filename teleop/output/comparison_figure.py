@@ -9,9 +9,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
+from estimation.figure_style import BLUE, legend, new_figure, tidy
 from teleop.evaluation.comparison import RESULT, Compared, Group, Mean
 from teleop.evaluation.result import Result
-from teleop.output.figure_style import BLUE, legend, new_figure, plain, tidy
+from teleop.output.figure_files import plain
 
 SPREAD = 0.35
 """Width on the axis for the recordings of a group, as a share of the distance of two groups."""

@@ -10,7 +10,7 @@ from typing import Any
 
 from teleop.evaluation.comparison import RESULT, Compared, Group, Mean
 from teleop.output.console import plain_console, print_table
-from teleop.output.result_tables import significant
+from teleop.output.result_tables import with_half
 from teleop.output.table_files import TextTable, shortened
 from teleop.printable import one_line
 
@@ -112,7 +112,7 @@ def mean_text(mean: Mean) -> str:
         return "-"
     if not math.isfinite(mean.half):
         return f"{mean.value:.4g}" if abs(mean.value) < 1e4 else f"{mean.value:.0f}"
-    return f"{significant(mean.value, mean.half)} \u00b1 {significant(mean.half, mean.half)}"
+    return with_half(mean.value, mean.half)
 
 
 def print_comparison(rows: Sequence[Compared], groups: Sequence[Group], by: Sequence[str]) -> None:
@@ -149,8 +149,7 @@ def result_text(row: Compared, symbol: str) -> str:
     low, value, high = (getattr(row.result, f"{symbol}{end}") for end in ("_low", "", "_high"))
     if value is None:
         return "-"
-    half = 0.5 * (high - low)
-    return f"{significant(value, half)} \u00b1 {significant(half, half)}"
+    return with_half(value, 0.5 * (high - low))
 
 
 def effect_cells(effects: Iterable[Mapping[str, Any]]) -> list[list[str]]:

@@ -92,7 +92,9 @@ def wrapped(text: str, width: int) -> str:
 
 def number(value: float, digits: int) -> str:
     """Return a number as text with a number of decimals; a dash if it is not finite."""
-    return f"{value:.{digits}f}" if math.isfinite(value) else "-"
+    if not math.isfinite(value):
+        return "-"
+    return f"{round(value, digits) + 0.0:.{digits}f}"  # 0 instead of -0
 
 
 def small(value: float) -> str:
@@ -124,8 +126,8 @@ def fitting_tables(
     """Return a table that fits the width of the terminal, as one or several tables and lines.
 
     If the table is too wide, headings are divided into two lines. If it is still too wide, the
-    columns are divided between several tables. If the names in the first column are too long even
-    then, numbers replace them in the table, and lines with the names follow.
+    columns are divided between several tables. If the columns with text are too wide even then,
+    numbers replace the texts of the widest of them, and lines with the texts follow.
 
     Parameters
     ----------
@@ -146,10 +148,18 @@ def fitting_tables(
     found: list[Table | str] = []
     if total(widths(names, cells)) > width:
         names = [BREAK.sub(lambda found: (found[1] or "") + "\n", name, count=1) for name in names]
-    needed = widths(names, cells)
-    if total([*needed[:left], max(needed[left:], default=0)]) > width:
-        legend = [f"  {number}: {row[0]}" for number, row in enumerate(cells, start=1)]
-        cells = [[str(number), *row[1:]] for number, row in enumerate(cells, start=1)]
+    texts = set(range(left))
+    while texts:
+        needed = widths(names, cells)
+        if total([*needed[:left], max(needed[left:], default=0)]) <= width:
+            break
+        widest = max(texts, key=needed.__getitem__)
+        texts.discard(widest)
+        numbers = numbered(row[widest] for row in cells)
+        column = f"{headings[widest]} " if left > 1 else ""
+        legend += [f"  {column}{number}: {text}" for text, number in numbers.items()]
+        for row in cells:
+            row[widest] = numbers.get(row[widest], "")
     for part in parts(widths(names, cells), left, width):
         table = Table(
             title=title or None, title_justify="left", box=box.SIMPLE_HEAD, title_style="bold"
@@ -161,6 +171,12 @@ def fitting_tables(
         found.append(table)
         title = ""
     return [*found, *legend]
+
+
+def numbered(texts: Iterable[str]) -> dict[str, str]:
+    """Return a number, from 1, for each different text that is not empty."""
+    distinct = dict.fromkeys(text for text in texts if text)
+    return {text: str(number) for number, text in enumerate(distinct, start=1)}
 
 
 def widths(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> list[int]:

@@ -10,7 +10,7 @@ from rich.console import Console
 
 from estimation.misfit import LARGEST_MISFIT
 from teleop.output.console import number, plain_console, print_table, small
-from teleop.output.result_tables import print_models, print_result
+from teleop.output.result_tables import print_models, print_result, with_half
 from teleop.recording.gaps import Gap, missing_text
 
 STALL = 20.0
@@ -108,8 +108,7 @@ def further_lines(rows: Mapping[str, Mapping[str, Any]]) -> list[str]:
         texts = []
         for parameter, value in row["further"].items():
             half, unit = row["further_interval"][parameter], row["further_unit"][parameter]
-            interval = f" \u00b1 {half:.2g}" if math.isfinite(half) else ""
-            texts.append(f"{parameter} {value:.4g}{interval} {unit}".removesuffix(" -"))
+            texts.append(f"{parameter} {with_half(value, half)} {unit}".removesuffix(" -"))
         if texts:
             lines.append(f"{name} at the end: {', '.join(texts)}")
     return lines

@@ -8,7 +8,7 @@ from typing import Any
 
 from drivers import CHANNELS
 from teleop.files import write_text
-from teleop.output.figure_style import save
+from teleop.output.figure_files import save
 from teleop.output.trial_figures import fault_figure
 from teleop.recording.black_box import BEFORE
 from teleop.recording.recording import Recording

@@ -11,17 +11,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from estimation.batch_models import BatchFit
+from estimation.figure_style import BLUE, GREY, ORANGE, explain, is_narrow, new_figure, tidy
 from teleop.evaluation.evaluation import Evaluation
-from teleop.output.figure_style import (
-    BLUE,
-    GREY,
-    ORANGE,
-    explain,
-    is_narrow,
-    new_figure,
-    plain,
-    tidy,
-)
+from teleop.output.figure_files import plain
 
 PHASE_COLOURS = {
     "free": "#BBBBBB",
@@ -30,7 +22,14 @@ PHASE_COLOURS = {
     "unloading": "#009E73",
 }
 """Colours of the phases of a palpation (palette of Okabe and Ito)."""
-MODEL = ORANGE
+PHASE_LINES: dict[str, dict[str, Any]] = {
+    "free": {"linewidth": 1.0},
+    "loading": {"linewidth": 2.0, "alpha": 0.7},
+    "hold": {"linewidth": 1.0, "linestyle": "", "marker": ".", "markersize": 3.0},
+    "unloading": {"linewidth": 1.2, "linestyle": (0, (5, 1.5))},
+}
+"""Width, dashes and markers of the phases, which differ without colours too."""
+MODEL = "#000000"
 MOST_POINTS = 4000
 """Largest number of samples of a line that are drawn."""
 
@@ -57,7 +56,7 @@ def fit_figure(title: str, evaluation: Evaluation) -> Figure:
     fitted = evaluation.analysis.data or record
     x, f, t = ((record.x - datum.x) * 1e3, record.raw_f - datum.f, record.t)
     draw_phases(over_x, evaluation, x, record.f - datum.f, every)
-    over_t.plot(t[::every], f[::every], color=GREY, linewidth=0.9, label="measured")
+    over_t.plot(t[::every], f[::every], color=GREY, linewidth=2.0, alpha=0.5, label="measured")
     for phase in evaluation.analysis.phases.phases:
         over_t.axvspan(
             t[phase.start], t[phase.end - 1], color=PHASE_COLOURS[phase.name], alpha=0.10, lw=0
@@ -106,7 +105,7 @@ def draw_phases(
             x[part],
             f[part],
             color=PHASE_COLOURS[phase.name],
-            linewidth=1.0,
+            **PHASE_LINES[phase.name],
             label=None if phase.name in labelled else phase.name,
         )
         labelled.add(phase.name)
@@ -133,8 +132,8 @@ def draw_fit(
         One of this number of samples is drawn.
     """
     x, t, force = (values[::every] for values in modelled)
-    over_x.plot(x, force, color=MODEL, linewidth=1.2, linestyle="--", label=name)
-    over_t.plot(t, force, color=MODEL, linewidth=1.0, linestyle="--", label=name)
+    over_x.plot(x, force, color=MODEL, linewidth=0.6, label=name)
+    over_t.plot(t, force, color=MODEL, linewidth=0.9, linestyle="--", label=name)
 
 
 def modulus_figure(rows: Sequence[Mapping[str, Any]]) -> Figure:

@@ -10,6 +10,7 @@ from urllib.parse import quote
 from markupsafe import Markup
 
 from estimation import MultiEstimator
+from estimation.figures import Truth
 from estimation.model import KELVIN_VOIGT
 from estimation.redundancy import ambiguity
 from teleop.evaluation.evaluation import Evaluation
@@ -23,12 +24,13 @@ from teleop.output.estimate_tables import (
     further_lines,
     interval_table,
 )
-from teleop.output.evaluation_figures import estimates_of, force_of
 from teleop.output.fault_report import fault_text
-from teleop.output.figures import Truth
+from teleop.output.figure_files import plain
 from teleop.output.fit_figures import fit_figure
 from teleop.output.result_tables import motion_line, result_lines
+from teleop.output.tracking_figure import tracking_figure
 from teleop.output.trial_figures import ambiguity_figure, fault_figure, timing_figure
+from teleop.output.trial_tables import tracking_lines
 from teleop.output.web_page import svg, web_page
 from teleop.recording.gaps import missing_text
 from teleop.recording.recording import Recording
@@ -51,6 +53,7 @@ def report_page(
     recording: Recording | None = None,
     truth: Truth | None = None,
     link: str = "",
+    tracking: Mapping[str, Any] | None = None,
 ) -> str:
     """Return the HTML page for one recording.
 
@@ -67,8 +70,14 @@ def report_page(
         True values of a simulated trial; None if they are not known.
     link
         Path of the recording from the folder of the page; empty for its name.
+    tracking
+        Tracking of a trial of the condition mimic; None for another file.
     """
     values = of_recording(recording) | of_evaluation(name, evaluation, summary, truth)
+    values["tracking"] = ""
+    if recording and tracking:
+        values["tracking"] = svg(tracking_figure("", recording, tracking))
+        values["tracking_lines"] = tracking_lines(tracking)
     address = quote(link or name, errors="surrogateescape")  # a name may have any bytes
     return web_page("report.html", title=name, link=address, **values)
 
@@ -154,8 +163,8 @@ def of_evaluation(
         "interval_headings": headings,
         "intervals": intervals,
         "notes": [(estimator, row["note"]) for estimator, row in rows if row["note"]],
-        "drawing": svg(estimates_of(name, e, truth)),
-        "force": svg(force_of(name, e)),
+        "drawing": svg(e.plot(title=plain(name), truth=truth)),
+        "force": svg(e.plot_force(title=plain(name))),
         "fit": svg(fit_figure(name, e)),
         "ambiguity": ambiguity_drawing(e),
         "margin": f"{MARGIN:.0%}",

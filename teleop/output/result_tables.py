@@ -125,7 +125,14 @@ def parameter_text(name: str, one: Mapping[str, Any]) -> str:
     if not one["identifiable"]:
         return f"{name} not identifiable"
     half = 0.5 * (one["high"] - one["low"])
-    return f"{name} {one['value']:.4g} \u00b1 {half:.2g} {one['unit']}".removesuffix(" -")
+    return f"{name} {with_half(one['value'], half)} {one['unit']}".removesuffix(" -")
+
+
+def with_half(value: float, half: float) -> str:
+    """Return a value with half of its interval, both rounded to two significant digits of it."""
+    if not math.isfinite(half) or half <= 0.0:
+        return f"{value:.4g}"
+    return f"{significant(value, half)} \u00b1 {significant(half, half)}"
 
 
 def significant(value: float, width: float) -> str:
@@ -156,8 +163,8 @@ def print_together(together: Mapping[str, Any]) -> None:
                 [
                     Path(row["file"]).name,
                     f"{row['frequency_hz']:.3g}",
-                    f"{number(row['storage'], 0)} \u00b1 {row['storage_interval']:.2g}",
-                    f"{number(row['loss'], 0)} \u00b1 {row['loss_interval']:.2g}",
+                    with_half(row["storage"], row["storage_interval"]),
+                    with_half(row["loss"], row["loss_interval"]),
                     f"{row['tan_delta']:.3f} \u00b1 {row['tan_delta_interval']:.1g}",
                 ]
                 for row in together["modulus"]

@@ -152,6 +152,7 @@ def print_emulation(
     console.print(f"{name}: emulated, {palpation['specimen']} cube, Ctrl-C ends it")
     for bus, port in ports.items():
         console.print(f"  {bus}: {port}")
+    console.print("  for another operator or cube, type its name and Enter, such as mimic medium")
     options = " ".join(f"--{option} {value}" for option, value in palpation.items())
     command = f"teleop run --rig {out} {options}"
     any_condition = "" if "condition" in palpation else ", with any --condition"

@@ -8,8 +8,8 @@ from matplotlib.figure import Figure
 
 from estimation import Estimates
 from estimation.compiled import Floats
-from teleop.output.figure_style import PROFILE, draw, legend, limits, line, new_figure, tidy
-from teleop.output.figures import START, drawn
+from estimation.figure_style import PROFILE, draw, legend, limits, line, new_figure, tidy
+from estimation.figures import START, drawn
 
 
 def stiffness_figure(

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from estimation.compiled import Floats
 from estimation.estimator import LEVEL_95
-from teleop.output.figure_style import CHOSEN, WIDTHS, legend, line, new_figure, plain, tidy
+from estimation.figure_style import CHOSEN, WIDTHS, legend, line, new_figure, tidy
+from teleop.output.figure_files import plain
 
 MOST_LEVELS = 12
 """Largest number of levels of a factor that are shown; more numbers are put into bins."""

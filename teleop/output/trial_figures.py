@@ -10,18 +10,18 @@ from matplotlib.figure import Figure
 
 from estimation import Estimates
 from estimation.compiled import Floats
-from estimation.redundancy import Ambiguity
-from teleop.output.figure_style import (
+from estimation.figure_style import (
     BLUE,
     ORANGE,
     draw,
     legend,
     limits,
     new_figure,
-    plain,
     shade,
     tidy,
 )
+from estimation.redundancy import Ambiguity
+from teleop.output.figure_files import plain
 from teleop.recording.recording import Recording
 
 
@@ -50,13 +50,16 @@ def fault_figure(recording: Recording, fault: Mapping[str, Any]) -> Figure:
         ),
         ("lateness [ms]", 1e3, ("lateness",)),
     )
-    colours = (BLUE, ORANGE, "#000000")
+    styles: tuple[dict[str, Any], ...] = (
+        {"color": BLUE, "linewidth": 2.2, "alpha": 0.6},
+        {"color": ORANGE, "linewidth": 1.2},
+        {"color": "#000000", "linewidth": 1.0, "linestyle": (0, (4, 2))},
+    )
     for axes, (label, scale, names) in zip(rows, panels, strict=True):
-        for name, colour in zip(names, colours, strict=False):
-            label_of = name.replace("_", " ")
-            width = 2.2 if fault["source"] == name else 1.1
+        for name, style in zip(names, styles, strict=False):
+            cause = " (fault)" if fault["source"] == name else ""
             values = recording[name][part] * scale
-            draw(axes, ms, values, color=colour, linewidth=width, label=label_of)
+            draw(axes, ms, values, label=f"{name.replace('_', ' ')}{cause}", **style)
         axes.axvline(0.0, color="#CC0000", linewidth=1.0)
         axes.set_ylabel(label)
         tidy(axes)

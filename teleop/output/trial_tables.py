@@ -25,7 +25,9 @@ def print_trial(summary: Mapping[str, Any]) -> None:
         The results, from `Trial.summary`.
     """
     console = plain_console()
-    console.print(f"{summary['condition']}, {palpated(summary)}, {duration(summary)}", style="bold")
+    console.print(
+        f"{summary['condition']}, {summary['specimen']}, {duration(summary)}", style="bold"
+    )
     if summary["interrupted"]:
         console.print("  INTERRUPTED before the end", style="bold yellow")
     if summary["estimates"]:
@@ -84,11 +86,6 @@ def print_incomplete(console: Console, recording: Mapping[str, Any]) -> None:
             console.print("  the tables above are computed from the last seconds, kept in memory")
 
 
-def palpated(summary: Mapping[str, Any]) -> str:
-    """Return the name of the palpated body: the cube or the specimen."""
-    return f"{summary['cube']} cube" if summary["cube"] else str(summary["specimen"])
-
-
 def duration(summary: Mapping[str, Any]) -> str:
     """Return the duration of a trial as text, with the planned duration if it ended earlier."""
     planned = f"{summary['duration_s']:g} s"
@@ -112,12 +109,18 @@ def print_truth(console: Console, truth: Mapping[str, Any]) -> None:
 def print_tracking(console: Console, tracking: Mapping[str, Any] | None) -> None:
     """Print gain, phase and error of the slave relative to the target of the condition mimic."""
     if tracking:
-        console.print(
-            f"  tracking: gain {tracking['gain']:.2f}, phase {tracking['phase_deg']:.0f} deg "
-            f"(delay {tracking['delay_s']:.3f} s), error {tracking['rms_m'] * 1e3:.2f} mm rms,\n"
-            f"  frequency {tracking['frequency_hz']:.3f} of {tracking['target_hz']:g} Hz, over "
-            f"{tracking['periods']} periods"
-        )
+        first, second = tracking_lines(tracking)
+        console.print(f"  tracking: {first},\n  {second}")
+
+
+def tracking_lines(tracking: Mapping[str, Any]) -> tuple[str, str]:
+    """Return two lines with gain, phase, error and frequency of the slave's motion."""
+    return (
+        f"gain {tracking['gain']:.2f}, phase {tracking['phase_deg']:.0f} deg "
+        f"(delay {tracking['delay_s']:.3f} s), error {tracking['rms_m'] * 1e3:.2f} mm rms",
+        f"frequency {tracking['frequency_hz']:.3f} of {tracking['target_hz']:g} Hz, over "
+        f"{tracking['periods']} periods",
+    )
 
 
 def print_loop(console: Console, summary: Mapping[str, Any]) -> None:

@@ -9,7 +9,7 @@ from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from teleop.output.figure_style import render
+from teleop.output.figure_files import render
 
 
 def web_page(template: str, package: str = __package__, **values: Any) -> str:

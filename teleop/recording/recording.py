@@ -6,7 +6,7 @@ import json
 import re
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -20,11 +20,14 @@ from teleop.recording.mcap_reader import read_intact
 from teleop.recording.mcap_writer import END
 from teleop.recording.message import REGRESSOR
 
+if TYPE_CHECKING:
+    import pandas
+
 FIELD = re.compile(r"float64 (\w+)(?:\s*#\s*\[([^]]*)\]\s*(.*))?")
 """Pattern of a line in the definition of a tick's message: name, unit and meaning of a column."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Recording:
     """Ticks, events and settings of a trial.
 
@@ -91,6 +94,25 @@ class Recording:
     def estimates(self) -> dict[str, Estimates]:
         """Return the recorded estimates of each estimator, by its name."""
         return {name: estimates_in(self.columns, name) for name in self.estimators}
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """Return the columns, with one row per tick, indexed by time [s].
+
+        Raises
+        ------
+        ImportError
+            pandas is not installed.
+        """
+        import pandas
+
+        columns = {name: values for name, values in self.columns.items() if name != "time"}
+        return pandas.DataFrame(columns, index=pandas.Index(self["time"], name="time"))
+
+    def __repr__(self) -> str:
+        """Return number of ticks, estimators, rig and date in one line."""
+        about = [f"{len(self)} ticks", f"estimators {', '.join(self.estimators) or 'none'}"]
+        about += [self.session[name] for name in ("rig", "created") if name in self.session]
+        return f"Recording({'; '.join(about)})"
 
     def misfit(self, estimator: str) -> Floats:
         """Return the misfit of an estimator, shape (ticks,); NaN if it was not recorded."""

@@ -4,21 +4,26 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from drivers.rig_file import RigFile
 from drivers.rig_sections import CanSettings, SerialSettings
-from sim_backend import MimickedSine
+from sim_backend import CUBES, AttentiveOperator, MimickedSine
 from sim_backend.wire.emulator import ACTIONS, Emulator, PlannedFault
 from sim_backend.wire.mechanism import NEVER
 from sim_backend.wire.wire_faults import FAULTS, ON_CAN, ON_SERIAL_LINES
+from teleop.control.conditions import CONDITIONS
 from teleop.errors import InputError
 from teleop.trial.assembly import make_simulated_rig
 from teleop.trial.settings import TrialSettings
 
 if TYPE_CHECKING:
     from sim_backend import SimulatedRig
+
+ANY = "any"
+"""Name of the palpation whose operator suits every condition."""
 
 
 def read_fault(text: str, rig: RigFile) -> PlannedFault:
@@ -99,14 +104,55 @@ def make_emulator(
     InputError
         A device cannot be emulated.
     """
-
-    def make_rig(now: Callable[[], float]) -> SimulatedRig:
-        return make_simulated_rig(settings, now, NEVER, mimic)
-
     try:
-        return Emulator(rig, make_rig, folder, faults)
+        return Emulator(rig, Palpation(settings, mimic).rig, folder, faults)
     except ValueError as error:
         raise InputError(f"{rig.path}: {error}") from error
+
+
+@dataclass(frozen=True)
+class Palpation:
+    """The simulated palpation whose devices are emulated."""
+
+    settings: TrialSettings
+    """Settings of the simulated telemanipulator."""
+    mimic: type[MimickedSine] = MimickedSine
+    """Class of the operator, if the condition of the settings is mimic."""
+
+    def rig(self, now: Callable[[], float]) -> SimulatedRig:
+        """Return a new telemanipulator; `now` returns the time [s]."""
+        return make_simulated_rig(self.settings, now, NEVER, self.mimic)
+
+    def changed(self, line: str) -> Palpation:
+        """Return the palpation with the condition and the cube that a line of text names.
+
+        Parameters
+        ----------
+        line
+            Name of a condition (or `any`), of a cube, or of both, such as `mimic medium`.
+
+        Raises
+        ------
+        InputError
+            The line contains another word, or no word.
+        """
+        changes: dict[str, Any] = {}
+        mimic, words = self.mimic, line.split()
+        for word in words:
+            if word == ANY:
+                changes["condition"], mimic = "mimic", AttentiveOperator
+            elif word in CONDITIONS:
+                changes["condition"], mimic = word, MimickedSine
+            elif word in CUBES:
+                changes["cube"] = word
+            else:
+                words = []
+        if not words:
+            raise InputError(
+                f"{line.strip()!r}: expected a condition ({', '.join((*CONDITIONS, ANY))}), a cube "
+                f"({', '.join(CUBES)}), or both"
+            )
+        return Palpation(replace(self.settings, **changes), mimic)
 
 
 @contextlib.contextmanager

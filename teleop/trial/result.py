@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from estimation import Bank, Estimates
+from estimation import Bank, Estimates, Regression
 from estimation.compiled import Floats
+from estimation.presentation import Presented
 from estimation.presets import GATE
 from estimation.summary import summarise
 from teleop.errors import InputError
@@ -25,12 +26,18 @@ from teleop.trial.metadata import estimated_channels
 from teleop.trial.settings import TrialSettings
 from teleop.trial.settings_json import from_document
 
+if TYPE_CHECKING:
+    import pandas
+    from matplotlib.figure import Figure
+
+    from estimation.figures import Truth
+
 LEAST_CONTACT = 1.0
 """Shortest time in contact for which the summary of an interrupted trial has estimates [s]."""
 
 
-@dataclass(frozen=True)
-class Trial:
+@dataclass(frozen=True, repr=False)
+class Trial(Presented):
     """Result of a trial."""
 
     settings: TrialSettings
@@ -65,6 +72,22 @@ class Trial:
         return self.recording.estimated().estimates()
 
     @property
+    def t(self) -> Floats:
+        """Time at these ticks [s], shape (ticks,)."""
+        return self.recording.estimated()["time"]
+
+    @property
+    def regression(self) -> Regression:
+        """The samples that the estimators received at these ticks."""
+        return self.recording.estimated().regression()
+
+    @property
+    def about(self) -> str:
+        """Short description: condition, palpated body, and duration."""
+        settings = self.settings
+        return f"{settings.condition}, {settings.palpated}, {settings.duration:g} s"
+
+    @property
     def incomplete(self) -> str:
         """Text that states which data are missing in the files of the trial; empty for none."""
         path, _, dropped, problem, _ = self.outcome
@@ -77,6 +100,80 @@ class Trial:
         if self.black_box_problem:
             problems.append(self.black_box_problem)
         return "; ".join(problems)
+
+    def plot(
+        self, width: str = "screen", title: str | None = None, truth: Truth | None = None
+    ) -> Figure:
+        """Return a figure of stiffness and damping over time with 95 % intervals, and the motion.
+
+        Parameters
+        ----------
+        width
+            `screen`; `single` or `double` for the columns of an IEEE paper; or `a4`.
+        title
+            Title of the figure. Default: condition and palpated body.
+        truth
+            True values. Default: those of the simulated rig.
+        """
+        from estimation.figures import known_truth
+
+        return super().plot(
+            width, self._title(title), truth or known_truth(recorded_truth(self.recording))
+        )
+
+    def plot_force(self, width: str = "screen", title: str | None = None) -> Figure:
+        """Return a figure of the measured force and its prediction by the first estimator.
+
+        Parameters
+        ----------
+        width, title
+            As in `plot`.
+        """
+        return super().plot_force(width, self._title(title))
+
+    def plot_tracking(self, width: str = "screen", title: str | None = None) -> Figure:
+        """Return a figure of target, own position and error in the condition mimic.
+
+        Parameters
+        ----------
+        width, title
+            As in `plot`.
+
+        Raises
+        ------
+        InputError
+            The condition is not mimic, or the target moved for less than two periods.
+        """
+        from estimation.figure_style import figure_style
+        from teleop.output.tracking_figure import tracking_figure
+
+        found = self.tracking()
+        if found is None:
+            raise InputError(
+                f"no tracking in a trial of {self.settings.condition} and "
+                f"{self.settings.duration:g} s: expected mimic and two periods of the target"
+            )
+        with figure_style(width):
+            return tracking_figure(self._title(title), self.recording, found)
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """Return all columns of the recording at these ticks, indexed by time [s].
+
+        Raises
+        ------
+        ImportError
+            pandas is not installed.
+        """
+        return self.recording.estimated().to_dataframe()
+
+    def _title(self, title: str | None) -> str:
+        from teleop.output.figure_files import plain
+
+        return (
+            plain(f"{self.settings.condition}, {self.settings.palpated}")
+            if title is None
+            else title
+        )
 
     def tracking(self) -> dict[str, Any] | None:
         """Return gain, phase and error of the slave relative to the target of mimic.

@@ -1,11 +1,14 @@
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
 from estimation import METHODS, MatchedFilter, identify, paper_preset
-from estimation.estimator import LEVEL_95
+from estimation.estimator import LEVEL_95, Estimates
+from estimation.presentation import short_text
 
 DT = 2e-3
 
@@ -105,20 +108,51 @@ def test_data_frame_has_signals_and_estimates_by_time(found):
 
 
 def test_plot_has_both_parameters_with_units_and_a_name_for_each_line(found):
-    figure = found.plot()
+    figure = found.plot("single")
     assert isinstance(figure, Figure)
-    stiffness, damping = figure.axes
-    assert stiffness.get_ylabel() == "k [N/m]"
-    assert damping.get_ylabel() == "b [N s/m]"
+    assert figure.get_figwidth() == 3.5
+    stiffness, damping, *_ = figure.axes
+    assert stiffness.get_ylabel() == r"stiffness $\hat k$ [kN/m]"
+    assert damping.get_ylabel() == r"damping $\hat b$ [N s/m]"
     assert damping.get_xlabel() == "time [s]"
-    assert [text.get_text() for text in stiffness.get_legend().get_texts()] == ["rls", "spectral"]
-    for axes, parameter in ((stiffness, "k"), (damping, "b")):
-        for line, e in zip(axes.lines, found.estimates.values(), strict=True):
-            assert np.array_equal(line.get_xdata(), found.t)
-            assert np.array_equal(line.get_ydata(), getattr(e, parameter), equal_nan=True)
-        assert len(axes.collections) == 2
+    assert [line.get_label() for line in stiffness.lines] == ["rls", "spectral"]
+    for axes, parameter, scale in ((stiffness, "k", 1e-3), (damping, "b", 1.0)):
         low, high = axes.get_ylim()
-        assert low < getattr(found.estimates["rls"], parameter)[-1] < high
+        assert low < scale * getattr(found.estimates["rls"], parameter)[-1] < high
+
+
+def test_the_force_is_plotted_with_its_prediction(found):
+    names = [text.get_text() for text in found.plot_force().legends[0].get_texts()]
+    assert names == ["measured", "predicted by rls", "batch least squares of the model"]
+
+
+def test_the_text_of_a_result_is_one_short_line_with_the_estimates_at_the_end(found):
+    text = repr(found)
+    assert "\n" not in text
+    assert len(text) < 200
+    last = found.estimates["rls"]
+    half = 1.96 * last.k_std[-1]
+    k, stated = map(float, re.search(r"rls k = (\S+) \u00b1 (\S+) N/m", text).groups())
+    assert k == pytest.approx(last.k[-1], abs=half)
+    assert stated == pytest.approx(half, rel=0.1)
+
+
+def test_of_many_estimators_the_text_names_three():
+    x, f = recording(1.0)
+    assert "18 further estimators" in repr(identify(x, f, DT, "all"))
+
+
+def test_an_estimator_without_an_estimate_is_named_as_such():
+    nothing = np.zeros(3)
+    held = Estimates(nothing, nothing, nothing, nothing, np.ones(3, dtype=bool))
+    assert short_text("Found", "3 samples", {"rls": held}) == "Found(3 samples; rls no estimate)"
+
+
+def test_a_notebook_shows_a_table_and_a_picture(found):
+    table = found._repr_html_()
+    assert table.startswith("<table>")
+    assert table.count("<tr>") == 3
+    assert found.plot()._repr_png_().startswith(b"\x89PNG")
 
 
 X, F = recording(1.0)

@@ -13,9 +13,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from estimation import Estimates
+from estimation.figures import estimates_figure
 from teleop.cli import main
 from teleop.output.console import plain_console
-from teleop.output.figures import estimates_figure
+from teleop.output.figure_files import plain
 from teleop.output.web_page import svg
 from teleop.printable import one_line, printable
 
@@ -114,6 +115,6 @@ def test_a_name_that_the_font_does_not_have_is_drawn_without_a_warning(tmp_path,
 def test_a_title_of_any_length_leaves_room_for_the_figure(recwarn):
     t = np.arange(3.0)
     series = Estimates(t, t, t, t, t > 5.0)
-    figure = estimates_figure("long\n" * 1000, t, t, t, {"rls": series})
+    figure = estimates_figure(plain("long\n" * 1000), t, t, t, {"rls": series})
     assert svg(figure).startswith("<svg")
     assert [*recwarn] == []

@@ -12,12 +12,12 @@ from typing import Any
 
 from markupsafe import Markup
 
+from estimation.figures import estimates_figure
 from sim_backend import CUBES
 from teleop.control.conditions import CONDITIONS
 from teleop.errors import InputError
 from teleop.files import check_outputs, unwritable, write_text
-from teleop.output.figure_style import save
-from teleop.output.figures import estimates_figure
+from teleop.output.figure_files import save
 from teleop.output.stiffness_figure import stiffness_figure
 from teleop.output.web_page import svg
 from teleop.studies.anova import Effect, check_available

@@ -83,7 +83,9 @@ def conduct(
     """Run the trials of a series that are not done yet.
 
     A trial that was stopped for safety, interrupted or incompletely recorded is repeated, and
-    the recording of the failed attempt is kept. The table of results is written after each trial.
+    the recording of the failed attempt is kept. If a person is asked, a trial that could not be
+    run, for example because the rig cannot be opened, is asked for again. The table of results is
+    written after each trial.
 
     Parameters
     ----------
@@ -105,7 +107,10 @@ def conduct(
     Raises
     ------
     InputError
-        A file cannot be written, or another series or sweep runs in the folder.
+        A file cannot be written, another series or sweep runs in the folder, or a trial of an
+        unattended series could not be run.
+    RigError
+        The rig failed in a trial of an unattended series.
     KeyboardInterrupt
         A trial of an unattended series was interrupted.
     SafetyStop
@@ -116,19 +121,32 @@ def conduct(
         journal = open_journal(folder, plan, trials)
         if any(journal.attempts(trial.number) or journal.last(trial.number) for trial in trials):
             report(resumed_text(folder, counts(journal, trials)))
-        previous: PlannedTrial | None = None
+        repeated: PlannedTrial | None = None
         rested = -math.inf
-        while pending := next((t for t in trials if not journal.is_finished(t.number)), None):
+        while trial := repeated or next(
+            (t for t in trials if not journal.is_finished(t.number)), None
+        ):
             time.sleep(max(rested + plan.rest_s - time.monotonic(), 0.0))
-            answer, note = ask(pending, prompt_of(plan, pending, len(trials)))
+            answer, note = ask(trial, prompt_of(plan, trial, len(trials)))
             if answer == "quit":
                 break
-            if answer == "skip":
-                journal.write("skipped", pending.number, note=note)
+            if answer == "repeat":  # its prompt states what is armed
+                last = journal.last_started()
+                repeated = next((t for t in trials if t.number == last), None)
                 continue
-            trial = previous if answer == "repeat" and previous else pending
-            problem = attempt(folder, journal, trial, run, note)
-            rested, previous = time.monotonic(), trial
+            if answer == "skip":
+                if not repeated:
+                    journal.write("skipped", trial.number, note=note)
+                repeated = None
+                continue
+            repeated = None
+            try:
+                problem = attempt(folder, journal, trial, run, note)
+            except (InputError, RigError) as error:
+                if ask is unattended:
+                    raise
+                problem = str(error)
+            rested = time.monotonic()
             report(f"{trial.number} of {len(trials)}, {trial.label}: {problem or 'done'}")
             if after := ask_note(trial):
                 attempts = journal.attempts(trial.number)
@@ -143,14 +161,20 @@ def conduct(
 
 
 def attempt(folder: Path, journal: Journal, trial: PlannedTrial, run: Run, note: str) -> str:
-    """Run a trial once, and return the reason why it must be repeated; empty for none."""
+    """Run a trial once, and return the reason why it must be repeated; empty for none.
+
+    Raises
+    ------
+    InputError, RigError
+        The trial could not be run. The journal contains the reason.
+    """
     number = journal.attempts(trial.number) + 1
     path = folder / RECORDINGS / f"{trial.number:03d}-{trial.label}-{number}.mcap"
     make_folder(path)
     journal.write("started", trial.number, attempt=number, file=path.name, note=note)
     try:
         result = run(trial.settings, path)
-    except RigError as error:
+    except (InputError, RigError) as error:
         journal.write("spoilt", trial.number, attempt=number, problem=str(error))
         raise
     problem = spoilt(result)

@@ -63,6 +63,11 @@ class Journal:
         """Return the last entry of a trial that is not a note; None for none."""
         return self._last.get(trial)
 
+    def last_started(self) -> int | None:
+        """Return the number of the trial that was started last; None for none."""
+        started = (e["trial"] for e in reversed(self.entries) if e["entry"] == "started")
+        return next(started, None)
+
     def attempts(self, trial: int) -> int:
         """Return the number of times that a trial was started."""
         return self._attempts[trial]

@@ -11,6 +11,7 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError
 
+from sim_backend import DEPTH
 from teleop.errors import InputError, invalid_parts
 from teleop.studies.series.order import OrderName, ordered
 from teleop.trial.arming import check_stated
@@ -35,7 +36,8 @@ class Plan(BaseModel):
     description: str = ""
     factors: dict[Name, list[Name]] = Field(min_length=1)
     """Levels of each factor. The factors condition, cube, specimen and operator set the setting of
-    the same name."""
+    the same name. On a rig of devices, the factor cube sets the specimen, and the depth in which
+    the paper palpated this cube under the condition, unless the settings have a depth."""
     blocks: list[Name] = []
     """Factors such as the subject: all trials of one level are run before those of the next."""
     repetitions: Annotated[int, Field(ge=1, le=1000)] = 1
@@ -70,6 +72,24 @@ class PlannedTrial:
     def label(self) -> str:
         """Levels and repetition, joined by hyphens, for file names."""
         return "-".join([*self.levels.values(), str(self.repetition)])
+
+
+def on_rig(plan: Plan, rig: Path, tare: Path | None = None) -> Plan:
+    """Return a plan whose trials run on a rig of devices.
+
+    Parameters
+    ----------
+    plan
+        The plan.
+    rig
+        The rig file.
+    tare
+        File with the zero offsets of the channels; None for those of the plan.
+    """
+    settings = plan.settings | {"rig": str(rig.resolve()), "clock": "real"}
+    if tare:
+        settings["tare"] = str(tare.resolve())
+    return plan.model_copy(update={"settings": settings})
 
 
 def read_plan(path: Path) -> Plan:
@@ -183,4 +203,10 @@ def document_of(plan: Plan, levels: Mapping[str, str]) -> dict[str, Any]:
             document |= own
         elif name in ("condition", "cube", "specimen", "operator"):
             document[name] = level
+    if "rig" in document and "cube" in plan.factors and "cube" in document:
+        cube = document.pop("cube")
+        document.setdefault("specimen", cube)
+        depths = DEPTH.get(document.get("condition", "free"), {})
+        if cube in depths:
+            document.setdefault("depth_m", depths[cube])
     return document

@@ -14,7 +14,6 @@ from teleop.evaluation.evaluation import evaluate
 from teleop.evaluation.motion import motion_of
 from teleop.evaluation.prepared import prepare
 from teleop.evaluation.signals import Signals
-from teleop.output.evaluation_figures import estimates_of, force_of
 from teleop.output.fit_figures import fit_figure
 
 T = np.arange(0.0, 8.0, 4e-3)
@@ -74,8 +73,8 @@ def test_the_figures_say_why_there_is_no_estimate_and_their_legends_have_lines(e
 
     found = evaluation(named_estimators("all") if estimators == "all" else estimators)
     for figure, text in (
-        (estimates_of("free", found, None), "no estimate: no contact"),
-        (force_of("free", found), "no estimate: no contact"),
+        (found.plot(title="free"), "no estimate: no contact"),
+        (found.plot_force(title="free"), "no estimate: no contact"),
         (fit_figure("free", found), "no model: the force does not follow the displacement"),
     ):
         assert any(text in shown.get_text() for axes in figure.axes for shown in axes.texts)
@@ -94,7 +93,7 @@ def test_a_contact_has_its_models_and_lines():
     found = evaluation(k=500.0)
     assert found.models
     assert math.isfinite(found.least_squares.k)
-    for figure in (estimates_of("contact", found, None), force_of("contact", found)):
+    for figure in (found.plot(title="contact"), found.plot_force(title="contact")):
         assert not [text for axes in figure.axes for text in axes.texts]
 
 

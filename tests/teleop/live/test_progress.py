@@ -1,4 +1,4 @@
-"""The progress line says when there is no contact, and marks estimates that do not fit."""
+"""The progress line: no contact, estimates that do not fit, and outputs other than terminals."""
 
 from __future__ import annotations
 
@@ -45,3 +45,25 @@ def test_a_misfit_that_is_not_known_yet_is_not_marked(drawn):
 def test_on_a_narrow_terminal_whole_estimates_are_shown(drawn):
     estimates = [("rls", 5.0, 2000.0, 0.01), ("me", 5.0, 1000.0, 0.2)]
     assert drawn(estimates, 45).endswith("  k, b:  rls 2000 +5\x1b[K")
+
+
+def test_without_a_terminal_spaces_replace_the_previous_line_and_nothing_is_an_escape(
+    monkeypatch,
+):
+    def no_terminal(end):
+        raise OSError
+
+    def draw(progress, text):
+        monkeypatch.setattr(os, "get_terminal_size", no_terminal)
+        progress._draw(text, [])
+
+    lines: list[str] = []
+    progress = Progress(True, 10.0, "", "", largest_misfit=0.05)
+    terminal = SimpleNamespace(draw=lines.append, write=lines.append, close=lambda: None)
+    monkeypatch.setattr(progress, "_terminal", terminal)
+    draw(progress, "a long line")
+    draw(progress, "short")
+    progress.report("stopped")
+    draw(progress, "more")
+    progress.close()
+    assert lines == ["\ra long line", "\rshort      ", "\r     \rstopped\n", "\rmore", "\r    \r"]

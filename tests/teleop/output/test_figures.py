@@ -11,19 +11,19 @@ from hypothesis import strategies as st
 from matplotlib.colors import to_rgb
 
 from estimation import Estimates, Regression, least_squares
-from teleop.evaluation.evaluation import EstimateSettings, evaluate
-from teleop.evaluation.signals import Signals
-from teleop.output.figure_style import (
+from estimation.figure_style import (
     BINS,
     WIDTHS,
     extremes,
     figure_style,
     line,
-    save,
 )
-from teleop.output.figures import TOGETHER, Truth, estimates_figure
+from estimation.figures import TOGETHER, Truth, estimates_figure
+from estimation.force_figure import force_figure
+from teleop.evaluation.evaluation import EstimateSettings, evaluate
+from teleop.evaluation.signals import Signals
+from teleop.output.figure_files import save
 from teleop.output.fit_figures import fit_figure
-from teleop.output.force_figure import force_figure
 from teleop.output.stiffness_figure import stiffness_figure
 from teleop.output.web_page import svg
 

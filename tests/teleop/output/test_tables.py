@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 
 import numpy as np
@@ -10,7 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from teleop.cli import main
-from teleop.output.console import plain_console, print_table, wrapped
+from teleop.output.console import number, plain_console, print_table, wrapped
+from teleop.output.result_tables import with_half
 
 
 def printed(capsys, monkeypatch, environment, *arguments):
@@ -83,3 +85,45 @@ def test_a_command_to_copy_is_not_broken(monkeypatch, capsys, tmp_path):
     path = tmp_path / "configuration.toml"
     assert main(["config", "init", str(path)]) == 0
     assert capsys.readouterr().out == f"{path}: run it with: teleop run --config {path}\n"
+
+
+def test_numbers_replace_the_longest_of_several_columns_with_text(monkeypatch, capsys):
+    monkeypatch.setenv("COLUMNS", "60")
+    liver, kidney = "porcine-liver-left-lobe-sample-17b", "bovine-kidney-cortex-sample-03-day2"
+    rows = [
+        ["free", liver, "rls", "2000 \u00b1 10"],
+        ["", "", "ai", "2100 \u00b1 10"],
+        ["", kidney, "rls", "3000 \u00b1 10"],
+        ["mimic", liver, "rls", "2000 \u00b1 10"],
+    ]
+    print_table(plain_console(), "", ["condition", "specimen", "method", "k [N/m]"], rows, 3)
+    lines = capsys.readouterr().out.splitlines()
+    assert max(map(len, lines)) <= 60
+    assert lines[-2:] == [f"  specimen 1: {liver}", f"  specimen 2: {kidney}"]
+    body = [line.split() for line in lines if "\u00b1" in line]
+    assert [row[:2] for row in body] == [
+        ["free", "1"],
+        ["ai", "2100"],
+        ["2", "rls"],
+        ["mimic", "1"],
+    ]
+
+
+@pytest.mark.parametrize(
+    ("value", "half", "text"),
+    [
+        (8074.0, 8700.0, "8100 \u00b1 8700"),
+        (1.418e6, 9.6e4, "1418000 \u00b1 96000"),
+        (-0.3, 35.0, "0 \u00b1 35"),
+        (-0.0005048, 0.0013, "-0.0005 \u00b1 0.0013"),
+        (12.345, math.nan, "12.35"),
+    ],
+)
+def test_a_value_has_the_digits_of_its_interval_and_no_exponent(value, half, text):
+    assert with_half(value, half) == text
+
+
+def test_a_number_that_rounds_to_zero_has_no_sign():
+    assert number(-0.3, 0) == "0"
+    assert number(-0.04, 1) == "0.0"
+    assert number(-0.06, 1) == "-0.1"

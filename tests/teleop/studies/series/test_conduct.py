@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 
+from drivers import RigError
 from teleop.cli import main
 from teleop.errors import InputError, SafetyStop
 from teleop.recording.recording import load
@@ -90,7 +91,7 @@ def test_a_series_ends_in_a_row_for_each_trial_and_a_recording_of_each(plan, tmp
 
 def test_a_person_skips_repeats_and_quits(plan, tmp_path):
     folder = tmp_path / "out"
-    person = Person("run", "repeat", "skip", "quit")
+    person = Person("run", "repeat", "run", "skip", "quit")
     journal = conduct(folder, *plan, ask=person)
     assert journal.attempts(1) == 2
     assert journal.last(2)["entry"] == "skipped"
@@ -99,6 +100,37 @@ def test_a_person_skips_repeats_and_quits(plan, tmp_path):
     assert [row["attempt"] for row in rows(folder)] == ["2"]
     assert person.prompts[0].startswith("trial 1 of 3: Next: autonomous-soft-1")
     assert len([*(folder / "recordings").glob("*.mcap")]) == 2
+
+
+def test_a_repeated_trial_is_asked_for_again_and_can_be_left_as_it_was(plan, tmp_path):
+    folder = tmp_path / "out"
+    conduct(folder, *plan, ask=Person("run", "quit"))
+    person = Person("repeat", "skip", "repeat", "quit")
+    journal = conduct(folder, *plan, ask=person)
+    assert [prompt[:7] for prompt in person.prompts] == ["trial 2", "trial 1", "trial 2", "trial 1"]
+    assert journal.last(1)["entry"] == "done"
+    assert journal.attempts(1) == 1
+
+
+@pytest.mark.parametrize("error", [RigError("no such port"), InputError("the rate is too high")])
+def test_a_trial_that_cannot_be_run_is_asked_for_again(plan, tmp_path, error):
+    def failing(settings, path):
+        raise error
+
+    reports, person = [], Person("run", "quit")
+    journal = conduct(tmp_path / "out", *plan, ask=person, run=failing, report=reports.append)
+    assert [prompt[:7] for prompt in person.prompts] == ["trial 1", "trial 1"]
+    assert str(error) in reports[0]
+    assert journal.last(1)["problem"] == str(error)
+    with pytest.raises(type(error)):
+        conduct(tmp_path / "out", *plan, run=failing)
+
+
+def test_before_the_first_trial_there_is_none_to_repeat(plan, tmp_path):
+    person = Person("repeat", "quit")
+    journal = conduct(tmp_path / "out", *plan, ask=person)
+    assert journal.attempts(1) == 0
+    assert [prompt[:7] for prompt in person.prompts] == ["trial 1", "trial 1"]
 
 
 def test_a_spoilt_trial_is_repeated_and_its_recording_is_kept(plan, tmp_path):

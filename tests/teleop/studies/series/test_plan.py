@@ -6,9 +6,10 @@ from pathlib import Path
 
 import pytest
 
+from sim_backend import DEPTH
 from teleop.errors import InputError
 from teleop.studies.series import plan
-from teleop.studies.series.plan import planned_trials, read_plan
+from teleop.studies.series.plan import on_rig, planned_trials, read_plan
 
 PLAN = """
 name = "study"
@@ -115,3 +116,23 @@ def test_the_plan_of_the_paper_has_its_nine_trials():
 def test_a_plan_that_is_not_there_is_refused_in_one_line():
     with pytest.raises(InputError, match="none: no such file"):
         read_plan(Path("none"))
+
+
+def test_on_a_rig_of_devices_a_cube_is_a_specimen_with_the_depth_of_the_paper():
+    board = Path(__file__).parents[4] / "rigs" / "serial-board.toml"
+    trials = planned_trials(on_rig(read_plan(Path("paper")), board), Path())
+    assert len(trials) == 9
+    for trial in trials:
+        settings, levels = trial.settings, trial.levels
+        assert settings.rig_name == "serial board"
+        assert settings.clock == "real"
+        assert (settings.condition, settings.specimen) == (levels["condition"], levels["cube"])
+        assert settings.depth == DEPTH[levels["condition"]][levels["cube"]]
+
+
+def test_a_stated_depth_replaces_that_of_the_paper():
+    board = Path(__file__).parents[4] / "rigs" / "serial-board.toml"
+    paper = read_plan(Path("paper"))
+    stated = paper.model_copy(update={"settings": paper.settings | {"depth_m": 0.002}})
+    trials = planned_trials(on_rig(stated, board), Path())
+    assert {trial.settings.depth for trial in trials} == {0.002}

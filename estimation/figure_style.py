@@ -1,14 +1,13 @@
-"""Style of all figures: widths, fonts, lines, titles, reduction of samples, and file formats."""
+"""Style of all figures: widths, fonts, lines, and reduction of samples."""
 
 from __future__ import annotations
 
 import contextlib
-import warnings
 from collections.abc import Iterator, Sequence
 from contextvars import ContextVar
+from io import BytesIO
 from itertools import pairwise
-from pathlib import Path
-from typing import IO, Any, Literal
+from typing import Any, Literal
 
 import matplotlib as mpl
 import numpy as np
@@ -19,31 +18,38 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from numpy.typing import NDArray
 
 from estimation.compiled import Floats
-from teleop.files import new_file
-from teleop.names import WidthName
-from teleop.printable import printable
 
-WIDTHS: dict[WidthName, float] = {"screen": 8.0, "single": 3.5, "double": 7.16, "a4": 6.3}
+WIDTHS: dict[str, float] = {"screen": 8.0, "single": 3.5, "double": 7.16, "a4": 6.3}
 """Widths of figures [in]: screen, one and two columns of an IEEE paper, text width of A4."""
-FONTS: dict[WidthName, float] = {"screen": 10.0, "single": 7.0, "double": 8.0, "a4": 9.0}
+FONTS: dict[str, float] = {"screen": 10.0, "single": 7.0, "double": 8.0, "a4": 9.0}
 """Sizes of text [pt]."""
-CHOSEN: ContextVar[WidthName] = ContextVar("CHOSEN", default="screen")
+CHOSEN: ContextVar[str] = ContextVar("CHOSEN", default="screen")
 """Name of the width for which figures are drawn at present, see `figure_style`."""
 NARROW = 5.0
 """Width below which a figure has one column of panels [in]."""
-FILES: Any = {"pdf.fonttype": 42, "svg.fonttype": "none"}
-"""Settings of matplotlib: Type 42 fonts in PDF files, and text stored as text in SVG files."""
 LINES: tuple[dict[str, Any], ...] = (
-    {"color": "#0072B2", "linewidth": 2.4, "alpha": 0.55},
-    {"color": "#D55E00", "linewidth": 1.2},
+    {"color": "#0072B2", "linewidth": 2.4, "alpha": 0.75},
+    {"color": "#D55E00", "linewidth": 1.2, "marker": "o", "markevery": (0.02, 0.17)},
     {"color": "#000000", "linewidth": 1.0, "linestyle": (0, (4, 2))},
-    {"color": "#009E73", "linewidth": 1.2, "linestyle": (0, (6, 1.5, 1, 1.5))},
-    {"color": "#CC79A7", "linewidth": 1.4, "linestyle": (0, (1, 1.2))},
+    {
+        "color": "#009E73",
+        "linewidth": 1.2,
+        "linestyle": (0, (6, 1.5, 1, 1.5)),
+        "marker": "^",
+        "markevery": (0.08, 0.17),
+    },
+    {
+        "color": "#CC79A7",
+        "linewidth": 1.4,
+        "linestyle": (0, (1, 1.2)),
+        "marker": "s",
+        "markevery": (0.14, 0.17),
+    },
 )
-"""Line styles that differ in colour (palette of Okabe and Ito), width and dashes."""
+"""Line styles that differ in colour (palette of Okabe and Ito), width, dashes and markers."""
+MARKER_SIZE = 4.0
+"""Size of the markers [pt]."""
 BLUE, ORANGE, GREY, PROFILE = "#0072B2", "#D55E00", "#555555", "#8C8C8C"
-LONGEST_TITLE = 120
-"""Largest number of characters of a title; a longer title leaves no room for the figure."""
 NO_ESTIMATE = "no estimate: no contact or no motion"
 """Text in axes of estimates if no estimator was updated."""
 BINS = 1000
@@ -51,10 +57,11 @@ BINS = 1000
 
 
 class PageFigure(Figure):
-    """A figure that is drawn once when it is saved.
+    """A figure that is drawn once when it is saved, and that a notebook shows.
 
     `Figure.savefig` draws a figure with constrained layout twice. Only the layout of the first
-    drawing is used, so only the layout is computed.
+    drawing is used, so only the layout is computed. A notebook shows the figure also if
+    matplotlib.pyplot was not imported.
     """
 
     def draw(self, renderer: RendererBase) -> None:
@@ -65,9 +72,14 @@ class PageFigure(Figure):
         else:
             super().draw(renderer)
 
+    def _repr_png_(self) -> bytes:
+        file = BytesIO()
+        self.savefig(file, format="png", dpi=100)
+        return file.getvalue()
+
 
 @contextlib.contextmanager
-def figure_style(width: WidthName = "screen") -> Iterator[None]:
+def figure_style(width: str = "screen") -> Iterator[None]:
     """Within the block, draw figures for a width: for a screen, columns of a paper, or A4."""
     font = FONTS[width]
     parameters: Any = {
@@ -106,15 +118,8 @@ def is_narrow() -> bool:
 
 def line(index: int) -> dict[str, Any]:
     """Return the style of the line with an index; the styles repeat after five lines."""
-    style = LINES[index % len(LINES)]
-    return style | {"linewidth": style["linewidth"] * (0.65 if is_narrow() else 1.0)}
-
-
-def plain(text: str) -> str:
-    """Return a text for a figure: shortened, with escapes for control characters and `$`."""
-    shown = printable(" ".join(text.split()))
-    shown = shown if len(shown) <= LONGEST_TITLE else f"{shown[: LONGEST_TITLE - 4]} ..."
-    return shown.replace("$", r"\$")
+    style, scale = LINES[index % len(LINES)], 0.65 if is_narrow() else 1.0
+    return style | {"linewidth": style["linewidth"] * scale, "markersize": MARKER_SIZE * scale}
 
 
 def draw(axes: Axes, t: Floats, values: Floats, **style: Any) -> None:
@@ -242,36 +247,3 @@ def tidy(axes: Axes, grid: Literal["both", "y"] = "both") -> None:
     """Draw a light grid for these axes, and no border above and to the right."""
     axes.grid(axis=grid, alpha=0.25, linewidth=0.6)
     axes.spines[["top", "right"]].set_visible(False)
-
-
-def save(figure: Figure, path: Path, overwrite: bool = False) -> None:
-    """Write a figure to a file, in the format that the extension of the file selects.
-
-    Parameters
-    ----------
-    figure
-        The figure.
-    path
-        The file.
-    overwrite
-        Whether to overwrite an existing file.
-
-    Raises
-    ------
-    InputError
-        The file cannot be written, or exists and may not be overwritten.
-    """
-    with new_file(path, overwrite) as file:
-        render(figure, file, dpi=300 if is_small(figure) else 150, format=path.suffix[1:].lower())
-
-
-def is_small(figure: Figure) -> bool:
-    """Return whether a figure is for print, which needs more pixels per inch than a screen."""
-    return bool(figure.get_figwidth() < WIDTHS["screen"])
-
-
-def render(figure: Figure, file: IO[Any], **options: Any) -> None:
-    """Write a figure to an open file, without warnings about characters missing in the font."""
-    with warnings.catch_warnings(), mpl.rc_context(FILES):
-        warnings.filterwarnings("ignore", "Glyph .* missing from font")
-        figure.savefig(file, **options)

@@ -12,10 +12,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from estimation import Estimates
 from estimation.compiled import Floats
-from estimation.estimator import LEVEL_95
-from teleop.output.figure_style import (
+from estimation.estimator import LEVEL_95, Estimates
+from estimation.figure_style import (
     BLUE,
     LINES,
     NO_ESTIMATE,
@@ -27,7 +26,6 @@ from teleop.output.figure_style import (
     limits,
     line,
     new_figure,
-    plain,
     shade,
     tidy,
 )
@@ -36,8 +34,10 @@ TOGETHER = len(LINES)
 """Largest number of estimators in one panel. If there are more, each has panels of its own."""
 START = 0.1
 """Share of the time, at the start, that is not used to compute the limits of an axis."""
-TRUTH: dict[str, Any] = {"color": "#009E73", "linewidth": 1.0, "linestyle": (0, (2, 2))}
+TRUTH: dict[str, Any] = {"color": "#444444", "linewidth": 0.9, "linestyle": (0, (10, 3))}
 """Style of the true values of the simulated rig."""
+MOTION: dict[str, Any] = {"color": PROFILE, "linewidth": 0.7, "alpha": 0.55}
+"""Style of displacement and velocity."""
 
 
 class Truth(NamedTuple):
@@ -108,14 +108,14 @@ def estimates_figure(
         for axes in panels:
             explain(axes, NO_ESTIMATE)
             axes.set_yticks([])
-    panels[0].set_title(plain(title), loc="left")
+    panels[0].set_title(title, loc="left")
     for axes, label in zip(panels, labels, strict=True):
         axes.set_ylabel(label)
     handles, names = panels[0].get_legend_handles_labels()
     if np.isfinite(shown[first].k_half).any():
         handles.append(Patch(facecolor=BLUE, alpha=0.12))
         names.append(f"95 % interval of {first}")
-    handles.append(Line2D([], [], color=PROFILE, linewidth=0.8))
+    handles.append(Line2D([], [], **MOTION))
     names.append("motion (right axis)")
     if 0 < len(missing) < len(shown):
         handles.append(Line2D([], [], linestyle="none"))
@@ -196,7 +196,7 @@ def small_multiples(
     if truth:
         handles.append(Line2D([], [], **TRUTH))
         names.append("true values")
-    figure.suptitle(plain(title), x=0.01, ha="left")
+    figure.suptitle(title, x=0.01, ha="left")
     legend(figure, handles, names, "lower")
     return figure
 
@@ -263,7 +263,7 @@ def interval(axes: Axes, t: Floats, values: Floats, half: Floats) -> None:
 def profile(axes: Axes, t: Floats, values: Floats, label: str) -> None:
     """Draw displacement or velocity as a thin grey line on a second axis, behind the estimates."""
     twin = axes.twinx()
-    draw(twin, t, values, color=PROFILE, linewidth=0.8, alpha=0.8)
+    draw(twin, t, values, **MOTION)
     twin.set_ylabel(label, color=PROFILE)
     twin.tick_params(axis="y", colors=PROFILE)
     twin.spines["top"].set_visible(False)

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from estimation import Estimates, Fit, Regression
 from estimation.compiled import Floats
-from estimation.metrics import predicted_force
-from teleop.output.figure_style import (
+from estimation.conditioning import Regression
+from estimation.estimator import Estimates
+from estimation.figure_style import (
     GREY,
     NO_ESTIMATE,
     ORANGE,
@@ -20,9 +20,10 @@ from teleop.output.figure_style import (
     legend,
     limits,
     new_figure,
-    plain,
     tidy,
 )
+from estimation.least_squares import Fit
+from estimation.metrics import predicted_force
 
 MEASURED: dict[str, Any] = {"color": GREY, "linewidth": 1.6, "alpha": 0.5}
 PREDICTED: dict[str, Any] = {"color": ORANGE, "linewidth": 0.9, "linestyle": (0, (4, 2))}
@@ -70,7 +71,7 @@ def force_figure(
     over_x.plot(x[shown], f[shown], label="measured", **MEASURED)
     if np.isfinite(fit.residual).any():
         over_x.plot(x[shown], (f - fit.residual)[shown], label=LEAST_SQUARES, **MODEL)
-    over_t.set_title(plain(title), loc="left")
+    over_t.set_title(title, loc="left")
     over_t.set_ylabel("force [N]")
     over_t.tick_params(labelbottom=False)
     error.set_ylabel("error [N]")

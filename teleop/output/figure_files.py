@@ -1,0 +1,59 @@
+"""Text of figures that may come from a user, and the files of figures."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+from typing import IO, Any
+
+import matplotlib as mpl
+from matplotlib.figure import Figure
+
+from estimation.figure_style import WIDTHS
+from teleop.files import new_file
+from teleop.printable import printable
+
+LONGEST_TITLE = 120
+"""Largest number of characters of a title; a longer title leaves no room for the figure."""
+FILES: Any = {"pdf.fonttype": 42, "svg.fonttype": "none"}
+"""Settings of matplotlib: Type 42 fonts in PDF files, and text stored as text in SVG files."""
+
+
+def plain(text: str) -> str:
+    """Return a text for a figure: shortened, with escapes for control characters and `$`."""
+    shown = printable(" ".join(text.split()))
+    shown = shown if len(shown) <= LONGEST_TITLE else f"{shown[: LONGEST_TITLE - 4]} ..."
+    return shown.replace("$", r"\$")
+
+
+def save(figure: Figure, path: Path, overwrite: bool = False) -> None:
+    """Write a figure to a file, in the format that the extension of the file selects.
+
+    Parameters
+    ----------
+    figure
+        The figure.
+    path
+        The file.
+    overwrite
+        Whether to overwrite an existing file.
+
+    Raises
+    ------
+    InputError
+        The file cannot be written, or exists and may not be overwritten.
+    """
+    with new_file(path, overwrite) as file:
+        render(figure, file, dpi=300 if is_small(figure) else 150, format=path.suffix[1:].lower())
+
+
+def is_small(figure: Figure) -> bool:
+    """Return whether a figure is for print, which needs more pixels per inch than a screen."""
+    return bool(figure.get_figwidth() < WIDTHS["screen"])
+
+
+def render(figure: Figure, file: IO[Any], **options: Any) -> None:
+    """Write a figure to an open file, without warnings about characters missing in the font."""
+    with warnings.catch_warnings(), mpl.rc_context(FILES):
+        warnings.filterwarnings("ignore", "Glyph .* missing from font")
+        figure.savefig(file, **options)

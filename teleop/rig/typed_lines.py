@@ -1,0 +1,41 @@
+"""Lines that a person types while a loop runs, read without blocking the loop."""
+
+from __future__ import annotations
+
+import os
+import select
+
+LARGEST = 4096
+"""Largest number of bytes that are read at once."""
+
+
+class TypedLines:
+    """Reads complete lines from standard input. In the background of a terminal, it reads nothing.
+
+    Parameters
+    ----------
+    descriptor
+        File descriptor of the input.
+    """
+
+    def __init__(self, descriptor: int = 0) -> None:
+        self._descriptor = descriptor
+        self._ended = False
+        self._rest = b""
+
+    def read(self) -> list[str]:
+        """Return the lines that were typed since the last call; empty after the end of input."""
+        if self._ended:
+            return []
+        try:
+            if not select.select((self._descriptor,), (), (), 0.0)[0] or self._in_background():
+                return []
+            data = os.read(self._descriptor, LARGEST)
+        except (OSError, ValueError):  # closed, or a terminal that was closed
+            data = b""
+        self._ended = not data
+        *lines, self._rest = (self._rest + data).split(b"\n")
+        return [line.decode(errors="replace") for line in lines]
+
+    def _in_background(self) -> bool:
+        return os.isatty(self._descriptor) and os.tcgetpgrp(self._descriptor) != os.getpgrp()

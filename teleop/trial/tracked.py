@@ -1,0 +1,28 @@
+"""Tracking of the target in a trial of the condition mimic."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from teleop.errors import InputError
+from teleop.evaluation.tracking import tracking
+from teleop.recording.recording import Recording
+from teleop.trial.settings import TrialSettings
+from teleop.trial.settings_json import from_document
+
+
+def tracking_of(recording: Recording, settings: TrialSettings) -> dict[str, Any] | None:
+    """Return the tracking of a recorded trial, see `Trial.tracking`."""
+    if settings.condition != "mimic" or "target" not in recording.columns:
+        return None
+    t, target, position = (recording[name] for name in ("time", "target", "slave_position"))
+    found = tracking(t, target, position, settings.target.frequency)
+    return found and found._asdict()
+
+
+def recorded_tracking(recording: Recording) -> dict[str, Any] | None:
+    """Return the tracking of a recorded trial; None for other conditions and older recordings."""
+    try:
+        return tracking_of(recording, from_document(recording.settings))
+    except InputError:
+        return None

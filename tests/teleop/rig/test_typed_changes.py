@@ -1,0 +1,69 @@
+"""Changes of the emulated palpation that a person types."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from drivers.rig_file import read_rig_file
+from sim_backend.wire.mechanism import PUT_BACK, Mechanism
+from teleop.errors import InputError
+from teleop.rig.emulation import Palpation
+from teleop.rig.typed_lines import TypedLines
+from teleop.trial.settings import TrialSettings
+
+BOARD = Path(__file__).parents[3] / "rigs" / "serial-board.toml"
+
+
+@pytest.mark.parametrize(
+    ("line", "expected"),
+    [
+        ("mimic medium", ("mimic", "medium")),
+        ("hard", ("free", "hard")),
+        (" autonomous\r", ("autonomous", "soft")),
+    ],
+)
+def test_a_line_changes_what_it_names(line, expected):
+    changed = Palpation(TrialSettings()).changed(line).settings
+    assert (changed.condition, changed.cube) == expected
+
+
+@pytest.mark.parametrize("line", ["", "liver", "mimic liver"])
+def test_a_line_with_another_word_is_refused(line):
+    with pytest.raises(InputError, match=r"expected a condition \(free, mimic, autonomous, any\)"):
+        Palpation(TrialSettings()).changed(line)
+
+
+def test_complete_lines_are_read_without_waiting():
+    output, source = os.pipe()
+    typed = TypedLines(output)
+    assert typed.read() == []
+    os.write(source, b"mimic\nhar")
+    assert typed.read() == ["mimic"]
+    os.write(source, b"d\n")
+    assert typed.read() == ["hard"]
+    os.close(source)
+    assert typed.read() == []
+    os.close(output)
+    assert typed.read() == []
+
+
+def test_a_telemanipulator_is_exchanged_when_the_drives_are_disabled():
+    now = [0.0]
+    file = read_rig_file(BOARD)
+    mechanism = Mechanism(file, Palpation(TrialSettings()).rig, lambda: now[0])
+    hard = Palpation(TrialSettings(cube="hard")).rig
+    soft = mechanism.rig.plant.slave.cube
+    mechanism.drive("slave", 0.0)
+    mechanism.exchange(hard)
+    mechanism.advance()
+    assert mechanism.rig.plant.slave.cube == soft
+    mechanism.brake("slave")
+    now[0] += 1.1 * PUT_BACK
+    mechanism.advance()
+    assert mechanism.rig.plant.slave.cube == TrialSettings(cube="hard").setup.cube
+    mechanism.exchange(Palpation(TrialSettings()).rig)
+    mechanism.advance()
+    assert mechanism.rig.plant.slave.cube == soft

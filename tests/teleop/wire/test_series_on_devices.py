@@ -1,0 +1,202 @@
+"""The paper's series on emulated devices, with keys typed in a terminal, and killed."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import random
+import re
+import select
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections import Counter
+from pathlib import Path
+
+import pytest
+
+from drivers.rig_file import read_rig_file
+from sim_backend.wire.emulator import host_file
+from teleop.recording.recording import load_intact
+from teleop.rig.emulation import make_emulator
+from teleop.studies.series.journal import Journal
+from teleop.trial.settings import TrialSettings
+
+pty = pytest.importorskip("pty", reason="there are no pseudo-terminals on this system")
+
+BOARD = Path(__file__).parents[3] / "rigs" / "serial-board.toml"
+SHORT = """
+name = "short"
+order = "listed"
+prompt = "Place the {cube} cube. Condition {condition}."
+[factors]
+condition = ["autonomous", "free"]
+cube = ["soft", "medium"]
+[settings]
+duration_s = 1.5
+estimators = ["rls"]
+"""
+
+
+class Series:
+    """`teleop series` in a new terminal."""
+
+    def __init__(self, folder, *arguments):
+        pid, self.terminal = pty.fork()
+        if not pid:
+            os.chdir(folder)
+            os.execv(sys.executable, [sys.executable, "-m", "teleop", "series", *arguments])
+        self.pid, self.text = pid, ""
+
+    def wait_until(self, pattern):
+        """Return the text up to a pattern; None if the command ends before it."""
+        while not (found := re.search(pattern, self.text, re.DOTALL)):
+            try:
+                data = os.read(self.terminal, 4096)
+            except OSError:
+                data = b""
+            if not data:
+                return None
+            self.text += data.decode(errors="replace")
+        text, self.text = self.text[: found.end()], self.text[found.end() :]
+        return text
+
+    def type(self, line):
+        os.write(self.terminal, line.encode() + b"\n")
+
+    def end(self):
+        self.wait_until("no further text")
+        _, status = os.waitpid(self.pid, 0)
+        os.close(self.terminal)
+        return os.waitstatus_to_exitcode(status)
+
+
+class Emulated:
+    """`teleop rig emulate`, in which a person types what is palpated."""
+
+    def __init__(self, folder):
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "teleop", "rig", "emulate", BOARD],
+            cwd=folder,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+        )
+        self.wait_until("run against it")
+
+    def wait_until(self, text):
+        for line in self.process.stdout:
+            if text in line:
+                return
+        pytest.fail("the emulator ended")
+
+    def place(self, condition, cube):
+        self.process.stdin.write(f"{condition} {cube}\n")
+        self.process.stdin.flush()
+        self.wait_until(f"{condition}, {cube} cube")
+
+
+@pytest.fixture
+def emulator(tmp_path):
+    (tmp_path / "plan.toml").write_text(SHORT)
+    made = Emulated(tmp_path)
+    yield made
+    made.process.send_signal(signal.SIGTERM)
+    made.process.communicate(timeout=20)
+
+
+def test_a_series_on_devices_is_run_with_keys_and_ends_in_table_and_figures(emulator, tmp_path):
+    keys = {(2, 1): "r", (2, 2): "s", (4, 1): "q"}  # by trial and number of the prompt
+    prompts, armed, codes = Counter(), Counter(), []
+    for _ in range(2):
+        series = Series(tmp_path, "plan.toml", "--rig", "run.toml", "--out", "study")
+        while prompt := series.wait_until(r"r repeats the last one, q quits\."):
+            number, cube, condition = re.search(
+                r"trial (\d) of 4: Place the (\w+) cube\. Condition (\w+)", prompt
+            ).groups()
+            emulator.place(condition, cube)
+            trial = int(number)
+            prompts[trial] += 1
+            key = keys.get((trial, prompts[trial]), "")
+            series.type(key)
+            if not key:
+                armed[trial, re.search(r"board: \w+, \w+, depth [\d.]+ mm", prompt)[0]] += 1
+                assert series.wait_until(r"Enter for none\."), series.text
+                series.type("a note")
+        codes.append(series.end())
+    assert codes == [0, 0]
+    assert armed.keys() == {
+        (1, "board: autonomous, soft, depth 10.3 mm"),
+        (3, "board: free, soft, depth 15.5 mm"),
+        (4, "board: free, medium, depth 6.5 mm"),
+    }
+    assert armed[1, "board: autonomous, soft, depth 10.3 mm"] >= 2
+    with (tmp_path / "study" / "trials.csv").open(newline="") as file:
+        rows = [*csv.DictReader(file)]
+    assert [row["cube"] for row in rows] == ["soft", "soft", "medium"]
+    assert all(row["note"] == "a note" for row in rows)
+    for row in rows:
+        kept = load_intact(tmp_path / "study" / "recordings" / row["file"])
+        assert kept.settings["specimen"] == row["cube"]
+    compared = subprocess.run(
+        [sys.executable, "-m", "teleop", "compare", "study", "--out", "study/table.tex",
+         "--plot", "study/figure.pdf", "--json"],
+        cwd=tmp_path, capture_output=True, text=True,
+    )  # fmt: skip
+    assert compared.returncode == 0, compared.stderr
+    assert json.loads(compared.stdout)
+    assert r"\toprule" in (tmp_path / "study" / "table.tex").read_text()
+    assert (tmp_path / "study" / "figure.pdf").stat().st_size
+
+
+@pytest.fixture
+def served(tmp_path):
+    """An emulator in a thread of this process; its rig file is run.toml."""
+    rig = read_rig_file(BOARD)
+    emulator = make_emulator(rig, TrialSettings(condition="autonomous"), tmp_path)
+    (tmp_path / "run.toml").write_text(host_file(rig, tmp_path))
+    stop = threading.Event()
+    with emulator:
+        thread = threading.Thread(target=emulator.serve, args=(stop.is_set,))
+        thread.start()
+        yield emulator
+        stop.set()
+        thread.join()
+
+
+def test_a_killed_series_stops_the_devices_and_is_resumed_with_nothing_lost(served, tmp_path):
+    plan = SHORT.replace(', "free"', "").replace("1.5", "3.0")
+    (tmp_path / "plan.toml").write_text(plan)
+    command = [sys.executable, "-m", "teleop", "series", "plan.toml", "--rig", "run.toml",
+               "--yes", "--out", "study"]  # fmt: skip
+    chance, kept = random.Random(2), {}
+    for _ in range(3):
+        series = subprocess.Popen(
+            command, cwd=tmp_path, stdin=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+        )
+        while not served.mechanism.driven and series.poll() is None:
+            select.select((), (), (), 0.01)
+        time.sleep(chance.uniform(0.0, 2.0))
+        series.kill()
+        series.wait()
+        time.sleep(0.5)
+        assert not served.mechanism.driven
+        assert abs(served.mechanism.measurement.slave_velocity) < 1e-6
+        assert all(path.read_bytes() == content for path, content in kept.items())
+        recordings = (tmp_path / "study" / "recordings").glob("*.mcap")
+        kept = {path: path.read_bytes() for path in recordings}
+    done = subprocess.run(
+        command, cwd=tmp_path, stdin=subprocess.DEVNULL, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    assert all(path.read_bytes() == content for path, content in kept.items())
+    journal = Journal(tmp_path / "study")
+    assert [result["trial"] for result in journal.results()] == [1, 2]
+    started = [entry["file"] for entry in journal.entries if entry["entry"] == "started"]
+    for path in kept:
+        assert path.name in started
+        assert load_intact(path) is not None
