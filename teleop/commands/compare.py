@@ -107,7 +107,7 @@ def compare(
     from teleop.printable import print_error
     from teleop.studies.anova import check_available
     from teleop.studies.recordings import known_factors, sources, usual_factors
-    from teleop.trial.result import recorded_tracking
+    from teleop.trial.tracked import recorded_tracking
 
     if anova:
         check_available()

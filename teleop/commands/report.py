@@ -88,7 +88,8 @@ def report(
         summary = {**settings_summary(settings), **evaluation.summary()}
     link = os.path.relpath(file.resolve(), page.resolve().parent)
     truth = truth_of(recording)
-    tracking = recorded_tracking(recording) if recording else None
+    found = recorded_tracking(recording) if recording else None
+    tracking = found and found._asdict()
     text = report_page(file.name, evaluation, summary, recording, truth, link, tracking)
     write_text(page, text, overwrite)
     if json:

@@ -15,7 +15,6 @@ from estimation.presentation import Presented
 from estimation.presets import GATE
 from estimation.summary import summarise
 from teleop.errors import InputError
-from teleop.evaluation.tracking import Tracking, tracking
 from teleop.recording.gaps import gap_rows, missing_text
 from teleop.recording.recording import Recording
 from teleop.recording.sinks import Outcome
@@ -25,6 +24,7 @@ from teleop.safety.soft_limits import ACCELERATION, FORCE, POSITION, VELOCITY
 from teleop.trial.metadata import estimated_channels
 from teleop.trial.settings import TrialSettings
 from teleop.trial.settings_json import from_document
+from teleop.trial.tracked import tracking_of
 
 if TYPE_CHECKING:
     import pandas
@@ -180,7 +180,7 @@ class Trial(Presented):
 
         None if the condition is not mimic, or if the target moved for less than two periods.
         """
-        found = recorded_tracking(self.recording)
+        found = tracking_of(self.recording, self.settings)
         return found and found._asdict()
 
     def summary(self) -> dict[str, Any]:
@@ -274,18 +274,6 @@ def recorded_truth(recording: Recording) -> dict[str, float] | None:
     except InputError:
         return None
     return truth(settings, float(np.max(np.abs(recording["slave_position"]), initial=0.0)))
-
-
-def recorded_tracking(recording: Recording) -> Tracking | None:
-    """Return the tracking of a recorded trial; None if it is not mimic or the target is short."""
-    if recording.settings.get("condition") != "mimic":
-        return None
-    try:
-        frequency = from_document(recording.settings).target.frequency
-        target, position = recording["target"], recording["slave_position"]
-        return tracking(recording["time"], target, position, frequency)
-    except InputError:  # of an older version, without a target
-        return None
 
 
 def safety_summary(active: Recording, fault: dict[str, Any] | None) -> dict[str, Any]:

@@ -2,25 +2,22 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from teleop.errors import InputError
-from teleop.evaluation.tracking import tracking
+from teleop.evaluation.tracking import Tracking, tracking
 from teleop.recording.recording import Recording
 from teleop.trial.settings import TrialSettings
 from teleop.trial.settings_json import from_document
 
 
-def tracking_of(recording: Recording, settings: TrialSettings) -> dict[str, Any] | None:
+def tracking_of(recording: Recording, settings: TrialSettings) -> Tracking | None:
     """Return the tracking of a recorded trial, see `Trial.tracking`."""
     if settings.condition != "mimic" or "target" not in recording.columns:
         return None
     t, target, position = (recording[name] for name in ("time", "target", "slave_position"))
-    found = tracking(t, target, position, settings.target.frequency)
-    return found and found._asdict()
+    return tracking(t, target, position, settings.target.frequency)
 
 
-def recorded_tracking(recording: Recording) -> dict[str, Any] | None:
+def recorded_tracking(recording: Recording) -> Tracking | None:
     """Return the tracking of a recorded trial; None for other conditions and older recordings."""
     try:
         return tracking_of(recording, from_document(recording.settings))
