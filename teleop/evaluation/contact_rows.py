@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from estimation.baseline import cosines
+from estimation.baseline import baseline_regressors
 from estimation.compiled import Floats
 from teleop.evaluation.phases import Phases
 from teleop.evaluation.prepared import Prepared
@@ -45,13 +45,15 @@ class Rows:
         x = record.x[self.rows] if len(self.rows) else np.zeros(1)
         self.origin = 0.5 * float(x.min() + x.max())
         self.scale = max(0.5 * float(np.ptp(x)), 1e-12)
-        self.basis = cosines(record.clock[self.rows], 0.0, float(record.clock[-1]), self.order)
+        seconds = float(record.clock[-1])
+        self.basis = baseline_regressors(record.clock[self.rows], 0.0, seconds, self.order)
         self.f = record.f[self.rows]
         depth = np.clip(self.normalised(record.raw_x), -1.5, 1.5)
         self.powers = [record.smoothed(depth**n)[self.rows] for n in DEGREES]
-        self.sharp_x, self.sharp_v = record.sharpened(record.x), record.sharpened(record.v)
+        sharp_x = record.sharpened(record.x)
+        self.sharp_x = np.clip(sharp_x, record.raw_x.min(), record.raw_x.max())
+        self.sharp_v = record.sharpened(record.v)
         self.fine = np.flatnonzero(phases.usable)
-        self.contacts = np.flatnonzero(np.diff(self.fine, prepend=-2) > 1)
         self.fine_x, self.fine_v = self.sharp_x[self.fine], self.sharp_v[self.fine]
         self.fine_powers = self.normalised(self.fine_x)[:, None] ** np.arange(1, DEGREES[-1] + 1)
 
@@ -83,21 +85,13 @@ class Rows:
 
     def allow(self, terms: int) -> bool:
         """Return whether there are enough samples for this many terms of the elastic force."""
-        return len(self.f) >= self.order + 2 + terms + SPARE
+        return len(self.f) >= self.v_column + 1 + terms + SPARE
 
-    def peak_spread(self, force: Floats) -> float:
-        """Return the standard deviation of the peak forces of the contacts [N].
-
-        It is 0 if there are fewer than three contacts.
-
-        Parameters
-        ----------
-        force
-            Elastic force at the usable samples [N].
-        """
-        if len(self.contacts) < 3:
-            return 0.0
-        return float(np.std(np.maximum.reduceat(force, self.contacts)))
+    @property
+    def cycles(self) -> float:
+        """Number of cycles of the palpation; infinite for a motion without cycles."""
+        frequency = self.record.frequency
+        return math.inf if math.isnan(frequency) else frequency * float(self.record.clock[-1])
 
     @cached_property
     def scaled_powers(self) -> Floats:
@@ -145,4 +139,4 @@ class Rows:
     @property
     def v_column(self) -> int:
         """Index of the velocity among the regressors."""
-        return self.order + 1
+        return self.basis.shape[1]

@@ -101,7 +101,7 @@ def local_stiffness(
     b, b_std = averaged(weights, [(one.b, one.b_std) for one in found])
     best = min(found, key=lambda one: one.bic)
     rest = robust_fit(rows.basis, rows.f).residual
-    slow = rows.basis[:, 1:] @ best.theta[1 : rows.order + 1]
+    slow = rows.basis[:, 1:] @ best.theta[1 : rows.v_column]
     return LocalStiffness(
         k,
         k_std,
