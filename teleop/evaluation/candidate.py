@@ -128,7 +128,7 @@ def evaluate(
     s_top = (rows.fine_x[top] - rows.origin) / rows.scale
     top_slope = float(powers * s_top ** (powers - 1) @ coefficients) / rows.scale
     force_std = 0.5 * math.hypot(
-        top_slope * rows.record.count / math.sqrt(12.0), rows.phases.free_spread
+        top_slope * rows.record.count / math.sqrt(12.0), rows.phases.free_error
     )
     range_doubt = force_std * curvature / (k or 1e-300)
     smoothing = FINEST * k if times else 0.0
