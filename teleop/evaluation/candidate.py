@@ -124,7 +124,7 @@ def evaluate(
     elastic[first : first + degree] = s**powers
     total = gradient + curvature / (k or 1e-300) * (force_effect - elastic)
     slopes = rows.scaled_powers[:, :degree] * powers @ coefficients / rows.scale
-    rounding = rows.rounding_error(np.vstack([total, damping]) @ fit.inverse * slopes)
+    rounding = rows.rounding_error(np.vstack([total, damping]) @ fit.inverse, slopes)
     s_top = (rows.fine_x[top] - rows.origin) / rows.scale
     top_slope = float(powers * s_top ** (powers - 1) @ coefficients) / rows.scale
     force_std = 0.5 * math.hypot(

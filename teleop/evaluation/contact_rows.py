@@ -99,29 +99,27 @@ class Rows:
         depth = np.clip(self.normalised(self.record.x[self.rows]), -1.5, 1.5)
         return np.asarray(depth[:, None] ** np.arange(DEGREES[-1]))
 
-    def rounding_error(self, sensitivity: Floats) -> Floats:
-        """Return standard deviations of parameters due to the resolution of the position.
+    def rounding_error(self, to_force: Floats, slopes: Floats) -> Floats:
+        """Return standard deviations of parameters due to the resolution of position and force.
 
-        The rounding error of the position, of the size count / sqrt(12), is the same whenever the
-        position has the same count: throughout a hold, and in every cycle. No average over these
-        samples makes it smaller.
+        The rounding error is the same whenever the channel has the same count: throughout a hold,
+        and in every cycle. No average over these samples makes it smaller.
 
         Parameters
         ----------
-        sensitivity
-            Change of m parameters with the position of each of the n rows, shape (m, n).
+        to_force
+            Change of m parameters with the force of each of the n rows, shape (m, n).
+        slopes
+            Change of the force with the position at each row [N/m], shape (n,).
 
         Returns
         -------
         Array of shape (m,).
         """
-        count = self.record.count
-        if count == 0.0:
-            return np.zeros(len(sensitivity))
-        counts = np.round(self.record.raw_x[self.rows] / count)
-        _, level = np.unique(counts, return_inverse=True)
-        sums = np.array([np.bincount(level, row) for row in sensitivity])
-        return np.asarray(count / math.sqrt(12.0) * np.sqrt(np.sum(sums**2, axis=1)))
+        record = self.record
+        position = summed_by_count(to_force * slopes, record.raw_x[self.rows], record.count)
+        force = summed_by_count(to_force, record.raw_f[self.rows], record.f_count)
+        return np.hypot(record.count / math.sqrt(12.0) * position, record.f_rounding * force)
 
     def regressors(self, degree: int, relaxing: list[Floats]) -> Floats:
         """Return baseline, velocity, powers of the position and relaxing parts, shape (n, m)."""
@@ -140,3 +138,26 @@ class Rows:
     def v_column(self) -> int:
         """Index of the velocity among the regressors."""
         return self.basis.shape[1]
+
+
+def summed_by_count(sensitivity: Floats, values: Floats, count: float) -> Floats:
+    """Return the root of the sum of squares, over counts, of the sensitivity summed at each count.
+
+    Parameters
+    ----------
+    sensitivity
+        Change of m parameters with each of n values, shape (m, n).
+    values
+        Measured values, shape (n,).
+    count
+        Resolution of the values; the result is 0 if it is 0.
+
+    Returns
+    -------
+    Array of shape (m,).
+    """
+    if count == 0.0:
+        return np.zeros(len(sensitivity))
+    _, level = np.unique(np.round(values / count), return_inverse=True)
+    sums = np.array([np.bincount(level, row) for row in sensitivity])
+    return np.asarray(np.sqrt(np.sum(sums**2, axis=1)))
