@@ -14,16 +14,17 @@ The candidate models are
 - b is the coefficient of the velocity.
 
 Each candidate is fitted to the smoothed samples by linear least squares. The candidates are
-weighted by the Bayesian information criterion; one that does not determine k is left out. The
-variance of the weighted mean is the variance of
-each candidate (`estimation.robust_error`) plus the spread between candidates, so that uncertainty
-about the model widens the interval.
+weighted by the Bayesian information criterion; one that does not determine k is left out. With these
+weights the candidates form a mixture of normal distributions, each with the standard deviation of
+its candidate (`estimation.robust_error`). The result is the median of the mixture, and its interval
+contains 95 % of the mixture, so that uncertainty about the model widens it. An unlikely candidate
+does not: the variance of the mixture would be too large by its distance squared.
 
 References
 ----------
 Y. C. Fung, "Biomechanics: mechanical properties of living tissues", 2nd ed., Springer, 1993
-(chapter 7, quasi-linear viscoelasticity); S. T. Buckland, K. P. Burnham, N. H. Augustin, "Model
-selection: an integral part of inference", Biometrics 53(2), 1997 (the variance over models).
+(chapter 7, quasi-linear viscoelasticity); D. Turek, D. Fletcher, "Model-averaged
+Wald confidence intervals", Computational Statistics & Data Analysis 56(9), 2012.
 """
 
 from __future__ import annotations
@@ -56,7 +57,7 @@ HALVINGS = 60
 
 @dataclass(frozen=True)
 class LocalStiffness:
-    """Weighted mean of the candidates."""
+    """Median of the mixture of the candidates."""
 
     k: float
     """Stiffness [N/m]."""
