@@ -137,7 +137,7 @@ class Rows:
     @property
     def v_column(self) -> int:
         """Index of the velocity among the regressors."""
-        return self.basis.shape[1]
+        return int(self.basis.shape[1])
 
 
 def summed_by_count(sensitivity: Floats, values: Floats, count: float) -> Floats:

@@ -14,11 +14,11 @@ The candidate models are
 - b is the coefficient of the velocity.
 
 Each candidate is fitted to the smoothed samples by linear least squares. The candidates are
-weighted by the Bayesian information criterion; one that does not determine k is left out. With these
-weights the candidates form a mixture of normal distributions, each with the standard deviation of
-its candidate (`estimation.robust_error`). The result is the median of the mixture, and its interval
-contains 95 % of the mixture, so that uncertainty about the model widens it. An unlikely candidate
-does not: the variance of the mixture would be too large by its distance squared.
+weighted by the Bayesian information criterion; one that does not determine k is left out. With
+these weights the candidates form a mixture of normal distributions, each with the standard
+deviation of its candidate (`estimation.robust_error`). The result is the median of the mixture, and
+its interval contains 95 % of the mixture, so that uncertainty about the model widens it. An
+unlikely candidate does not: the variance of the mixture would be too large by its distance squared.
 
 References
 ----------
