@@ -1,14 +1,18 @@
 """Baselines: the part of a signal that is slower than the palpation.
 
-A baseline is a sum of the cosines cos(pi j (t - t0) / T), j = 0 ... m. Its highest frequency is
-m / (2 T). If these cosines are among the regressors of a fit, a slow drift of force and position
-does not affect the other parameters (Frisch and Waugh). The information in the slow part of the
-motion is lost.
+A baseline is a sum of the cosines cos(pi j (t - t0) / T), j = 0 ... m, and of a parabola. The
+highest frequency of the cosines is m / (2 T). Their slope is zero at both ends of the record; that
+of a drift is not, so that the coefficients of a drift decrease as 1 / j^2 only, and a part of it
+has the frequency of the palpation. The parabola takes up the slopes at the ends, and the
+coefficients of the rest decrease as 1 / j^4 (Lanczos). If these terms are among the regressors of a
+fit, a slow drift of force and position does not affect the other parameters (Frisch and Waugh). The
+information in the slow part of the motion is lost.
 
 References
 ----------
 R. Frisch, F. V. Waugh, "Partial time regressions as compared with individual trends",
-Econometrica 1(4), 1933.
+Econometrica 1(4), 1933; C. Lanczos, "Discourse on Fourier series", Oliver & Boyd, 1966 (convergence
+after the subtraction of a polynomial).
 """
 
 from __future__ import annotations
@@ -60,9 +64,29 @@ def cosines(t: Floats, start: float, seconds: float, order: int) -> Floats:
     return np.asarray(np.cos(np.pi / seconds * np.outer(t - start, np.arange(order + 1))))
 
 
+def baseline_regressors(t: Floats, start: float, seconds: float, order: int) -> Floats:
+    """Return the regressors of a baseline in a fit that has the palpation among its regressors.
+
+    Parameters
+    ----------
+    t, start, seconds, order
+        As in `cosines`.
+
+    Returns
+    -------
+    Array of shape (n, 1) if `order` is 0, else (n, order + 3): cosines, then the parabola.
+    """
+    columns = cosines(t, start, seconds, order)
+    if order == 0:
+        return columns
+    s = 2.0 * (t - start) / seconds - 1.0
+    return np.column_stack([columns, s, s**2])
+
+
 def without_baseline(values: Floats, t: Floats, order: int) -> Floats:
     """Return the values minus their least-squares baseline, shape (n,).
 
+    This baseline has no parabola, which would follow the palpation at the ends of the record.
     `t` are the times [s], shape (n,), and `order` is the result of `baseline_order`.
     """
     if order == 0:

@@ -11,8 +11,11 @@ e_i and f_i are means over blocks, which are longer than the correlation time of
 noise, and <> is a mean with exponentially decaying weights. The misfit is near 0 if the body has
 the present b and k, even with much noise, and 1 if the estimate does not explain the force at all.
 
-The error is linear in theta, so the mean needs only the products of successive block means. They
-are stored once for all estimators.
+If the force is linear in theta, so is the error, and the mean needs only the products of successive
+block means. They are stored once for all estimators. For the model of Hunt and Crossley, whose
+force is not linear in its exponent, the block means themselves are stored
+(`estimation.hunt_crossley_misfit`). Blocks older than `MEMORY` windows, which have less than 5 % of
+the weight, are left out there.
 
 References
 ----------
@@ -32,9 +35,12 @@ from numpy.typing import NDArray
 from estimation.compiled import Floats
 from estimation.conditioning import Regression
 from estimation.estimator import Estimate, Estimates, Estimator
+from estimation.hunt_crossley_misfit import RecentBlocks
 
 BLOCKS = 50
 """Number of blocks in the window. A block of 20 ms is longer than the correlation of the noise."""
+MEMORY = 3
+"""Number of windows for which block means are stored for the model of Hunt and Crossley."""
 LARGEST_MISFIT = 0.05
 """Misfit from which the model is reported not to explain the force.
 
@@ -49,8 +55,7 @@ class Misfit:
     Parameters
     ----------
     bank
-        The estimators by name. The misfit of an estimator whose force is not linear in its
-        parameters (Hunt-Crossley) is NaN.
+        The estimators by name.
     window
         Time constant of the weights [s]; one period of the palpation is a good choice.
 
@@ -67,6 +72,7 @@ class Misfit:
         self._block = window / BLOCKS
         self._further = [-1 if "n" in e.names else len(e.model.further) for e in bank.values()]
         self._size = 3 + max(0, *self._further)
+        self._recent = RecentBlocks(MEMORY * BLOCKS) if min(self._further) < 0 else None
         self.reset()
 
     def reset(self) -> None:
@@ -74,6 +80,8 @@ class Misfit:
         size = self._size
         self._begin_block()
         self._before: list[float] | None = None
+        if self._recent is not None:
+            self._recent.clear()
         self._products = [[0.0] * size for _ in range(size)]
         self._square = 0.0
         self.values = (math.nan,) * len(self._further)
@@ -177,9 +185,11 @@ class Misfit:
         span, before = self._span, self._before
         present = self._before = [total / span for total in self._sums]
         self._begin_block()
+        share = span / (self.window + span)
+        if self._recent is not None:
+            self._recent.add(present, 0.0 if before is None else share)
         if before is None:
             return False
-        share = span / (self.window + span)
         self._square += share * (present[0] * present[0] - self._square)
         for row, now in zip(self._products, present, strict=True):
             for j, last in enumerate(before):
@@ -187,9 +197,15 @@ class Misfit:
         return True
 
     def _misfit(self, b: float, k: float, further: Sequence[float], count: int) -> float:
-        """Return the misfit of an estimate whose model has `count` further parameters."""
-        if count < 0 or self._square <= 0.0:
+        """Return the misfit of an estimate.
+
+        Its model has `count` further regressors; -1 for the model of Hunt and Crossley.
+        """
+        if self._square <= 0.0:
             return math.nan
+        if count < 0 and self._recent is not None:
+            covariance = self._recent.autocovariance(further)
+            return math.sqrt(max(covariance, 0.0) / self._square)
         weights = (1.0, -b, -k, *[-value for value in further[:count]])
         covariance = 0.0
         for row, weight in zip(self._products, weights, strict=False):

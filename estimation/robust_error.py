@@ -8,6 +8,12 @@ of the first B cosine coefficients of u. The estimate has B degrees of freedom, 
 interval uses Student's t distribution with B degrees of freedom. The coverage of this interval is
 close to 95 %. The coverage of a Newey-West interval with normal quantiles often is not.
 
+The estimator assumes that the spectral density of u is the same at the first B cosines as at zero.
+For a periodic motion w oscillates with its frequency f0, so that u at zero is the residual at f0,
+and u at the frequency d is the residual at f0 - d and f0 + d. The B cosines reach half of f0 if B
+is the number of cycles. B is at most that: more cosines contain the residual near zero, where a
+baseline or friction is large.
+
 A fit follows samples of high leverage h, for example the few samples at the begin of a ramp that
 determine the damping, so that their residuals are too small. As in the HC2 estimator the residual e
 is replaced by e / sqrt(1 - h), whose variance is that of the noise if the noise is white.
@@ -54,7 +60,7 @@ class RobustFit(NamedTuple):
         """Diagonal of X (X' X)^-1 X', shape (n,)."""
         return np.asarray(np.einsum("ij,ji->i", self.regressors, self.inverse))
 
-    def deviation(self, gradient: Floats) -> float:
+    def deviation(self, gradient: Floats, cycles: float = math.inf) -> float:
         """Return the standard deviation of gradient' theta.
 
         It is scaled such that 1.96 times the returned value is the half width of the 95 %
@@ -64,12 +70,14 @@ class RobustFit(NamedTuple):
         ----------
         gradient
             Coefficients of the linear combination, shape (m,).
+        cycles
+            Number of cycles of a periodic motion in the n samples; infinite for other motions.
         """
         n, m = len(self.residual), len(self.theta)
         left_out = self.residual / np.sqrt(np.maximum(1.0 - self.leverage, SMALLEST))
         terms = (gradient @ self.inverse) * left_out
         terms = terms - terms.mean()
-        count = cosine_count(n - m)
+        count = cosine_count(n - m, cycles)
         sums = dct(terms)[1 : count + 1] / math.sqrt(2.0)
         quantile = float(stdtrit(count, 0.975)) / LEVEL_95
         ewc = float(np.mean(sums**2))
@@ -77,12 +85,17 @@ class RobustFit(NamedTuple):
         return quantile * math.sqrt(max(ewc, 0.25 * white))
 
 
-def cosine_count(freedom: int) -> int:
+def cosine_count(freedom: int, cycles: float = math.inf) -> int:
     """Return the number B of cosines of the EWC estimator of a variance.
 
-    `freedom` is the number of samples minus the number of parameters.
+    Parameters
+    ----------
+    freedom
+        Number of samples minus number of parameters.
+    cycles
+        Number of cycles of a periodic motion in the samples.
     """
-    return max(FEWEST_COSINES, int(0.41 * max(freedom, 1) ** (2.0 / 3.0)))
+    return max(FEWEST_COSINES, int(min(0.41 * max(freedom, 1) ** (2.0 / 3.0), cycles)))
 
 
 def robust_fit(regressors: Floats, f: Floats) -> RobustFit:

@@ -16,13 +16,12 @@ BAND = 0.08
 """Distance from half of the force range within which samples are used, relative to the range."""
 SLOPE_SAMPLES = 3
 """Least mean number of samples in a pass through half of the force range."""
-HALF_FORCE = 0.002
-"""Standard deviation of half of the force range, relative to the range."""
 
 FINEST = 0.0005
-"""Standard deviation of k due to the smoothing and the grid, relative to k.
+"""Standard deviation of the k of a relaxing body due to the smoothing and the grid, relative to k.
 
-It is the median error of k on synthetic records without noise (`estimation.testing_records`).
+It is the median error of k on synthetic records without noise (`estimation.testing_records`). A
+model without relaxing parts holds for the smoothed signals exactly.
 """
 
 
@@ -80,8 +79,19 @@ def evaluate(
         without = without + c * z[index]
     constant = float(theta[0])
     low, high = float(without.min()), float(without.max())
+    top, bottom = int(np.argmax(without)), int(np.argmin(without))
+
+    def effect(i: int) -> Floats:
+        """Derivative of the elastic force at a usable sample with respect to the parameters."""
+        found = np.zeros(m)
+        found[first:] = [*rows.fine_powers[i, :degree], *(z[index[i]] for z in relaxing)]
+        return found
+
+    force_effect = 0.5 * (effect(top) + effect(bottom))
     if rows.phases.free_force is not None:
         low = min(rows.phases.free_force - constant, high)
+        force_effect = 0.5 * effect(top)
+        force_effect[0] = -0.5
     force = 0.5 * (low + high)
     distance = np.abs(without - force)
     near = with_neighbours(rows.loading & (distance < BAND * (high - low)), index)
@@ -96,8 +106,8 @@ def evaluate(
     breaks = np.diff(index[near], prepend=index[near[0]]) > 1
     pass_of = np.cumsum(breaks, dtype=np.int_)
     along = gradient.copy()
-    at = index[near[int(np.argmin(distance[near]))]]
-    at = min(max(int(at), 1), len(sharp_x) - 2)
+    nearest = near[int(np.argmin(distance[near]))]
+    at = min(max(int(index[nearest]), 1), len(sharp_x) - 2)
     for j, z in enumerate(relaxing):
         gradient[first + degree + j] = loading_slope(x, v, z[index[near]], pass_of)
         step = sharp_x[at + 1] - sharp_x[at - 1]
@@ -109,22 +119,29 @@ def evaluate(
     bic = n * math.log(max(squares, 1e-300)) + (m + len(times)) * math.log(n)
     curvature = float(coefficients[1:] @ (powers[1:] * (powers[1:] - 1) * s ** (powers[1:] - 2)))
     k = float(gradient @ theta)
+    curvature /= rows.scale**2
+    elastic = effect(nearest)
+    elastic[first : first + degree] = s**powers
+    total = gradient + curvature / (k or 1e-300) * (force_effect - elastic)
     slopes = rows.scaled_powers[:, :degree] * powers @ coefficients / rows.scale
-    rounding = rows.rounding_error(np.vstack([gradient, damping]) @ fit.inverse * slopes)
-    range_doubt = (
-        math.hypot(HALF_FORCE * (high - low), 0.3 * rows.peak_spread(without))
-        * curvature
-        / rows.scale**2
-        / (k or 1e-300)
+    rounding = rows.rounding_error(np.vstack([total, damping]) @ fit.inverse, slopes)
+    s_top = (rows.fine_x[top] - rows.origin) / rows.scale
+    top_slope = float(powers * s_top ** (powers - 1) @ coefficients) / rows.scale
+    force_std = 0.5 * math.hypot(
+        top_slope * rows.record.count / math.sqrt(12.0), rows.phases.free_error
     )
+    range_doubt = force_std * curvature / (k or 1e-300)
+    smoothing = FINEST * k if times else 0.0
     return Candidate(
         degree,
         times,
         bic,
         k,
-        math.hypot(fit.deviation(gradient), range_doubt, path_doubt, rounding[0], FINEST * k),
+        math.hypot(
+            fit.deviation(total, rows.cycles), range_doubt, path_doubt, rounding[0], smoothing
+        ),
         float(theta[rows.v_column]),
-        math.hypot(fit.deviation(damping), rounding[1]),
+        math.hypot(fit.deviation(damping, rows.cycles), rounding[1]),
         math.sqrt(squares),
         position,
         force + constant,

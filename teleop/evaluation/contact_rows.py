@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from estimation.baseline import cosines
+from estimation.baseline import baseline_regressors
 from estimation.compiled import Floats
 from teleop.evaluation.phases import Phases
 from teleop.evaluation.prepared import Prepared
@@ -45,13 +45,15 @@ class Rows:
         x = record.x[self.rows] if len(self.rows) else np.zeros(1)
         self.origin = 0.5 * float(x.min() + x.max())
         self.scale = max(0.5 * float(np.ptp(x)), 1e-12)
-        self.basis = cosines(record.clock[self.rows], 0.0, float(record.clock[-1]), self.order)
+        seconds = float(record.clock[-1])
+        self.basis = baseline_regressors(record.clock[self.rows], 0.0, seconds, self.order)
         self.f = record.f[self.rows]
         depth = np.clip(self.normalised(record.raw_x), -1.5, 1.5)
         self.powers = [record.smoothed(depth**n)[self.rows] for n in DEGREES]
-        self.sharp_x, self.sharp_v = record.sharpened(record.x), record.sharpened(record.v)
+        sharp_x = record.sharpened(record.x)
+        self.sharp_x = np.clip(sharp_x, record.raw_x.min(), record.raw_x.max())
+        self.sharp_v = record.sharpened(record.v)
         self.fine = np.flatnonzero(phases.usable)
-        self.contacts = np.flatnonzero(np.diff(self.fine, prepend=-2) > 1)
         self.fine_x, self.fine_v = self.sharp_x[self.fine], self.sharp_v[self.fine]
         self.fine_powers = self.normalised(self.fine_x)[:, None] ** np.arange(1, DEGREES[-1] + 1)
 
@@ -83,21 +85,13 @@ class Rows:
 
     def allow(self, terms: int) -> bool:
         """Return whether there are enough samples for this many terms of the elastic force."""
-        return len(self.f) >= self.order + 2 + terms + SPARE
+        return len(self.f) >= self.v_column + 1 + terms + SPARE
 
-    def peak_spread(self, force: Floats) -> float:
-        """Return the standard deviation of the peak forces of the contacts [N].
-
-        It is 0 if there are fewer than three contacts.
-
-        Parameters
-        ----------
-        force
-            Elastic force at the usable samples [N].
-        """
-        if len(self.contacts) < 3:
-            return 0.0
-        return float(np.std(np.maximum.reduceat(force, self.contacts)))
+    @property
+    def cycles(self) -> float:
+        """Number of cycles of the palpation; infinite for a motion without cycles."""
+        frequency = self.record.frequency
+        return math.inf if math.isnan(frequency) else frequency * float(self.record.clock[-1])
 
     @cached_property
     def scaled_powers(self) -> Floats:
@@ -105,29 +99,27 @@ class Rows:
         depth = np.clip(self.normalised(self.record.x[self.rows]), -1.5, 1.5)
         return np.asarray(depth[:, None] ** np.arange(DEGREES[-1]))
 
-    def rounding_error(self, sensitivity: Floats) -> Floats:
-        """Return standard deviations of parameters due to the resolution of the position.
+    def rounding_error(self, to_force: Floats, slopes: Floats) -> Floats:
+        """Return standard deviations of parameters due to the resolution of position and force.
 
-        The rounding error of the position, of the size count / sqrt(12), is the same whenever the
-        position has the same count: throughout a hold, and in every cycle. No average over these
-        samples makes it smaller.
+        The rounding error is the same whenever the channel has the same count: throughout a hold,
+        and in every cycle. No average over these samples makes it smaller.
 
         Parameters
         ----------
-        sensitivity
-            Change of m parameters with the position of each of the n rows, shape (m, n).
+        to_force
+            Change of m parameters with the force of each of the n rows, shape (m, n).
+        slopes
+            Change of the force with the position at each row [N/m], shape (n,).
 
         Returns
         -------
         Array of shape (m,).
         """
-        count = self.record.count
-        if count == 0.0:
-            return np.zeros(len(sensitivity))
-        counts = np.round(self.record.raw_x[self.rows] / count)
-        _, level = np.unique(counts, return_inverse=True)
-        sums = np.array([np.bincount(level, row) for row in sensitivity])
-        return np.asarray(count / math.sqrt(12.0) * np.sqrt(np.sum(sums**2, axis=1)))
+        record = self.record
+        position = summed_by_count(to_force * slopes, record.raw_x[self.rows], record.count)
+        force = summed_by_count(to_force, record.raw_f[self.rows], record.f_count)
+        return np.hypot(record.count / math.sqrt(12.0) * position, record.f_rounding * force)
 
     def regressors(self, degree: int, relaxing: list[Floats]) -> Floats:
         """Return baseline, velocity, powers of the position and relaxing parts, shape (n, m)."""
@@ -145,4 +137,27 @@ class Rows:
     @property
     def v_column(self) -> int:
         """Index of the velocity among the regressors."""
-        return self.order + 1
+        return int(self.basis.shape[1])
+
+
+def summed_by_count(sensitivity: Floats, values: Floats, count: float) -> Floats:
+    """Return the root of the sum of squares, over counts, of the sensitivity summed at each count.
+
+    Parameters
+    ----------
+    sensitivity
+        Change of m parameters with each of n values, shape (m, n).
+    values
+        Measured values, shape (n,).
+    count
+        Resolution of the values; the result is 0 if it is 0.
+
+    Returns
+    -------
+    Array of shape (m,).
+    """
+    if count == 0.0:
+        return np.zeros(len(sensitivity))
+    _, level = np.unique(np.round(values / count), return_inverse=True)
+    sums = np.array([np.bincount(level, row) for row in sensitivity])
+    return np.asarray(np.sqrt(np.sum(sums**2, axis=1)))

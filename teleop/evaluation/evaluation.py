@@ -38,6 +38,7 @@ from teleop.evaluation.contact_bank import ContactBank, contact_at
 from teleop.evaluation.datum import Datum, find_datum, moving_part
 from teleop.evaluation.estimate_settings import EstimateSettings
 from teleop.evaluation.force_filter import without_filter_delay
+from teleop.evaluation.kept_variance import kept_variance
 from teleop.evaluation.model_comparison import compare
 from teleop.evaluation.model_comparison import cost as sample_cost
 from teleop.evaluation.sampling_gaps import closed_up
@@ -81,7 +82,7 @@ class Evaluation(Presented):
     analysis: Analysis
     """The batch evaluation."""
     kept_force_variance: float
-    """Share of the variance of the force that the conditioning keeps."""
+    """Share of the variance of the force that the conditioning keeps, from 0 to 1."""
     filter_note: str
     """How the delay of a stated force filter was compensated, or why not; empty for none."""
     gaps: tuple[tuple[float, float], ...] = ()
@@ -274,6 +275,6 @@ def evaluate(signals: Signals, settings: EstimateSettings) -> Evaluation:
         misfit=misfit.run(regression, estimates, bank.opened),
         analysis=analysis,
         filter_note=note,
-        kept_force_variance=float(np.var(f) / max(float(np.var(signals.f[used])), 1e-300)),
+        kept_force_variance=kept_variance(signals.f, whole.f, used, bandwidth * period),
         gaps=tuple((float(signals.t[i - 1]), float(signals.t[i])) for i in gaps),
     )

@@ -19,6 +19,8 @@ TRAVEL = 4.0
 """Travel at one force level that counts as free motion, relative to what the stiffness allows."""
 LAG = 1.5
 """Safety factor on the travel at a peak of the force, which precedes the peak of the position."""
+SHORTEST, FEWEST = 3, 8
+"""Least number of samples at exactly the highest force in one cycle, and in all, that count."""
 
 
 def levels(
@@ -106,9 +108,10 @@ def clipped(record: Prepared) -> bool:
     count = smallest_step(f)
     least = TRAVEL * count * float(np.std(record.palpation)) / max(float(np.std(f)), 1e-300)
     least = max(least, 20.0 * record.x_noise)
+    at_rest = 0
     for start, end in runs(f == f.max()):
-        if end - start >= 8 and continued(x, start, end, True) > least:
+        if end - start >= SHORTEST and continued(x, start, end, True) > least:
             around = np.concatenate([f[max(0, 2 * start - end) : start], f[end : 2 * end - start]])
             if len(around) and f.max() - around.min() > 0.02 * np.ptp(f):
-                return True
-    return False
+                at_rest += end - start
+    return at_rest >= FEWEST

@@ -14,27 +14,31 @@ The candidate models are
 - b is the coefficient of the velocity.
 
 Each candidate is fitted to the smoothed samples by linear least squares. The candidates are
-weighted by the Bayesian information criterion; one that does not determine k is left out. The
-variance of the weighted mean is the variance of
-each candidate (`estimation.robust_error`) plus the spread between candidates, so that uncertainty
-about the model widens the interval.
+weighted by the Bayesian information criterion; one that does not determine k is left out. With
+these weights the candidates form a mixture of normal distributions, each with the standard
+deviation of its candidate (`estimation.robust_error`). The result is the median of the mixture, and
+its interval contains 95 % of the mixture, so that uncertainty about the model widens it. An
+unlikely candidate does not: the variance of the mixture would be too large by its distance squared.
 
 References
 ----------
 Y. C. Fung, "Biomechanics: mechanical properties of living tissues", 2nd ed., Springer, 1993
-(chapter 7, quasi-linear viscoelasticity); S. T. Buckland, K. P. Burnham, N. H. Augustin, "Model
-selection: an integral part of inference", Biometrics 53(2), 1997 (the variance over models).
+(chapter 7, quasi-linear viscoelasticity); D. Turek, D. Fletcher, "Model-averaged
+Wald confidence intervals", Computational Statistics & Data Analysis 56(9), 2012.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.signal import lfilter
+from scipy.special import ndtr
 
 from estimation.compiled import Floats
+from estimation.estimator import LEVEL_95
 from estimation.robust_error import robust_fit
 from teleop.evaluation.candidate import Candidate, evaluate
 from teleop.evaluation.contact_rows import DEGREES, Rows
@@ -45,11 +49,15 @@ TIMES = 10
 """Number of relaxation time constants tried, from 4 kernel widths to twice the record's length."""
 REFINEMENTS = 3
 """Number of times that the step of log tau is halved about the best time constant."""
+LARGEST_SCORE = 10.0
+"""Distance from its mean beyond which a normal distribution is 0, in standard deviations."""
+HALVINGS = 60
+"""Number of bisections; the result is accurate to rounding errors."""
 
 
 @dataclass(frozen=True)
 class LocalStiffness:
-    """Weighted mean of the candidates."""
+    """Median of the mixture of the candidates."""
 
     k: float
     """Stiffness [N/m]."""
@@ -101,7 +109,7 @@ def local_stiffness(
     b, b_std = averaged(weights, [(one.b, one.b_std) for one in found])
     best = min(found, key=lambda one: one.bic)
     rest = robust_fit(rows.basis, rows.f).residual
-    slow = rows.basis[:, 1:] @ best.theta[1 : rows.order + 1]
+    slow = rows.basis[:, 1:] @ best.theta[1 : rows.v_column]
     return LocalStiffness(
         k,
         k_std,
@@ -178,18 +186,39 @@ def model_weights(found: list[Candidate]) -> Floats:
 
 
 def averaged(weights: Floats, values: list[tuple[float, float]]) -> tuple[float, float]:
-    """Return the weighted mean of values, and its standard deviation including their spread.
+    """Return the median of a mixture of normal distributions, and its half width over 1.96.
+
+    95 % of the mixture lie within the half width about the median.
 
     Parameters
     ----------
     weights
         Weights that sum to 1, shape (m,).
     values
-        The m values with their standard deviations.
+        Means of the m normal distributions with their standard deviations.
     """
     value, std = np.array(values).T
-    mean = float(weights @ value)
-    return mean, math.sqrt(float(weights @ (std**2 + (value - mean) ** 2)))
+    std = np.maximum(std, 1e-12 * np.max(np.abs(value)) + 1e-300)
+
+    def share(x: float) -> float:
+        """Share of the mixture below x."""
+        return float(weights @ ndtr((x - value) / std))
+
+    span = float(np.ptp(value)) + LARGEST_SCORE * float(std.max())
+    median = crossing(share, 0.5, float(value.min()) - span, float(value.max()) + span)
+    half = crossing(lambda h: share(median + h) - share(median - h), 0.95, 0.0, 2.0 * span)
+    return median, half / LEVEL_95
+
+
+def crossing(function: Callable[[float], float], level: float, low: float, high: float) -> float:
+    """Return where an increasing function reaches a level, by bisection between two arguments."""
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        if function(middle) < level:
+            low = middle
+        else:
+            high = middle
+    return 0.5 * (low + high)
 
 
 def relaxing_part(record: Prepared, y: Floats, tau: float) -> Floats:

@@ -82,6 +82,8 @@ class Phases:
     """Force out of contact [N]; None if the record is in contact throughout."""
     free_spread: float
     """Standard deviation of the smoothed force out of contact [N]."""
+    free_error: float
+    """The same without the samples that the smoothing mixes with contact [N]."""
     contact_point: Interval | None
     """Position at which contact begins [m]; None if the record has no approach."""
     saturated: bool
@@ -100,9 +102,11 @@ def find_phases(record: Prepared) -> Phases:
     guard = max(1, round(GUARD * record.width / record.period))
     contact = np.ones(len(x), dtype=np.bool_)
     free_force = point = None
-    spread = 0.0
+    spread = error = 0.0
     if free is not None:
         free_force, spread = float(np.median(f[free])), float(np.std(f[free]))
+        inner = eroded(free, guard)
+        error = float(np.std(f[inner])) if inner.any() else spread
         contact = hysteresis(f - free_force, 0.5 * width, width)
         contact = without_short(contact, 2 * guard)
         point = contact_point(record, contact, free_force, width)
@@ -110,7 +114,8 @@ def find_phases(record: Prepared) -> Phases:
     ends = [*record.starts, len(usable)]
     for end in ends if usable.sum() > SHORT * guard * len(ends) else ends[1:-1]:
         usable[max(0, end - guard) : end + guard] = False
-    return Phases(contact, usable, free_force, spread, point, saturated, split(record, contact))
+    parts = split(record, contact)
+    return Phases(contact, usable, free_force, spread, error, point, saturated, parts)
 
 
 def contact_point(

@@ -11,6 +11,7 @@ follows the displacement (`estimation.coherent_band`).
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -23,7 +24,7 @@ from estimation.coherent_band import CoherentBand, block_means, coherent_band
 from estimation.compiled import Floats
 from estimation.smoothing import kernel_width, slope, smooth
 from teleop.evaluation.signals import Signals
-from teleop.evaluation.smallest_step import smallest_step
+from teleop.evaluation.smallest_step import repeated_rounding, smallest_step
 from teleop.evaluation.turning_points import turning_points
 
 CORNER = 5.0
@@ -63,6 +64,10 @@ class Prepared:
     """Standard deviation of the noise of the measured force [N]."""
     count: float
     """Resolution of the position: its smallest step [m]; 0 if it never changes."""
+    f_count: float
+    """Resolution of the force: its smallest step [N]; 0 if it never changes."""
+    f_rounding: float
+    """Standard deviation of the rounding error of the force that repeats with the force [N]."""
 
     @cached_property
     def clock(self) -> Floats:
@@ -163,7 +168,8 @@ def prepare(signals: Signals, bandwidth: float | None = None, force_lag: float =
     corner = bandwidth or min(CORNER * band.high, 0.2 / period)
     width = kernel_width(corner)
     length = max(1, int(width / period / FINENESS))
-    x_noise, f_noise = (measurement_noise(channel) / np.sqrt(length) for channel in longest[1:])
+    x_noise, f_noise = (measurement_noise(channel) for channel in longest[1:])
+    f_count = smallest_step(signals.f)
     step = smallest_step(longest[1]) / np.sqrt(12.0 * length)
     grid: list[list[Floats]] = [[] for _ in range(6)]
     starts = [0]
@@ -187,9 +193,11 @@ def prepare(signals: Signals, bandwidth: float | None = None, force_lag: float =
         width,
         band,
         tuple(starts[:-1]),
-        x_noise=max(x_noise, step),
-        f_noise=f_noise,
+        x_noise=max(x_noise / math.sqrt(length), step),
+        f_noise=f_noise / math.sqrt(length),
         count=smallest_step(signals.x),
+        f_count=f_count,
+        f_rounding=repeated_rounding(f_count, f_noise),
     )
 
 

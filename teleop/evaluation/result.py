@@ -207,9 +207,12 @@ def reasons_after_fit(local: LocalStiffness, half_k: float, phases: Phases) -> l
         ]
     if half_k > WIDEST * abs(local.k) or local.k < 0.0:
         where = "" if phases.free_force is None else " in contact"
+        why = "no contact, noise, or too little motion"
+        if local.r2 > POOR and local.best.degree > 1:
+            why = "it depends on depth or time; `phases` in --json has the slope of each loading"
         return [
             f"the force does not follow the displacement well enough{where}: stiffness "
-            f"{local.k:.4g} \u00b1 {half_k:.2g} N/m (no contact, noise, or too little motion)"
+            f"{local.k:.4g} \u00b1 {half_k:.2g} N/m ({why})"
         ]
     return []
 

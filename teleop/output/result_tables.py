@@ -34,7 +34,7 @@ def print_result(summary: Mapping[str, Any], name: str) -> None:
             f"(95 % interval {low * 1e3:.4g} to {high * 1e3:.4g})"
         )
     kept = summary["kept_force_variance"]
-    console.print(f"  conditioning keeps {kept:.0%} of the force variance")
+    console.print(f"  the filter of the online estimators keeps {kept:.0%} of the force variance")
     if summary.get("material"):
         print_material(summary["material"])
 

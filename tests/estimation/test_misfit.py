@@ -71,6 +71,21 @@ def test_bouncing_on_a_rigid_stop_is_flagged():
     assert misfits(x, f + noise(1, 0.02)).min() > 0.5
 
 
+@pytest.mark.parametrize("names", [("hc_double", "rls"), ("hc_log", "rls")])
+@pytest.mark.parametrize("seed", range(3))
+def test_hunt_crossley_fits_its_own_body_and_kelvin_voigt_does_not(names, seed):
+    f = 4e5 * X**1.8 * (1.0 + 2.0 * V) + noise(seed, 0.02)
+    hunt_crossley, kelvin_voigt = misfits(X, f, names=names).T
+    assert hunt_crossley[2000:].max() < LARGEST_MISFIT
+    assert kelvin_voigt.min() > LARGEST_MISFIT
+
+
+@pytest.mark.parametrize("name", ["hc_double", "hc_log"])
+def test_hunt_crossley_is_flagged_on_a_rigid_stop(name):
+    x, f = bouncing(0)
+    assert misfits(x + 7e-3, f + noise(1, 0.02), names=(name,)).min() > 0.2
+
+
 def test_a_relaxing_body_is_flagged():
     decay = math.exp(-1.0 / (0.2 * RATE))
     relaxing = lfilter([1.0, -1.0], [1.0, -decay], X)
@@ -92,7 +107,6 @@ def test_one_sample_at_a_time_gives_the_same_misfit():
         values = one.update(*sample, 1.0 / RATE, (), present, is_open)
         expected = [series[i] for series in whole.values()]
         np.testing.assert_array_equal(values, expected)
-    assert math.isnan(values[2])  # Hunt-Crossley is not linear in its parameters
 
 
 def test_the_misfit_is_held_without_contact():

@@ -14,6 +14,8 @@ from teleop.errors import InputError
 from teleop.evaluation.analysis import analyse
 from teleop.evaluation.estimate_settings import EstimateSettings
 from teleop.evaluation.evaluation import evaluate
+from teleop.evaluation.force_levels import clipped
+from teleop.evaluation.prepared import prepare
 from teleop.evaluation.result import Result
 from teleop.evaluation.signals import Signals, periods
 from teleop.evaluation.smallest_step import smallest_step
@@ -107,3 +109,12 @@ def test_a_position_that_never_changes_is_refused_even_with_the_rest():
     signals = Signals(T, np.full(len(T), 1e-3), X, periods(T), "position")
     with pytest.raises(InputError, match="nothing moves"):
         evaluate(signals, EstimateSettings(whole=True))
+
+
+def test_a_clipped_sensor_is_found_where_a_cycle_has_few_samples_at_the_limit():
+    t = np.arange(2000) / 100.0
+    x = 1e-3 * np.sin(2.0 * np.pi * 2.9 * t)
+    f = 5.0 + 500.0 * x + np.random.default_rng(0).normal(0.0, 2e-3, len(t))
+    limited = np.minimum(f, np.percentile(f, 80.0))  # at most 6 samples in a cycle
+    assert not clipped(prepare(Signals(t, x, f, periods(t), "position")))
+    assert clipped(prepare(Signals(t, x, limited, periods(t), "position")))
