@@ -275,6 +275,6 @@ def evaluate(signals: Signals, settings: EstimateSettings) -> Evaluation:
         misfit=misfit.run(regression, estimates, bank.opened),
         analysis=analysis,
         filter_note=note,
-        kept_force_variance=kept_variance(signals.f, whole.f, used, bandwidth * period),
+        kept_force_variance=kept_variance(signals.f, regression.f, used, bandwidth * period),
         gaps=tuple((float(signals.t[i - 1]), float(signals.t[i])) for i in gaps),
     )

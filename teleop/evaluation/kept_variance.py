@@ -26,15 +26,17 @@ def kept_variance(
 
     Parameters
     ----------
-    raw, conditioned
-        The signal as measured, and conditioned, each of shape (n,).
+    raw
+        The signal as measured, shape (n,).
+    conditioned
+        The conditioned signal at the samples that are used, shape (m,).
     used
-        Indices of the samples that are compared, shape (m,).
+        Index in `raw` of each sample that is used, shape (m,).
     bandwidth
         Bandwidth of the conditioning [cycles per sample].
     """
-    used = used[:: max(1, len(used) // MOST_SAMPLES)]
-    kept = conditioned[used]
+    step = max(1, len(used) // MOST_SAMPLES)
+    used, kept = used[::step], conditioned[::step]
     delays = np.unique(np.linspace(0.0, LONGEST_DELAY / bandwidth, DELAYS).round().astype(np.intp))
     removed = min(float(np.var(raw[np.maximum(used - d, 0)] - kept)) for d in delays)
     variance = float(np.var(kept))
