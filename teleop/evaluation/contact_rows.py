@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimation.baseline import cosines
+from estimation.baseline_fit import BaselineFits
 from estimation.compiled import Floats
+from estimation.robust_error import RobustFit
 from teleop.evaluation.phases import Phases
 from teleop.evaluation.prepared import Prepared
 
@@ -129,12 +131,15 @@ class Rows:
         sums = np.array([np.bincount(level, row) for row in sensitivity])
         return np.asarray(count / math.sqrt(12.0) * np.sqrt(np.sum(sums**2, axis=1)))
 
-    def regressors(self, degree: int, relaxing: list[Floats]) -> Floats:
-        """Return baseline, velocity, powers of the position and relaxing parts, shape (n, m)."""
-        record, rows = self.record, self.rows
-        parts = [self.basis, record.v[rows, None], np.column_stack(self.powers[:degree])]
-        parts += [z[rows, None] for z in relaxing]
-        return np.concatenate(parts, axis=1)
+    @cached_property
+    def fits(self) -> BaselineFits:
+        """Fits of the force to the baseline and further regressors."""
+        return BaselineFits(self.basis, self.f)
+
+    def fit(self, degree: int, relaxing: list[Floats]) -> RobustFit:
+        """Fit the force to baseline, velocity, powers of the position and relaxing parts."""
+        columns = [self.record.v[self.rows], *self.powers[:degree]]
+        return self.fits.fit(np.column_stack([*columns, *(z[self.rows] for z in relaxing)]))
 
     @cached_property
     def loading(self) -> NDArray[np.bool_]:
