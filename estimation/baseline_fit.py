@@ -97,10 +97,8 @@ class Inverse:
         size = len(self.baseline.to_theta)
         slow = gradients[..., :size] @ self.baseline.to_theta
         own = gradients[..., size:] - slow @ self.along
-        product: Floats = own @ self.own.inverse
-        if slow.any():
-            product = product + slow @ self.baseline.orthogonal.T
-        return product
+        product = own @ self.own.inverse
+        return np.asarray(product + slow @ self.baseline.orthogonal.T if slow.any() else product)
 
 
 class FitWithBaseline(RobustFit):

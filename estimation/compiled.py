@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from estimation.own_copies import called_functions, own_copy
+from estimation.own_copies import called_functions, calls, own_copy, used_globals
 from estimation.records import to_record, update_from
 from estimation.step import State, Step, below
 
@@ -161,6 +161,46 @@ def compiled(step: Step, regressors: int) -> Callable[..., None]:
     loop.__module__ = __name__
     loop.__qualname__ = f"{step.__module__}.{step.__name__}.{regressors}.{digest}"
     return numba.njit(cache=True, error_model="numpy")(loop)
+
+
+def looped(
+    loop: Callable[..., None],
+    constants: tuple[float, ...],
+    inputs: tuple[Floats, ...],
+    outputs: tuple[Floats, ...],
+) -> None:
+    """Call a loop over n samples, interpreted or compiled, with identical results to the bit.
+
+    Parameters
+    ----------
+    loop
+        Function of the constants, the inputs and the outputs, which it fills. It obeys the rules of
+        a step (`estimation.step`).
+    constants
+        Numbers.
+    inputs, outputs
+        Arrays, each of shape (n,).
+    """
+    if choice.is_compiled(len(outputs[0])):
+        compiled_loop(loop)(*constants, *inputs, *outputs)
+        return
+    lists: list[list[float]] = [[0.0] * len(output) for output in outputs]
+    loop(*constants, *(column.tolist() for column in inputs), *lists)
+    for output, values in zip(outputs, lists, strict=True):
+        output[:] = values
+
+
+@cache
+def compiled_loop(loop: Callable[..., None]) -> Callable[..., None]:
+    """Return a compiled copy of a loop over samples."""
+    import numba
+
+    called = {name: own_copy(value, numba.njit) for name, value in calls(loop).items()}
+    copy = FunctionType(loop.__code__, {**used_globals(loop), **called})
+    copy.__module__ = __name__
+    digest = hashlib.sha256(package_source().encode()).hexdigest()[:16]
+    copy.__qualname__ = f"{loop.__module__}.{loop.__name__}.{digest}"
+    return numba.njit(cache=True, error_model="numpy")(copy)
 
 
 @cache

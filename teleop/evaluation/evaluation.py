@@ -256,7 +256,6 @@ def evaluate(signals: Signals, settings: EstimateSettings) -> Evaluation:
     estimates = bank.run(*regression)
     misfit = Misfit(bank) if given else Misfit(bank, 1.0 / frequency)
     measure = Excitation(frequency, resolution=10.0 * count)
-    excitation = [measure.update(*sample) for sample in zip(x, v, dt, strict=True)]
     period = float(np.median(dt))
     first, *_, last = np.arange(len(signals.t))[motion]
     gaps = [i for i in signals.gaps if first < i <= last]
@@ -272,7 +271,7 @@ def evaluate(signals: Signals, settings: EstimateSettings) -> Evaluation:
         rate=1.0 / period,
         jitter=float(np.max(np.abs(np.delete(dt, apart) - period))) / period,
         samples=len(signals.t),
-        excitation=np.array(excitation),
+        excitation=measure.run(x, v, dt),
         misfit=misfit.run(regression, estimates, bank.opened),
         analysis=analysis,
         filter_note=note,
