@@ -90,15 +90,17 @@ class Inverse:
     @property
     def leverage(self) -> Floats:
         """Diagonal of Z (Z' Z)^-1 Z', shape (n,)."""
-        return self.baseline.leverage + self.own.leverage
+        return np.asarray(self.baseline.leverage + self.own.leverage)
 
     def __rmatmul__(self, gradients: Floats) -> Floats:
         """Return the product of gradients, shape (p + m,) or (r, p + m), and this operator."""
         size = len(self.baseline.to_theta)
         slow = gradients[..., :size] @ self.baseline.to_theta
         own = gradients[..., size:] - slow @ self.along
-        product = own @ self.own.inverse
-        return np.asarray(product + slow @ self.baseline.orthogonal.T if slow.any() else product)
+        product = np.asarray(own @ self.own.inverse)
+        if slow.any():
+            product += slow @ self.baseline.orthogonal.T
+        return product
 
 
 class FitWithBaseline(RobustFit):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -42,13 +43,18 @@ class Columns:
     the first sample (start), at the mean of the motion, or given as in 1.5mm,20N. Default: the
     contact point if the data begin or end without contact, and otherwise the mean."""
 
-    def read(self, file: Path) -> tuple[Signals, Recording | None]:
+    def read(
+        self, file: Path, is_wanted: Callable[[str], bool] = bool
+    ) -> tuple[Signals, Recording | None]:
         """Read position, force and time from a file.
 
         Parameters
         ----------
         file
             A recording of `teleop run`, or a file of another program.
+        is_wanted
+            Function that returns whether a column of a recording is read, by its name. The default
+            is every column.
 
         Returns
         -------
@@ -82,7 +88,7 @@ class Columns:
                 raise InputError(
                     f"{file}: --{option} is for a table; a recorded trial has its own columns"
                 )
-        recording = load(file)
+        recording = load(file, is_wanted)
         return recorded_signals(recording), recording
 
     def wanted(self) -> Wanted:

@@ -12,6 +12,14 @@ from teleop.evaluation.signals import Signals
 from teleop.evaluation.units import LARGEST
 from teleop.recording.recording import Recording
 
+NEEDED = ("time", "dt", "dropped", "x", "paired_position", "paired_force", "paired_dt")
+"""Columns that an evaluation of a recorded trial needs."""
+
+
+def is_replayed(column: str) -> bool:
+    """Return whether `recorded_signals`, `agrees` or the true values need a column."""
+    return column in (*NEEDED, "slave_position") or column.endswith(("_b", "_k"))
+
 
 def recorded_signals(recording: Recording) -> Signals:
     """Return the samples of a recorded trial before conditioning.
