@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from estimation.machine_code import machine_code
 from estimation.own_copies import called_functions, calls, own_copy, used_globals
 from estimation.records import to_record, update_from
 from estimation.step import State, Step, below
@@ -160,7 +161,7 @@ def compiled(step: Step, regressors: int) -> Callable[..., None]:
     loop = FunctionType(_template.__code__, known)
     loop.__module__ = __name__
     loop.__qualname__ = f"{step.__module__}.{step.__name__}.{regressors}.{digest}"
-    return numba.njit(cache=True, error_model="numpy")(loop)
+    return machine_code(loop)
 
 
 def looped(
@@ -200,7 +201,7 @@ def compiled_loop(loop: Callable[..., None]) -> Callable[..., None]:
     copy.__module__ = __name__
     digest = hashlib.sha256(package_source().encode()).hexdigest()[:16]
     copy.__qualname__ = f"{loop.__module__}.{loop.__name__}.{digest}"
-    return numba.njit(cache=True, error_model="numpy")(copy)
+    return machine_code(copy)
 
 
 @cache

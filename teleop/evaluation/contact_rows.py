@@ -19,6 +19,12 @@ DEGREES = (1, 2, 3, 4, 5)
 """Degrees of the polynomial that are tried."""
 STEADY = 0.01
 """Standard deviation of a steady force out of contact, at most, relative to the force range."""
+MOST_ROWS = 20_000
+"""Approximate largest number of samples in a fit, at equal distances.
+
+It bounds the memory and the time for a record of more than about ten minutes, whose intervals are
+narrow anyway.
+"""
 SPARE = 6
 """Least number of samples minus number of parameters."""
 
@@ -38,9 +44,11 @@ class Rows:
         self.record, self.phases = record, phases
         rows = []
         edges = np.flatnonzero(np.diff(np.concatenate([[0], phases.usable.astype(np.int8), [0]])))
+        count = int(phases.usable.sum()) // record.stride
+        stride = record.stride * max(1, math.ceil(count / MOST_ROWS))
         for start, end in zip(edges[::2], edges[1::2], strict=True):
-            offset = ((end - start - 1) % record.stride) // 2
-            rows.append(np.arange(start + offset, end, record.stride))
+            offset = ((end - start - 1) % stride) // 2
+            rows.append(np.arange(start + offset, end, stride))
         self.rows: NDArray[np.intp] = np.concatenate(rows) if rows else np.zeros(0, dtype=np.intp)
         level = phases.free_force is not None and phases.free_spread < STEADY * np.ptp(record.f)
         self.order = record.order if baseline and not level else 0
