@@ -13,7 +13,7 @@ import numpy as np
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError, RecordLengthLimitExceeded
 from mcap.opcode import Opcode
-from mcap.records import Channel, Chunk, Message, Metadata, Schema
+from mcap.records import Channel, Chunk, McapRecord, Message, Metadata, Schema
 from mcap.stream_reader import CRCValidationError, StreamReader
 from numpy.typing import NDArray
 
@@ -139,6 +139,16 @@ def read_ticks(path: Path, contents: Contents) -> Iterator[NDArray[np.uint8]]:
         )
 
 
+class ReaderWithoutIndices(StreamReader):
+    """Reads all records except message indices, which take longer to parse than the ticks."""
+
+    def _read_record(self, opcode: int, length: int) -> McapRecord | None:
+        if opcode == Opcode.MESSAGE_INDEX:
+            self._stream.read(length)
+            return None
+        return super()._read_record(opcode, length)
+
+
 def read_records(file: BinaryIO, contents: Contents) -> Iterator[NDArray[np.uint8]]:
     """Read the records of a file up to the first damaged record, as `read_ticks` does.
 
@@ -149,7 +159,7 @@ def read_records(file: BinaryIO, contents: Contents) -> Iterator[NDArray[np.uint
     """
     channels: dict[int, Source] = {}
     bounded = BoundedFile(file)
-    reader = StreamReader(
+    reader = ReaderWithoutIndices(
         cast(BinaryIO, bounded),
         emit_chunks=True,
         validate_crcs=True,
