@@ -37,6 +37,7 @@ from teleop.evaluation.contact_bank import ContactBank, contact_at
 from teleop.evaluation.datum import Datum, find_datum, moving_part
 from teleop.evaluation.estimate_settings import EstimateSettings
 from teleop.evaluation.force_filter import without_filter_delay
+from teleop.evaluation.in_blocks import excitation_of, misfit_of
 from teleop.evaluation.model_comparison import compare
 from teleop.evaluation.model_comparison import cost as sample_cost
 from teleop.evaluation.sampling_gaps import closed_up
@@ -271,8 +272,8 @@ def evaluate(signals: Signals, settings: EstimateSettings) -> Evaluation:
         rate=1.0 / period,
         jitter=float(np.max(np.abs(np.delete(dt, apart) - period))) / period,
         samples=len(signals.t),
-        excitation=measure.run(x, v, dt),
-        misfit=misfit.run(regression, estimates, bank.opened),
+        excitation=excitation_of(measure, regression),
+        misfit=misfit_of(misfit, regression, estimates, bank),
         analysis=analysis,
         filter_note=note,
         kept_force_variance=float(np.var(f) / max(float(np.var(signals.f[used])), 1e-300)),
