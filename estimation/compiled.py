@@ -9,7 +9,7 @@ import hashlib
 import inspect
 import sys
 from collections.abc import Callable
-from functools import cache, partial
+from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 from types import FunctionType
@@ -18,7 +18,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from estimation.own_copies import called_functions, own_copy
+from estimation.machine_code import called_by_machine_code, machine_code
+from estimation.own_copies import called_functions, calls, own_copy, used_globals
 from estimation.records import to_record, update_from
 from estimation.step import State, Step, below
 
@@ -143,7 +144,6 @@ def compiled(step: Step, regressors: int) -> Callable[..., None]:
     regressors
         Number of regressors.
     """
-    import numba
     from numba.np.unsafe.ndarray import to_fixed_tuple
 
     # The key of numba's disk cache does not depend on called functions or on closures. So the
@@ -152,20 +152,53 @@ def compiled(step: Step, regressors: int) -> Callable[..., None]:
     modules = {function.__module__ for function in called_functions(step)}
     source = "".join(inspect.getsource(sys.modules[module]) for module in sorted(modules))
     digest = hashlib.sha256((source + package_source()).encode()).hexdigest()[:16]
-    # Only compiled code calls the step. Wrappers for other callers take a quarter of the time of
-    # the compilation.
-    njit: Any = partial(numba.njit, error_model="numpy", no_cfunc_wrapper=True)
-    inner = njit(no_cpython_wrapper=True)
     known = {
-        "_step": own_copy(step, inner, [(below, compiled_below())]),
+        "_step": own_copy(step, called_by_machine_code, [(below, compiled_below())]),
         "_regressors": regressors,
         "_to_fixed_tuple": to_fixed_tuple,
     }
     loop = FunctionType(_template.__code__, known)
     loop.__module__ = __name__
     loop.__qualname__ = f"{step.__module__}.{step.__name__}.{regressors}.{digest}"
-    finished: Callable[..., None] = njit(cache=True)(loop)
-    return finished
+    return machine_code(loop)
+
+
+def looped(
+    loop: Callable[..., None],
+    constants: tuple[float, ...],
+    inputs: tuple[Floats, ...],
+    outputs: tuple[Floats, ...],
+) -> None:
+    """Call a loop over n samples, interpreted or compiled, with identical results to the bit.
+
+    Parameters
+    ----------
+    loop
+        Function of the constants, the inputs and the outputs, which it fills. It obeys the rules of
+        a step (`estimation.step`).
+    constants
+        Numbers.
+    inputs, outputs
+        Arrays, each of shape (n,).
+    """
+    if choice.is_compiled(len(outputs[0])):
+        compiled_loop(loop)(*constants, *inputs, *outputs)
+        return
+    lists: list[list[float]] = [[0.0] * len(output) for output in outputs]
+    loop(*constants, *(column.tolist() for column in inputs), *lists)
+    for output, values in zip(outputs, lists, strict=True):
+        output[:] = values
+
+
+@cache
+def compiled_loop(loop: Callable[..., None]) -> Callable[..., None]:
+    """Return a compiled copy of a loop over samples."""
+    called = {name: own_copy(value, called_by_machine_code) for name, value in calls(loop).items()}
+    copy = FunctionType(loop.__code__, {**used_globals(loop), **called})
+    copy.__module__ = __name__
+    digest = hashlib.sha256(package_source().encode()).hexdigest()[:16]
+    copy.__qualname__ = f"{loop.__module__}.{loop.__name__}.{digest}"
+    return machine_code(copy)
 
 
 @cache

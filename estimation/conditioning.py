@@ -102,13 +102,16 @@ class Conditioner(ABC):
             The shapes differ, a value is not finite, or a `dt` is not positive.
         """
         samples = checked_samples(x, x, f, dt)
-        position = samples.phi[:, 1].tolist()
-        rows = zip(position, samples.f.tolist(), samples.dt.tolist(), strict=True)
+        return self._condition_all(samples.phi[:, 1].copy(), samples.f, samples.dt)
+
+    def _condition_all(self, x: Floats, f: Floats, dt: Floats) -> Regression:
+        """Process n samples as in `run`, which has checked the values."""
+        rows = zip(x.tolist(), f.tolist(), dt.tolist(), strict=True)
         out = np.array(
             [(c.x, c.v, c.f, *c.further) for c in (self._condition(*row) for row in rows)]
-        ).reshape(len(position), -1 if position else 3)
+        ).reshape(len(x), -1 if len(x) else 3)
         columns = out.T.copy()
-        return Regression(columns[0], columns[1], columns[2], samples.dt, out[:, 3:].copy())
+        return Regression(columns[0], columns[1], columns[2], dt, out[:, 3:].copy())
 
 
 class FilteredDifference(Conditioner):
@@ -275,3 +278,12 @@ class MatchedFilter(Conditioner):
         }
         further = tuple(regressors[parameter] for parameter in self.model.further)
         return Conditioned(position.y, position.rate, self._force.y, further)
+
+    def _condition_all(self, x: Floats, f: Floats, dt: Floats) -> Regression:
+        y, rate, acceleration = self._position.run(self._lag.run(x, dt), dt)
+        force, force_rate, _ = self._force.run(f, dt)
+        regressors = {"f0": np.ones(len(x)), "m": acceleration, "tau": -force_rate}
+        if "k3" in self.model.further:
+            regressors["k3"] = self._cube.run(self._cube_lag.run(x * x * x, dt), dt)[0]
+        further = [regressors[parameter] for parameter in self.model.further]
+        return Regression(y, rate, force, dt, np.reshape(further, (len(further), len(x))).T.copy())

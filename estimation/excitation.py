@@ -6,9 +6,10 @@ import math
 from collections import deque
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from estimation.checks import is_valid, sample_error
+from estimation.checks import checked_samples, is_valid, sample_error
+from estimation.compiled import Floats
 
 
 class Excitation:
@@ -84,6 +85,76 @@ class Excitation:
         mean = 0.5 * (self._xx + self._yy) / self._span
         half = math.hypot(0.5 * (self._xx - self._yy), self._xy) / self._span
         return max(0.0, mean - half) / (mean + half + self.resolution**2)
+
+    def run(self, x: ArrayLike, v: ArrayLike, dt: ArrayLike) -> Floats:
+        """Process n samples, with the same results as n calls of `update`.
+
+        Parameters
+        ----------
+        x, v, dt
+            Displacement [m], velocity [m/s] and time since the previous sample [s], shape (n,).
+
+        Returns
+        -------
+        The measure after each sample, shape (n,).
+
+        Raises
+        ------
+        ValueError
+            The shapes differ, a value is not finite or too large, or a `dt` is not positive.
+        """
+        samples = checked_samples(x, v, x, dt)
+        count = len(samples.dt)
+        x, y, dt = samples.phi[:, 1], samples.phi[:, 0] / self._omega, samples.dt
+        new = np.stack([x * x * dt, x * y * dt, y * y * dt, dt])
+        stored = np.reshape(self._samples, (-1, 4)).T
+        window = np.concatenate([stored, new], axis=1)
+        removed, spans = self._removals(window[3].tolist(), stored.shape[1])
+        # The sums are those of `update` to the bit: a cumulative sum over the samples that are
+        # added and removed, in the same order.
+        added = np.arange(1, count + 1) + np.concatenate(([0], removed[:-1]))
+        after = np.arange(1, count + 1) + removed
+        sums = np.empty((3, count))
+        for i, start in enumerate((self._xx, self._xy, self._yy)):
+            terms = np.empty(1 + count + int(removed[-1]) if count else 1)
+            terms[0] = start
+            is_removal = np.ones(len(terms), dtype=np.bool_)
+            is_removal[0] = False
+            is_removal[added] = False
+            terms[added] = new[i]
+            terms[is_removal] = -window[i, : len(terms) - 1 - count]
+            sums[i] = np.cumsum(terms)[after]
+        if not count:
+            return np.empty(0)
+        xx, xy, yy = sums
+        self._samples = deque(zip(*window[:, removed[-1] :].tolist(), strict=True))
+        self._xx, self._xy, self._yy = (float(total[-1]) for total in sums)
+        self._span = float(spans[-1])
+        mean = 0.5 * (xx + yy) / spans
+        root = list(map(math.hypot, (0.5 * (xx - yy)).tolist(), xy.tolist()))
+        half = np.array(root) / spans
+        return np.asarray(np.maximum(0.0, mean - half) / (mean + half + self.resolution**2))
+
+    def _removals(self, periods: list[float], stored: int) -> tuple[NDArray[np.intp], Floats]:
+        """Return how many samples have left the window after each new one, and its lengths [s].
+
+        Parameters
+        ----------
+        periods
+            Time since the previous sample [s] of the samples in the window and of the new ones.
+        stored
+            Number of samples in the window.
+        """
+        span, window, first = self._span, self.window, 0
+        removed, spans = [], []
+        for i in range(stored, len(periods)):
+            span += periods[i]
+            while span > window and first < i:
+                span -= periods[first]
+                first += 1
+            removed.append(first)
+            spans.append(span)
+        return np.array(removed, dtype=np.intp), np.array(spans)
 
 
 def dominant_frequency(x: ArrayLike, dt: ArrayLike) -> float:

@@ -3,6 +3,61 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from estimation.compiled import Floats, looped
+
+
+def low_pass(
+    omega: float, u_before: float, y: float, rate: float, u: float, dt: float
+) -> tuple[float, float]:
+    """Return output and rate of a `LowPass` after an input that changes linearly to u in `dt`."""
+    ramp = (u - u_before) / dt
+    lag = 2.0 * ramp / omega
+    decay = math.exp(-omega * dt)
+    offset = y - u_before + lag
+    slope = rate - ramp + omega * offset
+    return (
+        u - lag + (offset + slope * dt) * decay,
+        ramp + (slope - omega * (offset + slope * dt)) * decay,
+    )
+
+
+def low_pass_series(
+    omega: float,
+    u_before: float,
+    y: float,
+    rate: float,
+    u: Sequence[float],
+    dt: Sequence[float],
+    ys: Any,
+    rates: Any,
+) -> None:
+    """Apply `low_pass` to n inputs; write the n outputs and rates into `ys` and `rates`."""
+    for i in range(len(u)):
+        y, rate = low_pass(omega, u_before, y, rate, u[i], dt[i])
+        u_before = u[i]
+        ys[i] = y
+        rates[i] = rate
+
+
+def first_order_lag(lag: float, u_before: float, y: float, u: float, dt: float) -> float:
+    """Return the output of a `Lag` after an input that changes linearly to u in `dt`."""
+    behind = (u - u_before) / dt * lag
+    return u - behind + (y - u_before + behind) * math.exp(-dt / lag)
+
+
+def lag_series(
+    lag: float, u_before: float, y: float, u: Sequence[float], dt: Sequence[float], ys: Any
+) -> None:
+    """Apply `first_order_lag` to n inputs, and write the n outputs into `ys`."""
+    for i in range(len(u)):
+        y = first_order_lag(lag, u_before, y, u[i], dt[i])
+        u_before = u[i]
+        ys[i] = y
 
 
 class LowPass:
@@ -40,14 +95,28 @@ class LowPass:
         omega = self._omega
         if math.isnan(self._u):
             self._u = self.y = u
-        ramp = (u - self._u) / dt
-        lag = 2.0 * ramp / omega
-        decay = math.exp(-omega * dt)
-        offset = self.y - self._u + lag
-        slope = self.rate - ramp + omega * offset
-        self.y = u - lag + (offset + slope * dt) * decay
-        self.rate = ramp + (slope - omega * (offset + slope * dt)) * decay
+        self.y, self.rate = low_pass(omega, self._u, self.y, self.rate, u, dt)
         self._u = u
+
+    def run(self, u: Floats, dt: Floats) -> tuple[Floats, Floats, Floats]:
+        """Advance by n inputs, with the same results as n calls of `update`.
+
+        Parameters
+        ----------
+        u, dt
+            Inputs, and times since the previous input [s], each of shape (n,).
+
+        Returns
+        -------
+        Output, its derivative, and its second derivative after each input, each of shape (n,).
+        """
+        y, rate = np.empty(len(u)), np.empty(len(u))
+        if len(u):
+            if math.isnan(self._u):
+                self._u = self.y = float(u[0])
+            looped(low_pass_series, (self._omega, self._u, self.y, self.rate), (u, dt), (y, rate))
+            self._u, self.y, self.rate = float(u[-1]), float(y[-1]), float(rate[-1])
+        return y, rate, self._omega * (self._omega * (u - y) - 2.0 * rate)
 
     @property
     def acceleration(self) -> float:
@@ -87,10 +156,22 @@ class Lag:
         if self._lag == 0.0 or math.isnan(self._u):
             self.y = u
         else:
-            behind = (u - self._u) / dt * self._lag
-            self.y = u - behind + (self.y - self._u + behind) * math.exp(-dt / self._lag)
+            self.y = first_order_lag(self._lag, self._u, self.y, u, dt)
         self._u = u
         return self.y
+
+    def run(self, u: Floats, dt: Floats) -> Floats:
+        """Advance by n inputs, with the same outputs as n calls of `update`, shape (n,)."""
+        if self._lag == 0.0 or not len(u):
+            self._u = float(u[-1]) if len(u) else self._u
+            self.y = self._u
+            return u
+        if math.isnan(self._u):
+            self._u = self.y = float(u[0])
+        y = np.empty(len(u))
+        looped(lag_series, (self._lag, self._u, self.y), (u, dt), (y,))
+        self._u, self.y = float(u[-1]), float(y[-1])
+        return y
 
 
 def angular(bandwidth: float) -> float:

@@ -94,6 +94,7 @@ def compare(
     from teleop.errors import InputError
     from teleop.evaluation.comparison import check_factors, compared, grouped, tidy_rows
     from teleop.evaluation.evaluation import evaluate
+    from teleop.evaluation.replay import is_replayed
     from teleop.files import check_outputs
     from teleop.output.comparison_tables import (
         EFFECT_HEADINGS,
@@ -128,7 +129,7 @@ def compare(
     skipped = []
     for source in found:
         try:
-            signals, recording = columns.read(source.path)
+            signals, recording = columns.read(source.path, is_replayed)
             evaluation = evaluate(signals, chosen(recording, columns.datum, cube, given))
         except InputError as error:
             text = str(error).removeprefix(f"{source.path}: ").replace("\n", "; ")

@@ -127,7 +127,7 @@ def estimate(
     from teleop.evaluation.evaluation import Evaluation, evaluate
     from teleop.evaluation.material import Indenter, elastic_modulus
     from teleop.evaluation.pooled import evaluate_together
-    from teleop.evaluation.replay import agrees
+    from teleop.evaluation.replay import agrees, is_replayed
     from teleop.evaluation.settings_summary import settings_summary
     from teleop.files import check_outputs, new_file
     from teleop.output import console
@@ -160,7 +160,7 @@ def estimate(
     evaluations: dict[str, Evaluation] = {}
     summaries = []
     for path in (file, *more):
-        signals, recording = columns.read(path)
+        signals, recording = columns.read(path, is_replayed)
         settings = chosen(recording, columns.datum, cube, given)
         try:
             evaluation = evaluate(signals, settings)

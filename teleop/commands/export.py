@@ -39,21 +39,19 @@ def export(
     from teleop.printable import print_error
     from teleop.recording.export_formats import description_of, export_recording, format_of
     from teleop.recording.gaps import gap_rows, missing_text
-    from teleop.recording.recording import load
 
     out = out or file.with_suffix(".csv")
     name = format_of(out)
     check_outputs(out, description_of(out), sources=(file,), overwrite=overwrite)
-    recording = load(file)
-    export_recording(out, recording, overwrite)
+    recording = export_recording(file, out, overwrite)
     if json:
         console.print_json(
             {
                 "file": str(file),
                 "out": str(out),
                 "format": name,
-                "ticks": len(recording),
-                "columns": list(recording.columns),
+                "ticks": recording.ticks,
+                "columns": list(recording.units),
                 "missing_ticks": gap_rows(recording.gaps),
             }
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -45,13 +46,18 @@ class Columns:
     1.5mm,20N. Default (auto): contact if the data begin or end without contact, and otherwise
     mean."""
 
-    def read(self, file: Path) -> tuple[Signals, Recording | None]:
+    def read(
+        self, file: Path, is_wanted: Callable[[str], bool] = bool
+    ) -> tuple[Signals, Recording | None]:
         """Read position, force and time from a file.
 
         Parameters
         ----------
         file
             A recording of `teleop run`, or a file of another program.
+        is_wanted
+            Function that returns whether a column of a recording is read, by its name. The default
+            is every column.
 
         Returns
         -------
@@ -85,7 +91,7 @@ class Columns:
                 raise InputError(
                     f"{file}: --{option} is for a table; a recorded trial has its own columns"
                 )
-        recording = load(file)
+        recording = load(file, is_wanted)
         return recorded_signals(recording), recording
 
     def wanted(self) -> Wanted:

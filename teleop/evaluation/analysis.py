@@ -55,7 +55,7 @@ class Analysis:
         slow = np.zeros(len(f))
         if rows.order:
             inside = np.flatnonzero(phases.usable)
-            slow = f - without_baseline(f, record.clock, rows.order)
+            slow = f - without_baseline(f, rows.order)
             slow = slow - slow[inside].mean()
             x = record.palpation + float(x[inside].mean())
         return BatchData(

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimation.compiled import Floats
-from estimation.robust_error import robust_fit
 from teleop.evaluation.contact_rows import Rows
 
 BAND = 0.08
@@ -68,7 +67,7 @@ def evaluate(
     relaxing
         The relaxing parts, one array of shape (n,) for each time constant.
     """
-    fit = robust_fit(rows.regressors(degree, relaxing), rows.f)
+    fit = rows.fit(degree, relaxing)
     theta, first = fit.theta, rows.v_column + 1
     n, m = len(rows.f), len(theta)
     index, sharp_x = rows.fine, rows.sharp_x

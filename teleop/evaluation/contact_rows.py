@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimation.baseline import baseline_regressors
+from estimation.baseline_fit import BaselineFits
 from estimation.compiled import Floats
+from estimation.robust_error import RobustFit
 from teleop.evaluation.phases import Phases
 from teleop.evaluation.prepared import Prepared
 
@@ -17,6 +19,12 @@ DEGREES = (1, 2, 3, 4, 5)
 """Degrees of the polynomial that are tried."""
 STEADY = 0.01
 """Standard deviation of a steady force out of contact, at most, relative to the force range."""
+MOST_ROWS = 20_000
+"""Approximate largest number of samples in a fit, at equal distances.
+
+It bounds the memory and the time for a record of more than about ten minutes, whose intervals are
+narrow anyway.
+"""
 SPARE = 6
 """Least number of samples minus number of parameters."""
 
@@ -36,9 +44,11 @@ class Rows:
         self.record, self.phases = record, phases
         rows = []
         edges = np.flatnonzero(np.diff(np.concatenate([[0], phases.usable.astype(np.int8), [0]])))
+        count = int(phases.usable.sum()) // record.stride
+        stride = record.stride * max(1, math.ceil(count / MOST_ROWS))
         for start, end in zip(edges[::2], edges[1::2], strict=True):
-            offset = ((end - start - 1) % record.stride) // 2
-            rows.append(np.arange(start + offset, end, record.stride))
+            offset = ((end - start - 1) % stride) // 2
+            rows.append(np.arange(start + offset, end, stride))
         self.rows: NDArray[np.intp] = np.concatenate(rows) if rows else np.zeros(0, dtype=np.intp)
         level = phases.free_force is not None and phases.free_spread < STEADY * np.ptp(record.f)
         self.order = record.order if baseline and not level else 0
@@ -121,12 +131,15 @@ class Rows:
         force = summed_by_count(to_force, record.raw_f[self.rows], record.f_count)
         return np.hypot(record.count / math.sqrt(12.0) * position, record.f_rounding * force)
 
-    def regressors(self, degree: int, relaxing: list[Floats]) -> Floats:
-        """Return baseline, velocity, powers of the position and relaxing parts, shape (n, m)."""
-        record, rows = self.record, self.rows
-        parts = [self.basis, record.v[rows, None], np.column_stack(self.powers[:degree])]
-        parts += [z[rows, None] for z in relaxing]
-        return np.concatenate(parts, axis=1)
+    @cached_property
+    def fits(self) -> BaselineFits:
+        """Fits of the force to the baseline and further regressors."""
+        return BaselineFits(self.basis, self.f)
+
+    def fit(self, degree: int, relaxing: list[Floats]) -> RobustFit:
+        """Fit the force to baseline, velocity, powers of the position and relaxing parts."""
+        columns = [self.record.v[self.rows], *self.powers[:degree]]
+        return self.fits.fit(np.column_stack([*columns, *(z[self.rows] for z in relaxing)]))
 
     @cached_property
     def loading(self) -> NDArray[np.bool_]:

@@ -38,6 +38,7 @@ from teleop.evaluation.contact_bank import ContactBank, contact_at
 from teleop.evaluation.datum import Datum, find_datum, moving_part
 from teleop.evaluation.estimate_settings import EstimateSettings
 from teleop.evaluation.force_filter import without_filter_delay
+from teleop.evaluation.in_blocks import excitation_of, misfit_of
 from teleop.evaluation.kept_variance import kept_variance
 from teleop.evaluation.model_comparison import compare
 from teleop.evaluation.model_comparison import cost as sample_cost
@@ -253,7 +254,6 @@ def evaluate(signals: Signals, settings: EstimateSettings) -> Evaluation:
     estimates = bank.run(*regression)
     misfit = Misfit(bank) if given else Misfit(bank, 1.0 / frequency)
     measure = Excitation(frequency, resolution=10.0 * count)
-    excitation = [measure.update(*sample) for sample in zip(x, v, dt, strict=True)]
     period = float(np.median(dt))
     first, *_, last = np.arange(len(signals.t))[motion]
     gaps = [i for i in signals.gaps if first < i <= last]
@@ -271,8 +271,8 @@ def evaluate(signals: Signals, settings: EstimateSettings) -> Evaluation:
         rate=1.0 / period,
         jitter=float(np.max(np.abs(np.delete(dt, apart) - period))) / period,
         samples=len(signals.t),
-        excitation=np.array(excitation),
-        misfit=misfit.run(regression, estimates, bank.opened),
+        excitation=excitation_of(measure, regression),
+        misfit=misfit_of(misfit, regression, estimates, bank),
         analysis=analysis,
         filter_note=note,
         kept_force_variance=kept_variance(signals.f, regression.f, used, bandwidth * period),

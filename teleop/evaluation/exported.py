@@ -34,7 +34,7 @@ def exported_recording(table: Table) -> Recording | None:
         events=stored(table, "events", []),
         session=stored(table, "session", {}),
         settings=stored(table, "settings", {}),
-        gaps=gaps_of(columns, ""),
+        gaps=gaps_of(columns),
     )
 
 

@@ -46,7 +46,7 @@ def levels(
     if width > 0.2 * (high - low):
         return None, False
     v = np.gradient(x, record.period)
-    elastic = without_baseline(f, record.clock, record.order)
+    elastic = without_baseline(f, record.order)
     b, k, _ = np.linalg.lstsq(np.column_stack([v, x, np.ones(len(x))]), elastic, rcond=None)[0]
     loss = min(1.0, abs(b) * float(np.std(v)) / max(abs(k) * float(np.std(x)), 1e-300))
     turn = float(np.arccos(1.0 - min(1.0, 2.0 * width / (high - low))))

@@ -39,7 +39,6 @@ from scipy.special import ndtr
 
 from estimation.compiled import Floats
 from estimation.estimator import LEVEL_95
-from estimation.robust_error import robust_fit
 from teleop.evaluation.candidate import Candidate, evaluate
 from teleop.evaluation.contact_rows import DEGREES, Rows
 from teleop.evaluation.phases import Phases
@@ -108,7 +107,6 @@ def local_stiffness(
     k, k_std = averaged(weights, [(one.k, one.k_std) for one in found])
     b, b_std = averaged(weights, [(one.b, one.b_std) for one in found])
     best = min(found, key=lambda one: one.bic)
-    rest = robust_fit(rows.basis, rows.f).residual
     slow = rows.basis[:, 1:] @ best.theta[1 : rows.v_column]
     return LocalStiffness(
         k,
@@ -119,7 +117,7 @@ def local_stiffness(
         plain,
         float(np.ptp(slow)) if rows.order else 0.0,
         len(rows.f),
-        1.0 - best.rms**2 / max(float(np.mean(rest**2)), 1e-300),
+        1.0 - best.rms**2 / max(float(np.mean(rows.fits.rest**2)), 1e-300),
     )
 
 

@@ -27,7 +27,7 @@ def motion_of(record: Prepared) -> Motion:
     """Return the motion of a record, from its smoothed position."""
     x = record.sharpened(record.x)
     travel = float(np.ptp(x))
-    palpation = without_baseline(x, record.clock, record.order)
+    palpation = without_baseline(x, record.order)
     turns = turning_points(palpation, float(np.std(palpation)))[1:-1]
     strokes = np.abs(np.diff(palpation[turns]))
     if len(strokes) < 2 * FEWEST_CYCLES - 1:

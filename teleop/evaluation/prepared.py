@@ -83,7 +83,7 @@ class Prepared:
         order = baseline_order(self.band.low, float(self.clock[-1]))
         if order == 0 or self.band.coherence == 0.0:
             return 0
-        fast = float(np.std(without_baseline(self.x, self.clock, order)))
+        fast = float(np.std(without_baseline(self.x, order)))
         turns = turning_points(self.x, fast)
         return order if len(turns) - 2 >= 2 * FEWEST_CYCLES else 0
 
@@ -101,7 +101,7 @@ class Prepared:
     @cached_property
     def palpation(self) -> Floats:
         """Smoothed position minus its baseline [m], shape (n,)."""
-        return without_baseline(self.x, self.clock, self.order)
+        return without_baseline(self.x, self.order)
 
     def smoothed(self, values: Floats) -> Floats:
         """Return values on the grid smoothed with the kernel, shape (n,)."""

@@ -18,6 +18,14 @@ from teleop.recording.recording import Recording
 if TYPE_CHECKING:
     from pydantic import TypeAdapter
 
+NEEDED = ("time", "dt", "dropped", "x", "paired_position", "paired_force", "paired_dt")
+"""Columns that an evaluation of a recorded trial needs."""
+
+
+def is_replayed(column: str) -> bool:
+    """Return whether `recorded_signals`, `agrees` or the true values need a column."""
+    return column in (*NEEDED, "slave_position") or column.endswith(("_b", "_k"))
+
 
 def recorded_signals(recording: Recording) -> Signals:
     """Return the samples of a recorded trial before conditioning.
@@ -30,8 +38,9 @@ def recorded_signals(recording: Recording) -> Signals:
     InputError
         A sample is not finite, or a period is not positive.
     """
-    r = recording.estimated()
     names = ("time", "paired_position", "paired_force", "paired_dt")
+    part = np.isfinite(recording["x"])
+    r = {name: recording[name][part] for name in names}
     for name in names:
         if not (np.abs(r[name]) < LARGEST).all():
             raise InputError(f"the recording's {name} is not finite in every sample")

@@ -18,17 +18,18 @@ def turning_points(x: Floats, least: float) -> list[int]:
     turns = [0]
     highest = lowest = 0
     direction = 0
-    for i, value in enumerate(x.tolist()):
-        if value > x[highest]:
+    values = x.tolist()
+    for i, value in enumerate(values):
+        if value > values[highest]:
             highest = i
-        if value < x[lowest]:
+        if value < values[lowest]:
             lowest = i
-        if direction >= 0 and x[highest] - value > least:
+        if direction >= 0 and values[highest] - value > least:
             if direction > 0 or highest > 0:
                 turns.append(highest)
             direction, lowest = -1, i
             highest = i
-        elif direction <= 0 and value - x[lowest] > least:
+        elif direction <= 0 and value - values[lowest] > least:
             if direction < 0 or lowest > 0:
                 turns.append(lowest)
             direction, highest = 1, i

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import codecs
 import csv
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO
+from typing import Any, BinaryIO
 
 import numpy as np
 
@@ -14,17 +14,18 @@ from estimation.compiled import Floats
 from teleop.errors import InputError
 from teleop.files import new_file, write_text
 from teleop.json_documents import dumps
+from teleop.recording.recording import load
+from teleop.recording.stream import RecordingStream
 
-if TYPE_CHECKING:
-    from teleop.recording.recording import Recording
 
-
-def write_csv(file: BinaryIO, recording: Recording) -> None:
+def write_csv(file: BinaryIO, recording: RecordingStream) -> None:
     """Write the columns of a recording as CSV, each with the header `name [unit]`.
 
     Settings, session and events are not part of the CSV file, see `description`.
     """
-    write_table(file, recording.columns, recording.units)
+    writer = table_writer(file, recording.units)
+    for columns in blocks(recording):
+        writer.writerows(rows_of(columns))
 
 
 def description_of(path: Path) -> Path | None:
@@ -36,7 +37,7 @@ def description_of(path: Path) -> Path | None:
     return path.with_name(f"{path.name}-metadata.json") if is_csv else None
 
 
-def description(path: Path, recording: Recording) -> str:
+def description(path: Path, recording: RecordingStream) -> str:
     """Return the settings, session and events of a recording as a JSON document.
 
     The document describes a CSV file as defined by the standard CSV on the Web.
@@ -46,7 +47,7 @@ def description(path: Path, recording: Recording) -> str:
     path
         The CSV file that the document describes.
     recording
-        The recording.
+        The recording, after its last block was read.
     """
     about = {
         "settings": recording.settings,
@@ -57,7 +58,7 @@ def description(path: Path, recording: Recording) -> str:
     return dumps(document, indent=1) + "\n"
 
 
-def write_hdf5(disk: BinaryIO, recording: Recording) -> None:
+def write_hdf5(disk: BinaryIO, recording: RecordingStream) -> None:
     """Write an HDF5 file with one dataset per column, which has the attribute `unit`.
 
     The session and the settings are attributes of the file. The dataset `events` contains the
@@ -75,29 +76,42 @@ def write_hdf5(disk: BinaryIO, recording: Recording) -> None:
     with h5py.File(disk, "w", track_order=True) as file:
         file.attrs.update(recording.session)
         file.attrs["settings"] = dumps(recording.settings)
-        for name, column in recording.columns.items():
-            file.create_dataset(name, data=column).attrs["unit"] = recording.units[name]
+        for name, unit in recording.units.items():
+            file.create_dataset(name, (recording.ticks,), "f8").attrs["unit"] = unit
+        start = 0
+        for columns in blocks(recording):
+            end = start + len(columns["time"])
+            for name, values in columns.items():
+                file[name][start:end] = values
+            start = end
         events = [dumps(event) for event in recording.events]
         file.create_dataset("events", data=np.array(events, dtype=h5py.string_dtype()))
 
 
-def write_matlab(file: BinaryIO, recording: Recording) -> None:
+def write_matlab(file: BinaryIO, recording: RecordingStream) -> None:
     """Write a MATLAB file with one variable per column.
 
-    The variables `units`, `session`, `settings` and `events` contain the other data.
+    The variables `units`, `session`, `settings` and `events` contain the other data. The format
+    stores one variable after another, so that the whole recording must fit into the memory.
+
+    Raises
+    ------
+    InputError
+        The recording is too large for the memory of this machine.
     """
     from scipy.io import savemat
 
+    whole = load(recording.path)
     about = {
         "units": recording.units,
         "session": recording.session,
         "settings": dumps(recording.settings),
         "events": dumps(recording.events),
     }
-    savemat(file, {**recording.columns, **about}, long_field_names=True, oned_as="column")
+    savemat(file, {**whole.columns, **about}, long_field_names=True, oned_as="column")
 
 
-def write_parquet(file: BinaryIO, recording: Recording) -> None:
+def write_parquet(file: BinaryIO, recording: RecordingStream) -> None:
     """Write the columns with their units to a Parquet file.
 
     Session, settings and events are metadata of the file, as JSON documents.
@@ -113,20 +127,22 @@ def write_parquet(file: BinaryIO, recording: Recording) -> None:
     except ImportError as error:
         raise missing("pyarrow", "Parquet") from error
     fields = [
-        pyarrow.field(name, pyarrow.float64(), metadata={"unit": recording.units[name]})
-        for name in recording.columns
+        pyarrow.field(name, pyarrow.float64(), metadata={"unit": unit})
+        for name, unit in recording.units.items()
     ]
     about = {
         "session": dumps(recording.session),
         "settings": dumps(recording.settings),
         "events": dumps(recording.events),
     }
-    columns = [pyarrow.array(column) for column in recording.columns.values()]
-    table = pyarrow.Table.from_arrays(columns, schema=pyarrow.schema(fields, metadata=about))
-    parquet.write_table(table, file)
+    schema = pyarrow.schema(fields, metadata=about)
+    with parquet.ParquetWriter(file, schema) as writer:
+        for columns in blocks(recording):
+            arrays = [pyarrow.array(column) for column in columns.values()]
+            writer.write_table(pyarrow.Table.from_arrays(arrays, schema=schema))
 
 
-FORMATS: dict[str, tuple[str, Callable[[BinaryIO, Recording], None]]] = {
+FORMATS: dict[str, tuple[str, Callable[[BinaryIO, RecordingStream], None]]] = {
     ".csv": ("csv", write_csv),
     ".h5": ("hdf5", write_hdf5),
     ".hdf5": ("hdf5", write_hdf5),
@@ -149,7 +165,7 @@ def format_of(path: Path) -> str:
     return FORMATS[path.suffix.lower()][0]
 
 
-def export_recording(path: Path, recording: Recording, overwrite: bool = False) -> None:
+def export_recording(file: Path, path: Path, overwrite: bool = False) -> RecordingStream:
     """Write a recording in the format that the ending of the file name selects.
 
     For a CSV file, the settings, session and events are written to the additional file
@@ -157,24 +173,37 @@ def export_recording(path: Path, recording: Recording, overwrite: bool = False) 
 
     Parameters
     ----------
+    file
+        The recording. It is read twice: once to check that it is complete.
     path
-        The file.
-    recording
-        The recording to write.
+        The file to write.
     overwrite
         Whether to overwrite an existing file.
+
+    Returns
+    -------
+    The recording, after its last block was read.
 
     Raises
     ------
     InputError
-        The file cannot be written, exists and may not be overwritten, its ending is unknown, or a
-        library is not installed.
+        The recording cannot be read or is not complete; or the new file cannot be written, exists
+        and may not be overwritten, its ending is unknown, or a library is not installed.
     """
     format_of(path)
-    with new_file(path, overwrite) as file:
-        FORMATS[path.suffix.lower()][1](file, recording)
+    recording = RecordingStream(file)
+    for _ in recording.blocks(lambda name: False):
+        pass
+    with new_file(path, overwrite) as new:
+        FORMATS[path.suffix.lower()][1](new, recording)
     if beside := description_of(path):
         write_text(beside, description(path, recording), overwrite)
+    return recording
+
+
+def blocks(recording: RecordingStream) -> Iterator[dict[str, Floats]]:
+    """Yield the columns of a recording in blocks of ticks, reading it again."""
+    return RecordingStream(recording.path).blocks()
 
 
 def missing(library: str, name: str) -> InputError:
@@ -202,8 +231,16 @@ def write_table(file: BinaryIO, columns: Mapping[str, Floats], units: Mapping[st
     units
         Unit of each column, by its name.
     """
-    header = [f"{name} [{units[name]}]" for name in columns]
-    rows: Iterable[tuple[float, ...]] = zip(*(c.tolist() for c in columns.values()), strict=True)
+    table_writer(file, {name: units[name] for name in columns}).writerows(rows_of(columns))
+
+
+def table_writer(file: BinaryIO, units: Mapping[str, str]) -> Any:
+    """Write the header of a CSV table with columns of these units, and return its writer."""
     writer = csv.writer(codecs.getwriter("utf-8")(file, "backslashreplace"))
-    writer.writerow(header)
-    writer.writerows(rows)
+    writer.writerow([f"{name} [{unit}]" for name, unit in units.items()])
+    return writer
+
+
+def rows_of(columns: Mapping[str, Floats]) -> Iterable[tuple[float, ...]]:
+    """Return the rows of a table as Python floats, which are written with all digits."""
+    return zip(*(column.tolist() for column in columns.values()), strict=True)

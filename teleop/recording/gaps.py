@@ -55,16 +55,44 @@ def missing_ticks(
     total_dropped
         Number of all ticks that were dropped until the end of the trial.
     """
-    if not len(t):
-        return ()
-    after = 1 + np.flatnonzero(np.diff(t) - dt[1:] > SAME_TIME)
-    lost = np.nan_to_num(np.diff(dropped, prepend=dropped[0]))
-    gaps = [Gap(float(t[i - 1]), float(t[i]), int(lost[i])) for i in after]
-    if total_dropped and (first := int(np.nan_to_num(dropped[0]))) > 0:
-        gaps.insert(0, Gap(None, float(t[0]), first))
-    if (rest := total_dropped - int(np.nan_to_num(dropped[-1]))) > 0:
-        gaps.append(Gap(float(t[-1]), None, rest))
-    return tuple(gaps)
+    finder = GapFinder()
+    finder.add(t, dt, dropped)
+    return finder.gaps(total_dropped)
+
+
+class GapFinder:
+    """Finds the gaps in a recording that is read in blocks (see `missing_ticks`)."""
+
+    def __init__(self) -> None:
+        self._found: list[Gap] = []
+        self._first: tuple[float, float] | None = None
+        self._last = (0.0, 0.0)
+
+    def add(self, t: Floats, dt: Floats, dropped: Floats) -> None:
+        """Process successive ticks; the arguments are those of `missing_ticks`."""
+        if not len(t):
+            return
+        before, lost_before = self._last
+        if self._first is None:
+            self._first = float(t[0]), float(dropped[0])
+            before, lost_before = np.nan, dropped[0]
+        steps = np.diff(t, prepend=before)
+        lost = np.nan_to_num(np.diff(dropped, prepend=lost_before))
+        starts = np.concatenate(([before], t[:-1]))
+        for i in np.flatnonzero(steps - dt > SAME_TIME):
+            self._found.append(Gap(float(starts[i]), float(t[i]), int(lost[i])))
+        self._last = float(t[-1]), float(dropped[-1])
+
+    def gaps(self, total_dropped: int = 0) -> tuple[Gap, ...]:
+        """Return the gaps so far; `total_dropped` is that of `missing_ticks`."""
+        if self._first is None:
+            return ()
+        gaps = list(self._found)
+        if total_dropped and (first := int(np.nan_to_num(self._first[1]))) > 0:
+            gaps.insert(0, Gap(None, self._first[0], first))
+        if (rest := total_dropped - int(np.nan_to_num(self._last[1]))) > 0:
+            gaps.append(Gap(self._last[0], None, rest))
+        return tuple(gaps)
 
 
 def missing_text(gaps: Sequence[Gap]) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -14,13 +13,14 @@ import numpy as np
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError, RecordLengthLimitExceeded
 from mcap.opcode import Opcode
-from mcap.records import Channel, Chunk, Message, Metadata, Schema
+from mcap.records import Channel, Chunk, McapRecord, Message, Metadata, Schema
 from mcap.stream_reader import CRCValidationError, StreamReader
 from numpy.typing import NDArray
 
 from drivers.input_file import open_input
 from teleop.errors import InputError
 from teleop.files import unreadable
+from teleop.recording.bounded_file import LARGEST_RECORD, BoundedFile, check_memory
 from teleop.recording.cdr import MESSAGE_NAME, TIME
 from teleop.recording.chunks import chunk_data
 from teleop.recording.mcap_checks import check_ticks, is_valid_metadata, message_size, read_event
@@ -30,26 +30,12 @@ MAGIC = b"\x89MCAP"
 """First bytes of an MCAP file."""
 HEAD = struct.Struct("<BQHIQQ")
 """Layout of the start of a message record: opcode, length, channel, sequence number, two times."""
-LARGEST_RECORD = 128 << 20
-"""Size of the largest record that is read [bytes]."""
 MOST_EVENTS = 100_000
 """Largest number of events that are read."""
 LATEST_START = 1 << 62
 """Latest accepted wall-clock time of the beginning of a trial [ns], about the year 2116."""
 CUT = "its end is missing"
 """Description of the damage of a file whose writer was killed, or whose disk was full."""
-
-
-def machine_memory() -> int:
-    """Return the memory of this machine [bytes], or 8 GiB if the system does not report it."""
-    try:
-        return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-    except (AttributeError, ValueError, OSError):
-        return 8 << 30
-
-
-LARGEST_TICKS = machine_memory() // 4
-"""Largest total size of ticks that are read [bytes]. Their columns need the same size again."""
 
 
 @dataclass
@@ -108,15 +94,42 @@ def read_intact(path: Path) -> Contents:
     Raises
     ------
     InputError
-        The file cannot be read, or is not a recording of `teleop run`.
+        The file cannot be read, is not a recording of `teleop run`, or is too large for the memory
+        of this machine.
     """
     contents = Contents()
+    for rows in read_ticks(path, contents):
+        contents.messages += rows.tobytes()
+        check_memory(path, len(contents.messages))
+    return contents
+
+
+def read_ticks(path: Path, contents: Contents) -> Iterator[NDArray[np.uint8]]:
+    """Yield the messages of the ticks in the intact part of a recording, and read the rest of it.
+
+    Parameters
+    ----------
+    path
+        The recording.
+    contents
+        Its other contents, which are filled on the way; `messages` stays empty. The definition and
+        the metadata at the begin of the file are known from the first ticks on.
+
+    Yields
+    ------
+    Bytes of successive messages, shape (ticks, bytes per message).
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, is not a recording of `teleop run`, or has too many events.
+    """
     try:
         with open_input(path) as file:
             if file.read(len(MAGIC)) != MAGIC:
                 raise InputError(f"{path}: not an MCAP file")
             file.seek(0)
-            read_records(file, contents)
+            yield from read_records(file, contents)
     except OSError as error:
         raise unreadable(path, error) from error
     if not contents.definition:
@@ -124,41 +137,29 @@ def read_intact(path: Path) -> Contents:
             f"{path}: contains no ticks: expected a recording of teleop run"
             + (f" ({contents.damage})" if contents.damage else "")
         )
-    return contents
 
 
-class BoundedFile:
-    """A file of which never more than the rest is read, even if a record states a wrong length.
+class ReaderWithoutIndices(StreamReader):
+    """Reads all records except message indices, which take longer to parse than the ticks."""
 
-    Parameters
-    ----------
-    file
-        A regular file, at its beginning.
-    """
-
-    def __init__(self, file: BinaryIO) -> None:
-        self._file = file
-        self.left = os.fstat(file.fileno()).st_size
-        """Number of bytes that have not been read yet."""
-
-    def read(self, count: int) -> bytes:
-        """Read at most `count` bytes."""
-        data = self._file.read(min(count, self.left, LARGEST_RECORD))
-        self.left -= len(data)
-        return data
+    def _read_record(self, opcode: int, length: int) -> McapRecord | None:
+        if opcode == Opcode.MESSAGE_INDEX:
+            self._stream.read(length)
+            return None
+        return super()._read_record(opcode, length)
 
 
-def read_records(file: BinaryIO, contents: Contents) -> None:
-    """Read the records of a file into `contents`, up to the first damaged record.
+def read_records(file: BinaryIO, contents: Contents) -> Iterator[NDArray[np.uint8]]:
+    """Read the records of a file up to the first damaged record, as `read_ticks` does.
 
     Raises
     ------
     InputError
-        The recording is too large for the memory of this machine.
+        The recording has too many events.
     """
     channels: dict[int, Source] = {}
     bounded = BoundedFile(file)
-    reader = StreamReader(
+    reader = ReaderWithoutIndices(
         cast(BinaryIO, bounded),
         emit_chunks=True,
         validate_crcs=True,
@@ -168,8 +169,9 @@ def read_records(file: BinaryIO, contents: Contents) -> None:
     try:
         for record in reader.records:
             if isinstance(record, Chunk):
-                read_chunk(record, contents, channels)
-                check_memory(file, contents)
+                yield from read_chunk(record, contents, channels)
+                if len(contents.events) > MOST_EVENTS:
+                    raise InputError(f"{file.name}: more than {MOST_EVENTS} events")
             elif isinstance(record, Metadata) and is_valid_metadata(record.metadata):
                 contents.metadata[record.name] = dict(record.metadata)
             elif isinstance(record, Metadata):
@@ -187,17 +189,10 @@ def read_records(file: BinaryIO, contents: Contents) -> None:
     contents.damage = contents.damage or damage
 
 
-def check_memory(file: BinaryIO, contents: Contents) -> None:
-    """Raise InputError if the ticks or events that were read are too large for the memory."""
-    if len(contents.messages) > LARGEST_TICKS or len(contents.events) > MOST_EVENTS:
-        raise InputError(
-            f"{file.name}: too large for this machine's memory: more than "
-            f"{LARGEST_TICKS >> 20} MiB of ticks or {MOST_EVENTS} events"
-        )
-
-
-def read_chunk(chunk: Chunk, contents: Contents, channels: dict[int, Source]) -> None:
-    """Read the ticks and events of a chunk into `contents`.
+def read_chunk(
+    chunk: Chunk, contents: Contents, channels: dict[int, Source]
+) -> Iterator[NDArray[np.uint8]]:
+    """Yield the messages of the ticks of a chunk, and read its events into `contents`.
 
     Raises
     ------
@@ -205,7 +200,9 @@ def read_chunk(chunk: Chunk, contents: Contents, channels: dict[int, Source]) ->
         The chunk or a record in it is not valid.
     """
     for record in records(chunk_data(chunk), contents, channels):
-        if isinstance(record, Schema) and record.name == MESSAGE_NAME:
+        if isinstance(record, np.ndarray):
+            yield record
+        elif isinstance(record, Schema) and record.name == MESSAGE_NAME:
             definition = record.data.decode()
             if contents.definition not in ("", definition):
                 raise ValueError("its ticks have two definitions")
@@ -222,8 +219,8 @@ def read_chunk(chunk: Chunk, contents: Contents, channels: dict[int, Source]) ->
 
 def records(
     data: bytes, contents: Contents, channels: dict[int, Source]
-) -> Iterator[Schema | Channel | Message]:
-    """Yield the records of a chunk except its ticks, which are appended to `contents.messages`.
+) -> Iterator[Schema | Channel | Message | NDArray[np.uint8]]:
+    """Yield the records of a chunk; the messages of successive ticks as one array of bytes.
 
     Raises
     ------
@@ -247,11 +244,11 @@ def records(
                 run = consecutive_records(data, place, 9 + length)
                 source.follow(sequence, len(run))
                 check_ticks(run[:, HEAD.size :], np.ascontiguousarray(run[:, 11:15]).view("<u4"))
-                contents.messages += run[:, HEAD.size :].tobytes()
                 if not contents.start:
                     contents.start = start_time(
                         logged, TIME.unpack_from(data, place + HEAD.size)[0]
                     )
+                yield run[:, HEAD.size :]
                 place += run.size
                 continue
             source.follow(sequence, 1)

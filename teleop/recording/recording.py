@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-import re
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,17 +14,20 @@ from estimation import Estimates, Regression
 from estimation.compiled import Floats
 from estimation.estimate_columns import estimates_in, estimators_in, misfit_in
 from teleop.errors import InputError, MissingColumn
+from teleop.recording.bounded_file import check_memory
 from teleop.recording.cdr import CDR
 from teleop.recording.gaps import Gap, missing_ticks
-from teleop.recording.mcap_reader import read_intact
-from teleop.recording.mcap_writer import END
 from teleop.recording.message import REGRESSOR
+from teleop.recording.stream import (
+    FIELD,
+    OF_GAPS,
+    RecordingStream,
+    dropped_in_all,
+    tick_values,
+)
 
 if TYPE_CHECKING:
     import pandas
-
-FIELD = re.compile(r"float64 (\w+)(?:\s*#\s*\[([^]]*)\]\s*(.*))?")
-"""Pattern of a line in the definition of a tick's message: name, unit and meaning of a column."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -146,8 +149,7 @@ def from_messages(
     """
     fields = FIELD.findall(definition)
     rows = np.frombuffer(messages, dtype=np.uint8).reshape(-1, len(CDR) + 8 * len(fields))
-    values = np.ascontiguousarray(rows[:, len(CDR) :].T.reshape(len(fields), 8, -1).swapaxes(1, 2))
-    table = values.view("<f8").reshape(len(fields), -1)
+    table = tick_values(rows)
     columns = {name: table[i] for i, (name, _, _) in enumerate(fields)}
     return Recording(
         columns=columns,
@@ -155,11 +157,11 @@ def from_messages(
         events=events,
         session=metadata.get("session", {}),
         settings=json.loads(metadata.get("settings", {}).get("json", "{}")),
-        gaps=gaps_of(columns, metadata.get(END, {}).get("dropped", "")),
+        gaps=gaps_of(columns, dropped_in_all(metadata)),
     )
 
 
-def gaps_of(columns: dict[str, Floats], total_dropped: str) -> tuple[Gap, ...]:
+def gaps_of(columns: dict[str, Floats], total_dropped: int = 0) -> tuple[Gap, ...]:
     """Return the gaps of a recording: the parts in which ticks are missing.
 
     Parameters
@@ -167,43 +169,67 @@ def gaps_of(columns: dict[str, Floats], total_dropped: str) -> tuple[Gap, ...]:
     columns
         Columns of the recording, each of shape (ticks,).
     total_dropped
-        Number of all dropped ticks, as text from the file. Another text counts as 0.
+        Number of all dropped ticks.
     """
-    if not {"time", "dt", "dropped"} <= columns.keys():
+    if not columns.keys() >= set(OF_GAPS):
         return ()
-    count = int(total_dropped) if re.fullmatch(r"[0-9]{1,15}", total_dropped) else 0
-    return missing_ticks(columns["time"], columns["dt"], columns["dropped"], count)
+    t, dt, dropped = (columns[name] for name in OF_GAPS)
+    return missing_ticks(t, dt, dropped, total_dropped)
 
 
-def load(path: Path | str) -> Recording:
+def load(path: Path | str, is_wanted: Callable[[str], bool] = bool) -> Recording:
     """Read a recording from an MCAP file.
+
+    Parameters
+    ----------
+    path
+        The file.
+    is_wanted
+        Function that returns whether a column is read. The default is every column.
 
     Raises
     ------
     InputError
-        The file cannot be read, is not a recording of `teleop run`, or is not complete. If it is
-        not complete, the message states the command that recovers its intact part.
+        The file cannot be read, is not a recording of `teleop run`, or is not complete, or the
+        columns are too large for the memory of this machine. If the recording is not complete, the
+        message states the command that recovers its intact part.
     """
-    path = Path(path)
-    contents = read_intact(path)
-    recording = from_messages(
-        contents.definition, contents.messages, contents.events, contents.metadata
-    )
-    if contents.damage:
-        kept = (
-            f"{recording['time'][-1]:.3f} s are intact" if len(recording) else "no tick is intact"
-        )
-        raise InputError(
-            f"{path}: the recording is not complete ({contents.damage}): {kept}; "
-            f"recover it with: teleop recover {path}"
-        )
-    return recording
+    stream = RecordingStream(Path(path))
+    return stored(stream, stream.blocks(is_wanted))
 
 
 def load_intact(path: Path) -> Recording | None:
     """Read the intact part of a recording from an MCAP file; return None if no part is intact."""
     try:
-        contents = read_intact(path)
+        stream = RecordingStream(path)
+        return stored(stream, stream.intact_blocks())
     except InputError:
         return None
-    return from_messages(contents.definition, contents.messages, contents.events, contents.metadata)
+
+
+def stored(stream: RecordingStream, blocks: Iterable[dict[str, Floats]]) -> Recording:
+    """Return a recording with the columns of all blocks of a stream.
+
+    Raises
+    ------
+    InputError
+        As in `load`.
+    """
+    parts: dict[str, list[Floats]] = {}
+    size = 0
+    for block in blocks:
+        for name, column in block.items():
+            parts.setdefault(name, []).append(column.copy())
+            size += column.nbytes
+        check_memory(stream.path, size)
+    if not parts:
+        parts = {name: [np.empty(0)] for name in stream.units}
+    columns = {name: np.concatenate(parts.pop(name)) for name in list(parts)}
+    return Recording(
+        columns=columns,
+        units={name: unit for name, unit in stream.units.items() if name in columns},
+        events=stream.events,
+        session=stream.session,
+        settings=stream.settings,
+        gaps=stream.gaps,
+    )

@@ -12,7 +12,8 @@ from teleop.recording.cdr import CDR, TIME
 from teleop.recording.gaps import Gap
 from teleop.recording.mcap_reader import CUT, Contents, read_intact
 from teleop.recording.mcap_writer import McapFile
-from teleop.recording.recording import FIELD, from_messages
+from teleop.recording.recording import from_messages
+from teleop.recording.stream import FIELD
 
 CHUNK = 1000
 """Number of ticks per chunk of the new MCAP file."""

@@ -46,7 +46,7 @@ def read_configuration(path: Path) -> TrialSettings:
         each problem.
     """
     recorded = path.suffix.lower() == RECORDING
-    document = as_recorded_now(load(path).settings) if recorded else read_toml(path)
+    document = as_recorded_now(load(path, "time".__eq__).settings) if recorded else read_toml(path)
     try:
         settings = from_document(document) if recorded else settings_from(document, path.parent)
         if settings.rig and settings.custom_limits:

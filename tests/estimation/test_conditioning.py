@@ -1,5 +1,8 @@
 from __future__ import annotations
 
+import functools
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -10,8 +13,10 @@ from estimation import (
     MatchedFilter,
     RecursiveLeastSquares,
     StateVariableFilter,
+    compiled,
     least_squares,
 )
+from estimation.model import MODELS
 
 ALL = {
     "difference": lambda: FilteredDifference(20.0),
@@ -125,3 +130,26 @@ def test_foaw_refuses_an_impossible_window():
         FirstOrderAdaptiveWindowing(0.0)
     with pytest.raises(ValueError, match="at least one"):
         FirstOrderAdaptiveWindowing(1e-6, 0)
+
+
+@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("lag", [0.0, 3e-3])
+def test_matched_filtering_gives_the_same_bits_online_in_blocks_and_compiled(
+    model, lag, monkeypatch
+):
+    rng = np.random.default_rng(1)
+    dt = rng.uniform(0.5e-3, 2e-3, 4000)
+    x, f = (rng.normal(size=4000).cumsum() * 1e-4 for _ in range(2))
+    make = functools.partial(MatchedFilter, 20.0, lag, MODELS[model])
+    conditioner = make()
+    rows = [conditioner.update(*sample) for sample in zip(x, f, dt, strict=True)]
+    online = np.array([(c.x, c.v, c.f, *c.further) for c in rows])
+    for is_compiled in (False, True):
+        if is_compiled:
+            pytest.importorskip("numba", reason="needs the `fast` extra")
+        monkeypatch.setattr(compiled.choice, "is_compiled", lambda n, chosen=is_compiled: chosen)
+        for bounds in ([0, 4000], [0, 1, 2, 1500, 4000]):
+            conditioner = make()
+            parts = [conditioner.run(x[a:b], f[a:b], dt[a:b]) for a, b in pairwise(bounds)]
+            batch = np.concatenate([np.column_stack([*p[:3], p.further]) for p in parts])
+            assert np.array_equal(batch, online)

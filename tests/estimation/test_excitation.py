@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -67,3 +68,17 @@ def test_samples_outside_of_the_window_have_no_effect_even_after_a_large_motion(
 def test_a_parameter_that_is_not_positive_is_refused(parameters):
     with pytest.raises(ValueError, match="positive"):
         Excitation(**parameters)
+
+
+@pytest.mark.parametrize("window", [0.05, 0.3, 100.0])
+@pytest.mark.parametrize("bounds", [[0, 3000], [0, 0, 1, 40, 1500, 3000]])
+def test_an_array_of_samples_gives_the_same_bits_as_single_samples(window, bounds):
+    rng = np.random.default_rng(2)
+    dt = rng.uniform(0.5e-3, 2e-3, 3000)
+    dt[700] = 5.0
+    x, v = 1e-3 * rng.normal(size=3000).cumsum(), 0.02 * rng.normal(size=3000)
+    one, many = Excitation(window=window), Excitation(window=window)
+    single = [one.update(*sample) for sample in zip(x, v, dt, strict=True)]
+    parts = [many.run(x[a:b], v[a:b], dt[a:b]) for a, b in pairwise(bounds)]
+    assert np.array_equal(np.concatenate(parts), single)
+    assert many.update(1e-3, 0.0, 1e-3) == one.update(1e-3, 0.0, 1e-3)

@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 
 from teleop.cli import main
+from teleop.recording import stream
+from teleop.recording.export_formats import export_recording
 from teleop.recording.recording import load
 
 ENDINGS = ["csv", "h5", "hdf5", "mat", "parquet"]
@@ -192,6 +194,8 @@ EXPORTS_ON_A_FULL_DISK = """
 import resource, sys
 from pathlib import Path
 from teleop.cli import main
+from teleop.recording import stream
+from teleop.recording.export_formats import export_recording
 resource.setrlimit(resource.RLIMIT_FSIZE, (3000, 3000))
 trial, folder, *endings = sys.argv[1:]
 for ending in endings:
@@ -235,3 +239,33 @@ def test_an_incomplete_recording_is_refused_and_nothing_is_written(refused, tria
     cut.write_bytes(trial.read_bytes()[:-100])
     assert "teleop recover" in refused("export", cut)
     assert not (tmp_path / "cut.csv").exists()
+
+
+@pytest.mark.parametrize("ending", ["csv", "h5", "parquet"])
+def test_export_needs_memory_for_a_block_only(trial, tmp_path, monkeypatch, ending):
+    need(ending)
+    monkeypatch.setattr(stream, "BLOCK", 16)
+    longest = 0
+    joined = stream.tick_values
+
+    def values(rows):
+        nonlocal longest
+        longest = max(longest, len(rows))
+        return joined(rows)
+
+    monkeypatch.setattr(stream, "tick_values", values)
+    out = tmp_path / f"blocks.{ending}"
+    ticks = export_recording(trial, out).ticks
+    assert longest < ticks / 2
+    monkeypatch.undo()
+    whole = tmp_path / f"whole.{ending}"
+    export_recording(trial, whole)
+    if ending == "parquet":
+        read = pytest.importorskip("pyarrow.parquet").read_table
+        assert read(out).to_pandas().equals(read(whole).to_pandas())
+    elif ending == "csv":
+        assert out.read_bytes() == whole.read_bytes()
+    else:
+        h5py = pytest.importorskip("h5py")
+        with h5py.File(out) as one, h5py.File(whole) as other:
+            assert all(same(one[name][:], other[name][:]) for name in set(one) - {"events"})

@@ -18,7 +18,7 @@ from teleop.evaluation.evaluation import evaluate
 from teleop.evaluation.replay import agrees, recorded_settings, recorded_signals
 from teleop.evaluation.sampling_gaps import condition
 from teleop.evaluation.signals import Signals, periods, read_signals
-from teleop.recording.gaps import missing_text, missing_ticks
+from teleop.recording.gaps import GapFinder, missing_text, missing_ticks
 from teleop.recording.recorder import RecorderProcess
 from teleop.recording.recording import load
 from teleop.trial.run import run_trial
@@ -281,3 +281,15 @@ def test_the_estimates_of_a_run_with_missing_ticks_are_not_claimed_to_be_reprodu
         np.testing.assert_array_equal(estimates.k[before], online[f"{name}_k"][: before.sum()])
     whole = replace(recording, gaps=())
     assert len(recorded_signals(whole).gaps) == 0
+
+
+@given(st.lists(st.integers(0, 200), max_size=5), st.integers(0, 2**32 - 1))
+def test_the_gaps_of_blocks_are_those_of_the_whole_recording(cuts, seed):
+    rng = np.random.default_rng(seed)
+    kept = np.flatnonzero(rng.random(250) > 0.2)[:200]
+    t, dt = kept * 1e-3, np.full(len(kept), 1e-3)
+    dropped = kept - np.arange(len(kept)).astype(float)
+    finder = GapFinder()
+    for block in np.split(np.arange(len(kept)), sorted(cuts)):
+        finder.add(t[block], dt[block], dropped[block])
+    assert finder.gaps(300) == missing_ticks(t, dt, dropped, 300)

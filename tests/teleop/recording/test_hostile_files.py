@@ -14,7 +14,7 @@ from mcap.data_stream import RecordBuilder
 from mcap.records import Chunk, DataEnd, Footer, Header, Metadata
 from mcap.writer import CompressionType, Writer
 
-from teleop.recording import chunks, mcap_reader
+from teleop.recording import bounded_file, chunks
 from teleop.recording.mcap_checks import message_size, read_event
 from teleop.recording.mcap_reader import read_intact
 from teleop.recording.recording import load
@@ -91,16 +91,16 @@ def test_a_chunk_expands_no_further_than_it_declares_and_no_further_than_the_lim
 def test_the_ticks_of_all_chunks_are_bounded(tmp_path, refused, monkeypatch):
     ticks = [tick(0.001 * i, 1.0) for i in range(20)]
     path = ros(tmp_path / "a.mcap", ticks=ticks)
-    monkeypatch.setattr(mcap_reader, "LARGEST_TICKS", 100)
-    assert "too large for this machine's memory" in refused("export", path)
+    monkeypatch.setattr(bounded_file, "LARGEST_TICKS", 100)
+    assert "too large for this machine's memory" in refused("recover", path)
 
 
 def test_a_record_longer_than_the_file_is_not_read(tmp_path, monkeypatch):
     """The length of a string in the record is also wrong."""
     asked = []
-    read = mcap_reader.BoundedFile.read
+    read = bounded_file.BoundedFile.read
     monkeypatch.setattr(
-        mcap_reader.BoundedFile, "read", lambda s, n: asked.append(min(n, s.left)) or read(s, n)
+        bounded_file.BoundedFile, "read", lambda s, n: asked.append(min(n, s.left)) or read(s, n)
     )
     path = ros(tmp_path / "a.mcap", ticks=[tick(0.0, 1.0)])
     data = path.read_bytes()

@@ -1,0 +1,115 @@
+"""Least-squares fits that all have the same baseline among their regressors.
+
+The regressors of a fit are a baseline B of many columns, which is the same in every fit, and a few
+columns X of their own. The part of X and f that is orthogonal to B gives the parameters of X and
+the residual (Frisch, Waugh and Lovell). B is therefore decomposed once. A fit of m columns beyond a
+baseline of p columns then takes a time proportional to n m p instead of n (m + p)^2.
+
+References
+----------
+M. C. Lovell, "Seasonal adjustment of economic time series and multiple regression analysis",
+J. American Statistical Association 58(304), 1963.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from estimation.compiled import Floats
+from estimation.robust_error import RobustFit, robust_fit
+
+RANK = 1e-10
+"""Singular value below which a direction counts as zero, relative to the largest."""
+
+
+class BaselineFits:
+    """Fits of one signal to its baseline and further regressors.
+
+    Parameters
+    ----------
+    basis
+        Regressors B of the baseline, shape (n, p).
+    f
+        Values to fit, shape (n,).
+
+    Attributes
+    ----------
+    rest
+        The values minus their least-squares baseline, shape (n,).
+    """
+
+    def __init__(self, basis: Floats, f: Floats) -> None:
+        q, r = np.linalg.qr(basis)
+        u, s, vt = np.linalg.svd(r)
+        kept = s > RANK * s[0]
+        self.orthogonal = q @ u[:, kept]
+        self.to_theta = vt[kept].T / s[kept]
+        self.leverage = np.einsum("ij,ij->i", self.orthogonal, self.orthogonal)
+        self.along = f @ self.orthogonal
+        self.rest = f - self.orthogonal @ self.along
+
+    def fit(self, columns: Floats) -> RobustFit:
+        """Return the fit with further regressors, shape (n, m); the baseline's are the first."""
+        q = self.orthogonal
+        along = q.T @ columns
+        beyond = columns - q @ along
+        again = q.T @ beyond  # the second projection removes the rounding error of the first
+        along, beyond = along + again, beyond - q @ again
+        size = np.linalg.norm(columns, axis=0)
+        beyond[:, np.linalg.norm(beyond, axis=0) < RANK * size] = 0.0
+        own = robust_fit(beyond, self.rest)
+        slow = self.to_theta @ (self.along - along @ own.theta)
+        inverse: Any = Inverse(self, along, own)
+        return FitWithBaseline(
+            np.concatenate([slow, own.theta]), own.residual, inverse, own.regressors
+        )
+
+
+class Inverse:
+    """The operator (Z' Z)^-1 Z' of the regressors Z = [B, X], of p + m rows and n columns.
+
+    It is multiplied from the left only, and its p + m rows are not stored.
+
+    Parameters
+    ----------
+    baseline
+        The decomposed baseline.
+    along
+        Components of X along the orthogonal basis of the baseline, shape (p, m).
+    own
+        Fit of X beyond the baseline.
+    """
+
+    __array_ufunc__ = None  # numpy then leaves the product to __rmatmul__
+
+    def __init__(self, baseline: BaselineFits, along: Floats, own: RobustFit) -> None:
+        self.baseline, self.along, self.own = baseline, along, own
+
+    @property
+    def leverage(self) -> Floats:
+        """Diagonal of Z (Z' Z)^-1 Z', shape (n,)."""
+        return np.asarray(self.baseline.leverage + self.own.leverage)
+
+    def __rmatmul__(self, gradients: Floats) -> Floats:
+        """Return the product of gradients, shape (p + m,) or (r, p + m), and this operator."""
+        size = len(self.baseline.to_theta)
+        slow = gradients[..., :size] @ self.baseline.to_theta
+        own = gradients[..., size:] - slow @ self.along
+        product = np.asarray(own @ self.own.inverse)
+        if slow.any():
+            product += slow @ self.baseline.orthogonal.T
+        return product
+
+
+class FitWithBaseline(RobustFit):
+    """A fit of `BaselineFits`; `inverse` is an `Inverse`, `regressors` has no baseline."""
+
+    __slots__ = ()
+
+    @property
+    def leverage(self) -> Floats:
+        """Diagonal of X (X' X)^-1 X' of all regressors X, shape (n,)."""
+        inverse: Any = self.inverse
+        return np.asarray(inverse.leverage)

@@ -1,0 +1,54 @@
+"""Measures whose samples are Python objects, which take five times the memory of arrays.
+
+They are computed in blocks of samples, with the same results to the bit as all samples together.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from estimation import Bank, Estimates, Excitation, Misfit, Regression
+from estimation.compiled import Floats
+
+BLOCK = 1 << 16
+"""Largest number of samples in a block."""
+
+
+def blocks(count: int) -> list[slice]:
+    """Return slices of at most `BLOCK` samples that cover `count` samples."""
+    return [slice(start, start + BLOCK) for start in range(0, count, BLOCK)]
+
+
+def excitation_of(measure: Excitation, regression: Regression) -> Floats:
+    """Return the excitation after each sample, shape (n,)."""
+    x, v, _, dt, _ = regression
+    return np.concatenate([measure.run(x[s], v[s], dt[s]) for s in blocks(len(x))])
+
+
+def misfit_of(
+    misfit: Misfit, regression: Regression, estimates: Mapping[str, Estimates], bank: Bank
+) -> dict[str, Floats]:
+    """Return the misfit of each estimator after each sample, arrays of shape (n,).
+
+    Parameters
+    ----------
+    misfit
+        The measure, before its first sample.
+    regression
+        The n samples.
+    estimates
+        Estimates of each estimator after each sample.
+    bank
+        The estimators, after their last sample.
+    """
+    parts = [
+        misfit.run(
+            regression.part(block),
+            {name: series.part(block) for name, series in estimates.items()},
+            bank.opened[block],
+        )
+        for block in blocks(len(regression.x))
+    ]
+    return {name: np.concatenate([part[name] for part in parts]) for name in estimates}

@@ -1,0 +1,54 @@
+"""Bounds on what is read from a file that may be damaged, and on the memory for it."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import BinaryIO
+
+from teleop.errors import InputError
+
+LARGEST_RECORD = 128 << 20
+"""Size of the largest record that is read [bytes]."""
+
+
+def machine_memory() -> int:
+    """Return the memory of this machine [bytes], or 8 GiB if the system does not report it."""
+    try:
+        return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    except (AttributeError, ValueError, OSError):
+        return 8 << 30
+
+
+LARGEST_TICKS = machine_memory() // 4
+"""Largest total size of ticks that are stored [bytes]. Their columns need the same size again."""
+
+
+def check_memory(path: Path | str, size: int) -> None:
+    """Raise InputError if ticks of this total size [bytes] are too large for the memory."""
+    if size > LARGEST_TICKS:
+        raise InputError(
+            f"{path}: too large for this machine's memory: more than {LARGEST_TICKS >> 20} MiB "
+            "of ticks"
+        )
+
+
+class BoundedFile:
+    """A file of which never more than the rest is read, even if a record states a wrong length.
+
+    Parameters
+    ----------
+    file
+        A regular file, at its beginning.
+    """
+
+    def __init__(self, file: BinaryIO) -> None:
+        self._file = file
+        self.left = os.fstat(file.fileno()).st_size
+        """Number of bytes that have not been read yet."""
+
+    def read(self, count: int) -> bytes:
+        """Read at most `count` bytes."""
+        data = self._file.read(min(count, self.left, LARGEST_RECORD))
+        self.left -= len(data)
+        return data

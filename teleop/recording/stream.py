@@ -1,0 +1,146 @@
+"""Read a recording in blocks of ticks, with the memory of one block."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimation.compiled import Floats
+from teleop.errors import InputError
+from teleop.recording.cdr import CDR
+from teleop.recording.gaps import Gap, GapFinder
+from teleop.recording.mcap_reader import Contents, read_ticks
+from teleop.recording.mcap_writer import END
+
+BLOCK = 1 << 14
+"""Least number of ticks in a block, except the last one."""
+FIELD = re.compile(r"float64 (\w+)(?:\s*#\s*\[([^]]*)\]\s*(.*))?")
+"""Pattern of a line in the definition of a tick's message: name, unit and meaning of a column."""
+OF_GAPS = ("time", "dt", "dropped")
+"""Columns from which missing ticks are found."""
+
+
+def tick_values(rows: NDArray[np.uint8]) -> Floats:
+    """Return the values in the messages of ticks, shape (columns, ticks).
+
+    Parameters
+    ----------
+    rows
+        Bytes of the messages, shape (ticks, bytes per message).
+    """
+    values = np.ascontiguousarray(rows[:, len(CDR) :]).view("<f8")
+    return np.ascontiguousarray(values.T)
+
+
+class RecordingStream:
+    """A recording that is read once, in blocks of ticks.
+
+    Columns, units, session and settings are known from the beginning. `events`, `gaps` and `ticks`
+    are complete after the last block.
+
+    Parameters
+    ----------
+    path
+        An MCAP file of `teleop run`.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, or is not a recording of `teleop run`.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.contents = Contents()
+        self.ticks = 0
+        """Number of ticks that were read."""
+        self.last_time = 0.0
+        """Time of the last tick that was read [s]."""
+        self._gaps = GapFinder()
+        self._rows = read_ticks(path, self.contents)
+        self._first = next(self._rows, None)
+        fields = FIELD.findall(self.contents.definition)
+        self.units = {name: unit for name, unit, _ in fields}
+        """Unit of each column, by its name, in the order of the columns."""
+
+    @property
+    def session(self) -> dict[str, str]:
+        """Texts about the session by name."""
+        return self.contents.metadata.get("session", {})
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """Settings of the trial."""
+        settings: dict[str, Any] = json.loads(
+            self.contents.metadata.get("settings", {}).get("json", "{}")
+        )
+        return settings
+
+    @property
+    def events(self) -> list[dict[str, Any]]:
+        """Events of the trial so far."""
+        return self.contents.events
+
+    @property
+    def gaps(self) -> tuple[Gap, ...]:
+        """Parts of the recording so far in which ticks are missing."""
+        return self._gaps.gaps(dropped_in_all(self.contents.metadata))
+
+    def blocks(self, is_wanted: Callable[[str], bool] = bool) -> Iterator[dict[str, Floats]]:
+        """Yield the columns of successive ticks, each of shape (ticks,).
+
+        Parameters
+        ----------
+        is_wanted
+            Function that returns whether a column is needed. The default is every column.
+
+        Raises
+        ------
+        InputError
+            The recording is not complete, after its last intact tick. The message states the
+            command that recovers the intact part.
+        """
+        yield from self.intact_blocks(is_wanted)
+        if self.contents.damage:
+            kept = f"{self.last_time:.3f} s are intact" if self.ticks else "no tick is intact"
+            raise InputError(
+                f"{self.path}: the recording is not complete ({self.contents.damage}): {kept}; "
+                f"recover it with: teleop recover {self.path}"
+            )
+
+    def intact_blocks(self, is_wanted: Callable[[str], bool] = bool) -> Iterator[dict[str, Floats]]:
+        """Yield the columns as `blocks` does; the end may be missing."""
+        names = list(self.units)
+        wanted = [(i, name) for i, name in enumerate(names) if is_wanted(name)]
+        for rows in self._joined():
+            values = tick_values(rows)
+            self.ticks += len(rows)
+            self.last_time = float(values[0, -1])
+            if all(name in self.units for name in OF_GAPS):
+                self._gaps.add(*(values[names.index(name)] for name in OF_GAPS))
+            yield {name: values[i] for i, name in wanted}
+
+    def _joined(self) -> Iterator[NDArray[np.uint8]]:
+        """Yield the messages of at least `BLOCK` ticks together."""
+        rows = [] if self._first is None else [self._first]
+        count = sum(map(len, rows))
+        for more in self._rows:
+            if count >= BLOCK:
+                yield np.concatenate(rows)
+                rows, count = [], 0
+            rows.append(more)
+            count += len(more)
+        if rows:
+            yield np.concatenate(rows)
+
+
+def dropped_in_all(metadata: dict[str, dict[str, str]]) -> int:
+    """Return the number of all dropped ticks from the metadata of a file; 0 for other text."""
+    text = metadata.get(END, {}).get("dropped", "")
+    return int(text) if re.fullmatch(r"[0-9]{1,15}", text) else 0

@@ -1,0 +1,26 @@
+"""Misfit and excitation of a record do not depend on the size of the blocks."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from teleop.evaluation import in_blocks
+from teleop.evaluation.evaluation import evaluate
+from teleop.evaluation.replay import recorded_settings, recorded_signals
+from teleop.recording.recording import load
+
+RECORDING = Path(__file__).parents[2] / "data" / "estimates" / "all-estimators.mcap"
+
+
+def test_blocks_of_any_size_give_the_same_bits(monkeypatch):
+    recording = load(RECORDING)
+    signals, settings = recorded_signals(recording), recorded_settings(recording)
+    whole = evaluate(signals, settings)
+    monkeypatch.setattr(in_blocks, "BLOCK", 77)
+    parts = evaluate(signals, settings)
+    assert np.array_equal(parts.excitation, whole.excitation)
+    for name, misfit in whole.misfit.items():
+        assert np.array_equal(parts.misfit[name], misfit, equal_nan=True)
+        assert np.isfinite(misfit).any() or "n" in whole.bank[name].names
