@@ -13,11 +13,10 @@ from teleop.control.clock import Clock
 from teleop.control.tare import NO_TARE
 from teleop.errors import InputError
 from teleop.recording.black_box import BlackBox
-from teleop.recording.message import Layout
 from teleop.recording.sinks import Memory
 from teleop.safety.events import ACTIVE
 from teleop.safety.tightened_limits import NOT_TIGHTENED
-from teleop.trial.assembly import make_clock, make_controller, make_simulated_rig
+from teleop.trial.assembly import make_clock, make_controller, make_layout, make_simulated_rig
 from teleop.trial.loop import Loop
 from teleop.trial.settings import TrialSettings
 from teleop.trial.stop_switch import StopSwitch
@@ -61,7 +60,7 @@ def tick_cost(settings: TrialSettings) -> float:
         duration=2.0 * TICKS / rate,
     )
     clock, bank = make_clock(rehearsal), rehearsal.estimation_preset.bank()
-    layout = Layout(bank)
+    layout = make_layout(rehearsal, bank)
     box = BlackBox(layout, rate)
     costs = []
     with make_simulated_rig(rehearsal, clock.now) as rig:

@@ -16,10 +16,12 @@ from estimation.model import KELVIN_VOIGT, Model
 from estimation.own_settings import OwnSettings
 from estimation.registry import PAPER
 from sim_backend import CUBES, DEPTH, PlantParameters, Sensors, Setup, paper_setup
+from sim_backend.channel import ChannelSettings
 from teleop.control.admittance import AdmittanceParameters
 from teleop.control.conditions import CONDITIONS
 from teleop.control.coupling import Coupling
 from teleop.control.excitation_signals import AnySignal, Sine
+from teleop.control.feedback.settings import FeedbackSettings
 from teleop.control.tare import NO_TARE, Tare
 from teleop.control.target import Target
 from teleop.errors import InputError
@@ -87,6 +89,10 @@ class TrialSettings:
     """Virtual dynamics of the master."""
     coupling: Coupling = field(default_factory=Coupling)
     """Maps the motion of the master to that of the slave."""
+    feedback: FeedbackSettings = field(default_factory=FeedbackSettings)
+    """Force feedback to the hand."""
+    channel: ChannelSettings | None = None
+    """Communication channel between master and slave. Default: none, without delay."""
     conditioning: ConditioningName = "matched"
     """Signal conditioning before the estimators."""
     bandwidth: float = BANDWIDTH
@@ -165,6 +171,16 @@ class TrialSettings:
                 f"duration {self.duration:g} s: expected count-in and two periods of the target, "
                 f"{self.target.shortest:g} s or more"
             )
+        if self.feedback.law != "none" and self.condition == "autonomous":
+            yield (
+                f"feedback {self.feedback.law}: nobody holds the handle in the condition "
+                "autonomous: expected free or mimic"
+            )
+        if self.feedback.law != "none" and self.rig and not self.rig.sections.drives.master:
+            yield (
+                f"feedback {self.feedback.law}: the handle of the rig {self.rig_name!r} is passive:"
+                " expected a rig file with [drives.master]"
+            )
         if self.rig and self.clock != "real":
             yield "clock virtual: a rig of devices runs in real time: expected real"
         try:
@@ -231,9 +247,15 @@ class TrialSettings:
         return self.specimen or (self.rig_name if self.rig else f"{self.cube} cube")
 
     @property
+    def has_link(self) -> bool:
+        """Whether there is force feedback or a channel between master and slave."""
+        return self.feedback.law != "none" or self.channel is not None
+
+    @property
     def limits(self) -> Limits:
         """Limits of the safety supervisor, relative to the tare."""
-        return self.raw_limits.shifted(self.tare.zeros)
+        limits = self.raw_limits.shifted(self.tare.zeros)
+        return replace(limits, separate=True) if self.has_link else limits
 
     @property
     def raw_limits(self) -> Limits:

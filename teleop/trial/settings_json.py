@@ -16,9 +16,11 @@ from drivers.rig_file import RigFile, RigFileError, as_phrase, parse_rig_file
 from estimation import Axis, Grid, Model, Preset
 from estimation.own_settings import OwnSettings
 from sim_backend import Cube, Sensors, Setup, Transmission
+from sim_backend.channel import ChannelSettings
 from teleop.control.admittance import AdmittanceParameters
 from teleop.control.coupling import Coupling
 from teleop.control.excitation_signals import Chirp, Multisine, Sine
+from teleop.control.feedback.settings import FeedbackSettings
 from teleop.control.tare import Tare
 from teleop.errors import InputError
 from teleop.safety import ChannelLimits, Limits
@@ -46,9 +48,11 @@ PARTS = (
     AdmittanceParameters,
     Axis,
     ChannelLimits,
+    ChannelSettings,
     Chirp,
     Coupling,
     Cube,
+    FeedbackSettings,
     Grid,
     Limits,
     Model,

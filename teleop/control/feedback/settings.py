@@ -1,0 +1,63 @@
+"""Settings of the force feedback, and the two halves of each law."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from teleop.control.admittance import Admittance
+from teleop.control.coupling import Coupling
+from teleop.control.feedback.law import Master, Slave
+from teleop.control.feedback.local_model import LocalModel, ModelMediatedSlave
+from teleop.control.feedback.model_mediated import ModelMediatedMaster
+from teleop.control.feedback.passivity import PassivityMaster, PassivitySlave
+from teleop.control.feedback.position_force import PositionForceMaster
+from teleop.names import FeedbackName
+
+
+@dataclass(frozen=True)
+class FeedbackSettings:
+    """Settings of the force feedback.
+
+    Raises
+    ------
+    ValueError
+        A value is out of its range.
+    """
+
+    law: FeedbackName = "none"
+    """Law: none, position-force, model-mediated or passivity."""
+    gain: float = 1.0
+    """Ratio of the displayed force to the contact force, > 0."""
+    glued: bool = True
+    """Whether the specimen is glued to the slave's plate, so that it also pulls."""
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.gain < math.inf:
+            raise ValueError(f"gain of the feedback must be positive, got {self.gain}")
+
+    def halves(
+        self, admittance: Admittance, coupling: Coupling, force_lag: float
+    ) -> tuple[Master, Slave]:
+        """Return the master half and the slave half of the law.
+
+        Parameters
+        ----------
+        admittance, coupling
+            Virtual mass of the master, and map from its motion to that of the slave.
+        force_lag
+            Lag of the force channel that the estimator compensates [s].
+        """
+        master = admittance, coupling.scale, self.gain
+        match self.law:
+            case "none":
+                return Master(*master), Slave(coupling)
+            case "position-force":
+                return PositionForceMaster(*master), Slave(coupling)
+            case "passivity":
+                return PassivityMaster(*master), PassivitySlave(coupling, self.gain)
+            case "model-mediated":
+                return (
+                    ModelMediatedMaster(*master, self.glued),
+                    ModelMediatedSlave(coupling, LocalModel(force_lag, self.glued)),
+                )
