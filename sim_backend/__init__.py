@@ -1,5 +1,7 @@
 """Simulation of the telemanipulator: cubes, plant, sensors, operators, and the simulated rig."""
 
+from sim_backend.bodies import AnyBody, Changing, Relaxing
+from sim_backend.body import Body, Law
 from sim_backend.cube import Cube
 from sim_backend.faults import FaultyRig
 from sim_backend.operators import ARM, FreePalpation, MimickedSine, Operator
@@ -25,15 +27,20 @@ __all__ = [
     "LOSS_TIME",
     "RIGID",
     "TRANSMISSION",
+    "AnyBody",
     "Arm",
+    "Body",
+    "Changing",
     "Cube",
     "FaultyRig",
     "FreePalpation",
     "Intention",
+    "Law",
     "MimickedSine",
     "Operator",
     "Plant",
     "PlantParameters",
+    "Relaxing",
     "Sensors",
     "Setup",
     "SimulatedRig",

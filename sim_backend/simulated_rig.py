@@ -7,7 +7,7 @@ import random
 from collections.abc import Callable
 
 from drivers import CHANNELS, STANDSTILL, Ages, Command, Measurement, Rig
-from sim_backend.cube import Cube
+from sim_backend.body import Body
 from sim_backend.operators import ARM, Operator
 from sim_backend.plant import AT_REST, UNATTENDED, Plant, PlantParameters
 from sim_backend.sensors import Sensors
@@ -23,8 +23,8 @@ class SimulatedRig(Rig):
 
     Parameters
     ----------
-    cube
-        The environment.
+    body
+        The environment, such as a cube.
     now
         Function that returns the time of the clock [s].
     operator
@@ -51,7 +51,7 @@ class SimulatedRig(Rig):
 
     def __init__(
         self,
-        cube: Cube,
+        body: Body,
         now: Callable[[], float],
         operator: Operator | None = None,
         parameters: PlantParameters | None = None,
@@ -64,7 +64,7 @@ class SimulatedRig(Rig):
         for name, value in (("max_velocity", max_velocity), ("watchdog", watchdog)):
             if not 0.0 < value < math.inf:
                 raise ValueError(f"{name} must be positive, got {value}")
-        self.plant = Plant(cube, parameters or PlantParameters(), ARM if operator else UNATTENDED)
+        self.plant = Plant(body, parameters or PlantParameters(), ARM if operator else UNATTENDED)
         self.plant.slave.move_to(start, 0.0)
         self._now = now
         self._operator = operator

@@ -249,7 +249,7 @@ class TrialSettings:
             return rig_limits(self.rig.sections)
         setup = self.setup
         return palpation_limits(
-            setup.cube,
+            setup.cube.fast,
             setup.depth,
             self.coupling.scale,
             self.excitation.highest,
