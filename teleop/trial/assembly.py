@@ -7,7 +7,7 @@ from collections.abc import Callable
 from drivers import Rig
 from drivers.wired_rig import WiredRig
 from estimation import Bank, Excitation
-from sim_backend import FreePalpation, MimickedSine, Operator, SimulatedRig
+from sim_backend import ForcePalpation, FreePalpation, MimickedSine, Operator, SimulatedRig
 from teleop.control.admittance import Admittance
 from teleop.control.clock import Clock, RealClock, VirtualClock
 from teleop.control.conditions import Autonomous, Condition, Mimicry, Teleoperation
@@ -53,9 +53,14 @@ def make_simulated_rig(
     """
     setup = settings.setup
     depth = setup.depth / settings.coupling.scale
+    model = settings.operator_model
     operator: Operator | None = None
-    if settings.condition == "free":
-        operator = FreePalpation(depth, settings.seed)
+    if settings.condition == "free" and model.aim_force:
+        operator = ForcePalpation(
+            depth, settings.seed, model.aim_force, model.arm_stiffness, model.withdrawal
+        )
+    elif settings.condition == "free":
+        operator = FreePalpation(depth, settings.seed, model.withdrawal)
     elif settings.condition == "mimic":
         target = settings.target
         operator = MimickedSine(depth, settings.seed, target.frequency, target.count_in)
@@ -67,6 +72,7 @@ def make_simulated_rig(
         sensors=settings.sensors,
         watchdog=watchdog,
         seed=settings.seed,
+        arm=model.arm,
     )
 
 

@@ -15,7 +15,15 @@ from estimation.conditioning import BANDWIDTH, Conditioner
 from estimation.model import KELVIN_VOIGT, Model
 from estimation.own_settings import OwnSettings
 from estimation.registry import PAPER
-from sim_backend import CUBES, DEPTH, PlantParameters, Sensors, Setup, paper_setup
+from sim_backend import (
+    CUBES,
+    DEPTH,
+    OperatorModel,
+    PlantParameters,
+    Sensors,
+    Setup,
+    paper_setup,
+)
 from teleop.control.admittance import AdmittanceParameters
 from teleop.control.conditions import CONDITIONS
 from teleop.control.coupling import Coupling
@@ -28,25 +36,12 @@ from teleop.safety import Limits
 from teleop.safety.palpation_limits import palpation_limits
 from teleop.safety.rig_limits import rig_limits
 from teleop.safety.tightened_limits import NOT_TIGHTENED, TightenedLimits
+from teleop.trial.ranges import DEEPEST, LONGEST, LONGEST_NAME, LONGEST_NOTES, RATES
 
-RATES = (50.0, 100_000.0)
-"""Lowest and highest rate of the loop [Hz]. Below the lowest rate, the hand of the operator and the
-admittance are not stable together."""
-DEEPEST = 0.1
-"""Largest depth of palpation [m]."""
-LONGEST = 3600.0
-"""Longest duration of a trial [s].
-
-The summary reads all ticks into memory, 0.4 MB per second at 1 kHz.
-"""
 FREQUENCY = {"mimic": 1.0, "autonomous": 2.0}
 """Frequency of the sine in a condition, if the settings have no signal [Hz]."""
 COUNT_IN = 3.0
 """Time at the start of mimic in which the target does not move, on a rig of devices [s]."""
-LONGEST_NAME = 100
-"""Largest number of characters of the name of a specimen or an operator."""
-LONGEST_NOTES = 10_000
-"""Largest number of characters of the notes."""
 
 
 @dataclass(frozen=True)
@@ -112,6 +107,8 @@ class TrialSettings:
     """Limits of the safety supervisor that are tighter than those of the rig."""
     sensors: Sensors = field(default_factory=Sensors)
     """Imperfections of the simulated sensors."""
+    operator_model: OperatorModel = field(default_factory=OperatorModel)
+    """Arm and intention of the operator of the simulated rig."""
     tare: Tare = NO_TARE
     """Zero offsets of force and position."""
     rig: RigFile | None = None
@@ -165,6 +162,8 @@ class TrialSettings:
                 f"duration {self.duration:g} s: expected count-in and two periods of the target, "
                 f"{self.target.shortest:g} s or more"
             )
+        if self.operator_model.aim_force and self.condition != "free":
+            yield f"operator_model.aim_force: not in {self.condition}: expected condition free"
         if self.rig and self.clock != "real":
             yield "clock virtual: a rig of devices runs in real time: expected real"
         try:

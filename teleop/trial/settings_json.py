@@ -15,7 +15,15 @@ from pydantic_core import to_jsonable_python
 from drivers.rig_file import RigFile, RigFileError, as_phrase, parse_rig_file
 from estimation import Axis, Grid, Model, Preset
 from estimation.own_settings import OwnSettings
-from sim_backend import Changing, Cube, Relaxing, Sensors, Setup, Transmission
+from sim_backend import (
+    Changing,
+    Cube,
+    OperatorModel,
+    Relaxing,
+    Sensors,
+    Setup,
+    Transmission,
+)
 from teleop.control.admittance import AdmittanceParameters
 from teleop.control.coupling import Coupling
 from teleop.control.excitation_signals import Chirp, Multisine, Sine
@@ -54,6 +62,7 @@ PARTS = (
     Limits,
     Model,
     Multisine,
+    OperatorModel,
     OwnSettings,
     Preset,
     Relaxing,
