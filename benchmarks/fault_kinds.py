@@ -112,11 +112,11 @@ class Inclusion(Cube):
     """A cube with a part that is ten times as stiff, from the present depth on."""
 
     def force(self, x: float, v: float) -> float:
-        hard = max(x - self.surface, 0.0) * self.stiffness_inside  # type: ignore[attr-defined]
+        hard = max(x - self.inside, 0.0) * self.stiffness_inside  # type: ignore[attr-defined]
         return super().force(x, v) + hard
 
     def stiffness(self, x: float) -> float:
-        inside = x > self.surface  # type: ignore[attr-defined]
+        inside = x > self.inside  # type: ignore[attr-defined]
         return super().stiffness(x) + (self.stiffness_inside if inside else 0.0)  # type: ignore[attr-defined]
 
     def compressed(self, x: float, compliance: float) -> float:
@@ -128,10 +128,11 @@ class Inclusion(Cube):
 
 def include(case: Case) -> None:
     slave = case.sim.plant.slave
-    cube = Inclusion(slave.cube.k1, slave.cube.k3, slave.cube.b)
-    object.__setattr__(cube, "surface", max(slave.x, 0.3 * case.settings.setup.depth))
+    law = slave.law
+    cube = Inclusion(law.k1, law.k3, law.b)
+    object.__setattr__(cube, "inside", max(slave.x, 0.3 * case.settings.setup.depth))
     object.__setattr__(cube, "stiffness_inside", 10.0 * cube.k1)
-    slave.cube = cube
+    slave.palpate(cube)
 
 
 def after_stall(case: Case, travel: float, change: float) -> bool:

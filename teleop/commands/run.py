@@ -153,9 +153,10 @@ def run(
     from teleop.safety.events import time_text
     from teleop.trial.arming import ask_to_arm, check_stated
     from teleop.trial.configuration import read_configuration
+    from teleop.trial.ranges import FREQUENCY
     from teleop.trial.rig_loading import load_rig_file
     from teleop.trial.run import run_trial
-    from teleop.trial.settings import FREQUENCY, TrialSettings
+    from teleop.trial.settings import TrialSettings
     from teleop.trial.stop_switch import StopSwitch
 
     settings = read_configuration(config) if config else TrialSettings()

@@ -35,9 +35,12 @@ class Link(ABC):
     def observe(self, pair: Pair) -> None:  # noqa: B027
         """Process a pair of slave position and contact force."""
 
-    def stiffness(self, position: float) -> float:
-        """Return the expected slope of the contact force [N/m] at a position of the slave [m]."""
-        return 0.0
+    def stiffness(self, position: float) -> float | None:
+        """Return the expected slope of the contact force [N/m] at a position of the slave [m].
+
+        None: master and slave are at one place, and the soft limits act on both together.
+        """
+        return None
 
 
 class DirectLink(Link):

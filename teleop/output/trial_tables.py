@@ -107,6 +107,14 @@ def print_truth(console: Console, truth: Mapping[str, Any]) -> None:
         f"{truth['lost_motion_m'] * 1e6:g} um.\n"
         "  Lag and lost motion make the estimate of b too low."
     )
+    further = truth.get("further_laws", {})
+    if further:
+        console.print("  These are the values in slow motion and before any change. Others:")
+    for name, law in further.items():
+        console.print(
+            f"    {name}: b {law['b']:.3g} N s/m, k {number(law['k_surface'], 0)} N/m at the "
+            f"surface and {number(law['k_deepest'], 0)} N/m at the greatest depth"
+        )
 
 
 def print_tracking(console: Console, tracking: Mapping[str, Any] | None) -> None:

@@ -131,18 +131,13 @@ class Limits:
     """Longest time between two ticks [s]; shorter than the watchdog times of the drives."""
     max_skipped_fraction: float = 0.25
     """Greatest fraction of periods that the loop may skip, averaged over about one second."""
-    separate: bool = False
-    """Whether the soft limits act on master and slave separately.
-
-    If not, both are reduced by the same factor, so that the hand feels the limits of the slave.
-    """
     channels: dict[str, ChannelLimits] = field(default_factory=default_channel_limits)
     """Limits of each channel, by its name."""
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
             least = 0.0 if name == "drive_compliance" else math.ulp(0.0)
-            if type(value) in (float, int) and not least <= value < math.inf:
+            if isinstance(value, float | int) and not least <= value < math.inf:
                 raise ValueError(f"{name} must be positive, got {value}")
         if self.max_skipped_fraction >= 1.0:
             raise ValueError(

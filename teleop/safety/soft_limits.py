@@ -60,11 +60,11 @@ def limit_command(
     dt: float,
     state: Supervision,
     limits: Limits,
-    stiffness: float = 0.0,
+    stiffness: float | None = None,
 ) -> tuple[Command, int]:
     """Apply the soft limits to the desired command.
 
-    Unless `limits.separate` is set, the velocities of master and slave are reduced by the same
+    Without a `stiffness`, the velocities of master and slave are reduced by the same
     factor, so that the operator feels the limit of the slave. In the direction of a soft position
     limit at distance d, the speed is at most sqrt(a d), where a is the greatest acceleration. A
     deceleration of a / 2 then stops the slave at the limit. If the contact force exceeds the soft
@@ -85,7 +85,8 @@ def limit_command(
     limits
         Limits of rig and channels.
     stiffness
-        Expected slope of the contact force over the position of the slave [N/m]; 0 if unknown.
+        Expected slope of the contact force over the position of the slave [N/m]. None: the limits
+        act on master and slave together.
 
     Returns
     -------
@@ -95,10 +96,10 @@ def limit_command(
         Sum of the flags of the soft limits that reduced the command.
     """
     ramp = min(active / limits.start_ramp, 1.0)
-    if limits.separate:
-        wanted, flags = limit_separately(desired, measurement, ramp, stiffness, limits)
-    else:
+    if stiffness is None:
         wanted, flags = limit_together(desired, measurement, ramp, limits)
+    else:
+        wanted, flags = limit_separately(desired, measurement, ramp, stiffness, limits)
     command = limit_acceleration(wanted, state.applied, dt, limits)
     if command != wanted:
         flags |= ACCELERATION

@@ -8,7 +8,7 @@ from dataclasses import replace
 from drivers import Rig
 from drivers.wired_rig import WiredRig
 from estimation import Bank, Estimator, Excitation
-from sim_backend import FreePalpation, MimickedSine, Operator, SimulatedRig
+from sim_backend import ForcePalpation, FreePalpation, MimickedSine, Operator, SimulatedRig
 from sim_backend.channel import ChannelSettings
 from teleop.control.admittance import Admittance
 from teleop.control.bilateral import BilateralLink
@@ -61,9 +61,14 @@ def make_simulated_rig(
     """
     setup = settings.setup
     depth = setup.depth / settings.coupling.scale
+    model = settings.operator_model
     operator: Operator | None = None
-    if settings.condition == "free":
-        operator = FreePalpation(depth, settings.seed)
+    if settings.condition == "free" and model.aim_force:
+        operator = ForcePalpation(
+            depth, settings.seed, model.aim_force, model.arm_stiffness, model.withdrawal
+        )
+    elif settings.condition == "free":
+        operator = FreePalpation(depth, settings.seed, model.withdrawal)
     elif settings.condition == "mimic":
         target = settings.target
         operator = MimickedSine(depth, settings.seed, target.frequency, target.count_in)
@@ -75,6 +80,7 @@ def make_simulated_rig(
         sensors=settings.sensors,
         watchdog=watchdog,
         seed=settings.seed,
+        arm=model.arm,
     )
 
 
@@ -106,7 +112,10 @@ def make_link(settings: TrialSettings) -> Link:
         return DirectLink(admittance, coupling)
     if coupling.position_gain == 0.0:
         coupling = replace(coupling, position_gain=LINK_GAIN)
-    halves = settings.feedback.halves(admittance, coupling, settings.force_lag)
+    feedback, glued = settings.feedback, settings.feedback.glued
+    if glued is None:
+        glued = settings.setup.cube.glued if settings.rig is None else True
+    halves = feedback.halves(admittance, coupling, settings.force_lag, glued)
     channel = settings.channel or ChannelSettings()
     return BilateralLink(admittance, coupling, *halves, channel, settings.seed)
 

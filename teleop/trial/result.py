@@ -13,6 +13,7 @@ from estimation import Bank, Estimates
 from estimation.compiled import Floats
 from estimation.presets import GATE
 from estimation.summary import summarise
+from sim_backend import Law, Setup
 from teleop.errors import InputError
 from teleop.evaluation.tracking import tracking
 from teleop.recording.gaps import gap_rows, missing_text
@@ -147,11 +148,12 @@ class Trial:
         }
 
 
-def truth(settings: TrialSettings, depth: float) -> dict[str, float]:
+def truth(settings: TrialSettings, depth: float) -> dict[str, Any]:
     """Return the true damping, stiffness, lag and lost motion of the simulated rig.
 
     The stiffness is that of the cube and the transmission in series, because the encoder measures
-    the position before the transmission.
+    the position before the transmission. Damping and stiffness are those in slow motion and before
+    any change of the body. If the body has other laws, `further_laws` has their values by name.
 
     Parameters
     ----------
@@ -161,17 +163,35 @@ def truth(settings: TrialSettings, depth: float) -> dict[str, float]:
         Greatest displacement in the trial [m], for the stiffness at this depth.
     """
     setup = settings.setup
-    cube, transmission = setup.cube, setup.transmission
+    further = {name: known(setup, law, depth) for name, law in setup.cube.further_laws.items()}
     return {
-        "b": cube.b,
-        "k_surface": cube.k1 / (1.0 + transmission.compliance * cube.k1),
-        "k_deepest": setup.force(depth) / depth if depth else cube.k1,
+        **known(setup, setup.cube.slow, depth),
         "force_lag_s": setup.force_lag,
-        "lost_motion_m": transmission.lost_motion,
+        "lost_motion_m": setup.transmission.lost_motion,
+        **({"further_laws": further} if further else {}),
     }
 
 
-def recorded_truth(recording: Recording) -> dict[str, float] | None:
+def known(setup: Setup, law: Law, depth: float) -> dict[str, float]:
+    """Return damping and stiffness of body and transmission, for a law of the body.
+
+    Parameters
+    ----------
+    setup
+        Body and transmission.
+    law
+        Law of the body.
+    depth
+        Greatest displacement [m].
+    """
+    return {
+        "b": law.b,
+        "k_surface": law.k1 / (1.0 + setup.transmission.compliance * law.k1),
+        "k_deepest": setup.static_force(law, depth) / depth if depth else law.k1,
+    }
+
+
+def recorded_truth(recording: Recording) -> dict[str, Any] | None:
     """Return the true values of a recorded trial on the simulated rig; None for other rigs."""
     if not recording.settings or recording.session.get("rig") != "simulated":
         return None

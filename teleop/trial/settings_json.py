@@ -15,7 +15,15 @@ from pydantic_core import to_jsonable_python
 from drivers.rig_file import RigFile, RigFileError, as_phrase, parse_rig_file
 from estimation import Axis, Grid, Model, Preset
 from estimation.own_settings import OwnSettings
-from sim_backend import Cube, Sensors, Setup, Transmission
+from sim_backend import (
+    Changing,
+    Cube,
+    OperatorModel,
+    Relaxing,
+    Sensors,
+    Setup,
+    Transmission,
+)
 from sim_backend.channel import ChannelSettings
 from teleop.control.admittance import AdmittanceParameters
 from teleop.control.coupling import Coupling
@@ -47,6 +55,7 @@ DERIVED = {
 PARTS = (
     AdmittanceParameters,
     Axis,
+    Changing,
     ChannelLimits,
     ChannelSettings,
     Chirp,
@@ -57,8 +66,10 @@ PARTS = (
     Limits,
     Model,
     Multisine,
+    OperatorModel,
     OwnSettings,
     Preset,
+    Relaxing,
     Sensors,
     Setup,
     Sine,
@@ -68,6 +79,8 @@ PARTS = (
     TrialSettings,
 )
 """Dataclasses of the document."""
+BODIES = ("Cube", "Relaxing", "Changing")
+"""Kinds of bodies, which are part of the path of an error but not of the document."""
 
 
 def to_document(settings: TrialSettings) -> dict[str, Any]:
@@ -121,7 +134,8 @@ def problems(error: ValidationError) -> list[str]:
     """Return the problems that pydantic found, each as a line with the key in the document."""
     lines = []
     for part in error.errors():
-        path, message = ".".join(map(str, part["loc"] or ("document",))), as_phrase(part["msg"])
+        keys = [str(key) for key in part["loc"] if key not in BODIES]
+        path, message = ".".join(keys or ["document"]), as_phrase(part["msg"])
         if part["type"] == "unexpected_keyword_argument":
             key = NAMES.get(path)
             message = f"unknown setting: expected {key}" if key else "unknown setting"

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
+from drivers.rig_file import RigFile
 from teleop.control.admittance import Admittance
 from teleop.control.coupling import Coupling
 from teleop.control.feedback.law import Master, Slave
@@ -12,7 +14,7 @@ from teleop.control.feedback.local_model import LocalModel, ModelMediatedSlave
 from teleop.control.feedback.model_mediated import ModelMediatedMaster
 from teleop.control.feedback.passivity import PassivityMaster, PassivitySlave
 from teleop.control.feedback.position_force import PositionForceMaster
-from teleop.names import FeedbackName
+from teleop.names import ConditionName, FeedbackName
 
 
 @dataclass(frozen=True)
@@ -29,15 +31,37 @@ class FeedbackSettings:
     """Law: none, position-force, model-mediated or passivity."""
     gain: float = 1.0
     """Ratio of the displayed force to the contact force, > 0."""
-    glued: bool = True
-    """Whether the specimen is glued to the slave's plate, so that it also pulls."""
+    glued: bool | None = None
+    """Whether the specimen is glued to the slave's plate, so that it also pulls. Default: as the
+    body of the simulated rig; glued on a rig of devices."""
 
     def __post_init__(self) -> None:
         if not 0.0 < self.gain < math.inf:
             raise ValueError(f"gain of the feedback must be positive, got {self.gain}")
 
+    def problems(self, condition: ConditionName, rig: RigFile | None) -> Iterator[str]:
+        """Yield the reasons why a trial cannot have this feedback.
+
+        Parameters
+        ----------
+        condition
+            Control condition.
+        rig
+            Rig of devices; None for the simulated rig.
+        """
+        if self.law != "none" and condition == "autonomous":
+            yield (
+                f"feedback {self.law}: nobody holds the handle in the condition autonomous: "
+                "expected free or mimic"
+            )
+        if self.law != "none" and rig and not rig.sections.drives.master:
+            yield (
+                f"feedback {self.law}: the handle of the rig {rig.sections.name!r} is passive: "
+                "expected a rig file with [drives.master]"
+            )
+
     def halves(
-        self, admittance: Admittance, coupling: Coupling, force_lag: float
+        self, admittance: Admittance, coupling: Coupling, force_lag: float, glued: bool
     ) -> tuple[Master, Slave]:
         """Return the master half and the slave half of the law.
 
@@ -47,6 +71,8 @@ class FeedbackSettings:
             Virtual mass of the master, and map from its motion to that of the slave.
         force_lag
             Lag of the force channel that the estimator compensates [s].
+        glued
+            Whether the specimen is glued.
         """
         master = admittance, coupling.scale, self.gain
         match self.law:
@@ -58,6 +84,6 @@ class FeedbackSettings:
                 return PassivityMaster(*master), PassivitySlave(coupling, self.gain)
             case "model-mediated":
                 return (
-                    ModelMediatedMaster(*master, self.glued),
-                    ModelMediatedSlave(coupling, LocalModel(force_lag, self.glued)),
+                    ModelMediatedMaster(*master, glued),
+                    ModelMediatedSlave(coupling, LocalModel(force_lag, glued)),
                 )
