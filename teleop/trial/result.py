@@ -15,6 +15,7 @@ from estimation.presets import GATE
 from estimation.summary import summarise
 from sim_backend import Law, Setup
 from teleop.errors import InputError
+from teleop.evaluation.rendering import rendering
 from teleop.evaluation.tracking import tracking
 from teleop.recording.gaps import gap_rows, missing_text
 from teleop.recording.recording import Recording
@@ -90,6 +91,22 @@ class Trial:
         found = tracking(t, target, position, self.settings.target.frequency)
         return found and found._asdict()
 
+    def feedback(self) -> dict[str, Any] | None:
+        """Return what the hand felt; None without force feedback and channel."""
+        settings = self.settings
+        if not settings.has_link:
+            return None
+        admittance, feedback = settings.admittance, settings.feedback
+        found = rendering(
+            self.recording,
+            admittance.mass,
+            admittance.damping,
+            settings.coupling.scale,
+            feedback.gain,
+        )
+        channel = settings.channel and settings.channel.text
+        return {"law": feedback.law, "channel": channel} | found._asdict()
+
     def summary(self) -> dict[str, Any]:
         """Return the results of the trial, in the form of `teleop run --json`."""
         settings, active = self.settings, self.recording.estimated()
@@ -121,6 +138,7 @@ class Trial:
             "rejected": self.rejected,
             "interrupted": self.interrupted,
             "tracking": self.tracking(),
+            "feedback": self.feedback(),
             "estimates": {
                 name: summarise(
                     t, regression, estimates, self.bank[name], active.misfit(name)
