@@ -134,7 +134,7 @@ def main() -> None:
     options = parser.parse_args()
     cases = list(PARTS[options.part](options.seeds, options.rigid))
     with ProcessPoolExecutor(options.processes) as pool:
-        rows = list(pool.map(run_one, cases))
+        rows = list(pool.map(run_one, cases, chunksize=1))
     if options.out:
         with options.out.open("w", newline="") as file:
             writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")

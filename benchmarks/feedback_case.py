@@ -81,6 +81,7 @@ def settings_of(
             setup.depth,
             Transmission() if rigid else setup.transmission,
         ),
+        estimators=("rls",),
         feedback=FeedbackSettings(law),
         channel=ChannelSettings(0.5 * round_trip, jitter, loss),
         admittance=AdmittanceParameters(damping=damping),
@@ -111,7 +112,7 @@ def converged(recording: Recording) -> float:
 
     The model is compared by its force at the deepest position. NaN without a model.
     """
-    k, k3 = recording["model_k"], recording["model_k3"]
+    k, k3 = recording["model_stiffness"], recording["model_stiffening"]
     if not np.isfinite(k[-100:]).all():
         return math.nan
     deepest = float(np.max(np.abs(recording["slave_position"])))

@@ -24,9 +24,9 @@ class LinkValues(NamedTuple):
     """Values of the link at a tick, as they are recorded."""
 
     displayed_force: float
-    model_k: float
-    model_k3: float
-    model_b: float
+    model_stiffness: float
+    model_stiffening: float
+    model_damping: float
     tank: float
     port_energy: float
     master_energy: float

@@ -92,9 +92,9 @@ FEEDBACK_COLUMNS = tuple(
     Column(*column)
     for column in (
         ("displayed_force", "N", "of the environment, as the hand feels it"),
-        ("model_k", "N/m", f"stiffness {MODEL}"),
-        ("model_k3", "N/m^3", f"stiffening {MODEL}"),
-        ("model_b", "N s/m", f"damping {MODEL}"),
+        ("model_stiffness", "N/m", f"stiffness {MODEL}"),
+        ("model_stiffening", "N/m^3", f"stiffening {MODEL}"),
+        ("model_damping", "N s/m", f"damping {MODEL}"),
         ("tank", "J", "energy in the tank; NaN for none"),
         ("port_energy", "J", "put in by the hand, limited to what can be stored"),
         ("master_energy", "J", "that the hand has given to the channel, for passivity control"),

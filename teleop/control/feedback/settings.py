@@ -35,7 +35,13 @@ class FeedbackSettings:
     """Whether the specimen is glued to the slave's plate, so that it also pulls. Default: as the
     body of the simulated rig; glued on a rig of devices."""
 
+    stiffness: float | None = None
+    """Largest expected stiffness of the specimen [N/m], for the estimate of the stability of
+    position-force. Default: that of the simulated rig; unknown on a rig of devices."""
+
     def __post_init__(self) -> None:
+        if self.stiffness is not None and not 0.0 < self.stiffness < math.inf:
+            raise ValueError(f"stiffness of the feedback must be positive, got {self.stiffness}")
         if not 0.0 < self.gain < math.inf:
             raise ValueError(f"gain of the feedback must be positive, got {self.gain}")
 
