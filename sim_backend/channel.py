@@ -16,6 +16,8 @@ from typing import Generic, TypeVar
 T = TypeVar("T")
 UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "%": 1e-2}
 """Factors to SI units of the units in the text of a channel."""
+ROUNDING = 1e-9
+"""Tolerance for rounding errors of times [s]."""
 TIMES = ("delay", "jitter", "max_silence")
 EXAMPLE = "expected a text such as delay=100ms,jitter=20ms,loss=5%"
 
@@ -138,7 +140,7 @@ class Direction(Generic[T]):
     def receive(self, now: float) -> T:
         """Return the value of the newest packet that has arrived until `now` [s]."""
         queue = self._queue
-        while queue and queue[0][0] <= now:
+        while queue and queue[0][0] <= now + ROUNDING:
             _, sequence, sent, value = heappop(queue)
             self._due = now
             if sequence > self._newest:

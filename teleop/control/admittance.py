@@ -6,6 +6,9 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
+NEGLIGIBLE = 1e-12
+"""A stiffness below this times m / dt^2 is treated as 0: its position of rest is too far away."""
+
 
 class Environment(NamedTuple):
     """A body at the master, f = b v + k x + k3 x^3, with x = 0 at the contact point."""
@@ -128,7 +131,7 @@ class Admittance:
         if x < 0.0 and not environment.glued:
             return self.step(force, dt)
         damping, stiffness = d + environment.b, c + environment.tangent(x)
-        if stiffness == 0.0:
+        if stiffness * dt * dt < NEGLIGIBLE * self.parameters.mass:
             return self._slide(force, damping, dt)
         constant = force + c * self.centre + 2.0 * environment.k3 * x * x * x
         return self._swing(constant / stiffness, damping, stiffness, dt)

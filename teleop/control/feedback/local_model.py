@@ -36,6 +36,10 @@ VARIANCE = (1e4, 1e9, 1e21)
 """Initial variances of b, k and k3."""
 PERIOD = 1e-3
 """Sample period for which forgetting and correlation are set [s]; forgetting depends on dt."""
+CONFIRMED = 1.0
+"""Contact force [N] above which the force can confirm the model."""
+DOUBT = 0.25
+"""Relative excess of the force over that of the model above which the model is not confirmed."""
 EVERY = 10
 """Number of samples between two checks of the estimate."""
 
@@ -128,19 +132,29 @@ class ModelMediatedSlave(Slave):
     def __init__(self, coupling: Coupling, model: LocalModel) -> None:
         super().__init__(coupling)
         self._local = model
+        self._confirmed = False
 
     def align(self) -> None:
         """Discard the estimate."""
         self._local.reset()
+        self._confirmed = False
 
     def observe(self, pair: Pair) -> None:
-        """Update the estimate."""
+        """Update the estimate, and compare the force with that of the model."""
         self._local.update(pair)
+        predicted = self._local.model.force(pair.position, 0.0)
+        excess = abs(pair.force) - max(abs(predicted) * (1.0 + DOUBT), CONFIRMED)
+        self._confirmed = abs(pair.force) > CONFIRMED and excess <= 0.0
 
     def report(self, measurement: Measurement, dt: float) -> Report:
         """Return contact force and model."""
         return Report(measurement.contact_force, self._local.model)
 
     def stiffness(self, position: float) -> float:
-        """Return the slope of the model's force [N/m] at a position of the slave [m]."""
-        return self._local.model.tangent(position)
+        """Return the slope of the expected force [N/m] at a position of the slave [m].
+
+        It is at least that of the stiff prior at the beginning of a contact, and while the force is
+        larger than that of the model, because the specimen may be a stiffer one.
+        """
+        tangent = self._local.model.tangent(position)
+        return tangent if self._confirmed else max(tangent, STIFF_PRIOR)
