@@ -124,6 +124,25 @@ def summarise(rows: list[Row], keys: Iterable[str]) -> None:
         )
 
 
+def summarise_map(rows: list[Row]) -> None:
+    """Print the measured and the predicted largest round trip for each cube and damping."""
+    print(
+        f"{'cube':<10}{'d [N s/m]':>10}{'stable to [ms]':>16}{'unstable from':>15}"
+        f"{'condition (2)':>15}{'equation (1)':>14}"
+    )
+    for cube, damping in itertools.product(CUBES, DAMPINGS):
+        found = [row for row in rows if (row["cube"], row["damping"]) == (cube, damping)]
+        bad = [row["round_trip"] for row in found if not row["stable"]]
+        first = min(bad, default=float("inf"))
+        good = [row["round_trip"] for row in found if row["round_trip"] < first]
+        safe, largest = found[0]["safe_round_trip"], found[0]["largest_round_trip"]
+        last = f"{max(good) * 1e3:.0f}" if good else "none"
+        print(
+            f"{cube:<10}{damping:>10g}{last:>16}{first * 1e3:>15.0f}"
+            f"{safe * 1e3:>15.1f}{largest * 1e3:>14.1f}"
+        )
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--part", choices=sorted(PARTS), required=True)
@@ -145,6 +164,8 @@ def main() -> None:
                 )
     print(f"{options.part}, {len(rows)} trials, rigid transmission: {options.rigid}")
     summarise(rows, KEYS[options.part])
+    if options.part == "map":
+        summarise_map(rows)
 
 
 if __name__ == "__main__":

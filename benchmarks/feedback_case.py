@@ -14,6 +14,7 @@ from teleop.control.admittance import AdmittanceParameters
 from teleop.control.feedback.settings import FeedbackSettings
 from teleop.recording.recording import Recording
 from teleop.safety.tightened_limits import TightenedLimits
+from teleop.trial.feedback_checks import delayed_loop, lag
 from teleop.trial.run import run_trial
 from teleop.trial.settings import TrialSettings
 
@@ -98,6 +99,9 @@ def run_one(arguments: dict[str, Any]) -> dict[str, Any]:
     row = dict(arguments) | (trial.feedback() or {})
     limits = settings.limits
     force = float(np.max(np.abs(recording["contact_force"])))
+    loop = delayed_loop(settings)
+    row["safe_round_trip"] = loop.safe_delay - lag(settings)
+    row["largest_round_trip"] = loop.largest_delay - lag(settings)
     row["stable"] = bool(row["stable"])
     row["fault"] = trial.fault["fault"] if trial.fault else ""
     row["stopped_s"] = trial.fault["time"] if trial.fault else math.nan

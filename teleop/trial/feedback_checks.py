@@ -39,15 +39,19 @@ def check_feedback(settings: TrialSettings) -> str:
             "feedback.stiffness, the largest stiffness of the specimen, in the configuration"
         )
     loop = delayed_loop(settings)
-    largest = loop.largest_delay
-    delay = trip + settings.plant_parameters.contact_force_lag + LOOP_DELAY / settings.rate
-    if delay < largest:
+    delay = trip + lag(settings)
+    if delay < loop.safe_delay:
         return ""
     raise InputError(
         f"feedback position-force: unstable with k = {loop.k:.0f} N/m and a delay of "
-        f"{delay * 1e3:.0f} ms, of which {trip * 1e3:.0f} ms are the round trip: expected a delay "
-        f"below {largest * 1e3:.0f} ms, or --feedback model-mediated"
+        f"{delay * 1e3:.1f} ms, of which {trip * 1e3:.1f} ms are the round trip: expected a delay "
+        f"below {loop.safe_delay * 1e3:.1f} ms, or --feedback model-mediated"
     )
+
+
+def lag(settings: TrialSettings) -> float:
+    """Return the delay of the force at the master without the channel [s]."""
+    return settings.plant_parameters.contact_force_lag + LOOP_DELAY / settings.rate
 
 
 def round_trip(settings: TrialSettings) -> float:

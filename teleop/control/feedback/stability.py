@@ -12,6 +12,11 @@ estimate of b. So a condition for a positive damping is
 
     d + b_a + alpha b > alpha k tau.                                                           (2)
 
+The displayed environment then also takes energy from the hand at each slow motion. A hand whose
+reaction is not known needs this, so it is the condition for enabling the law. With b = 0 it is
+sufficient for the stability of (1): at a crossing s = j w, the imaginary part of (1) is
+(d + b_a) w = alpha k sin(w tau) <= alpha k w tau.
+
 The exact largest delay follows from the crossings of the imaginary axis, s = j w:
 
     (k_a - m w^2)^2 + (d + b_a)^2 w^2 = alpha^2 (k^2 + b^2 w^2)                                (3)
@@ -28,7 +33,6 @@ Criteria with Applications", 1992, for the crossings.
 
 from __future__ import annotations
 
-import cmath
 import math
 from dataclasses import dataclass
 
@@ -53,8 +57,8 @@ class DelayedLoop:
     """Ratio alpha of the displayed force to the contact force."""
 
     @property
-    def approximate_delay(self) -> float:
-        """Largest delay of condition (2) [s]."""
+    def safe_delay(self) -> float:
+        """Largest delay of condition (2) [s]. With b = 0 it is never above `largest_delay`."""
         resistance = self.damping + self.arm_damping + self.gain * self.b
         return resistance / (self.gain * self.k)
 
@@ -72,7 +76,7 @@ class DelayedLoop:
             square = (-half + sign * math.sqrt(discriminant)) / self.mass**2
             if square > 0.0:
                 w = math.sqrt(square)
-                free = complex(self.arm_stiffness - self.mass * square, resistance * w)
-                phase = cmath.phase(complex(k, b * w)) - cmath.phase(-free)
+                free = math.atan2(-resistance * w, self.mass * square - self.arm_stiffness)
+                phase = math.atan2(b * w, k) - free
                 delays.append(phase % (2.0 * math.pi) / w)
         return min(delays, default=math.inf)

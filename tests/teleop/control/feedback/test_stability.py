@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import cmath
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -92,8 +93,14 @@ def test_a_small_delay_is_the_negative_damping_of_the_approximation(loop, share)
         loop.mass, share * 20.0, 0.0, 0.0, loop.k, 0.0, loop.gain
     )  # little damping: crossing at sqrt(k / m)
     rate = math.sqrt(heavy.gain * heavy.k / heavy.mass)
-    assume(heavy.approximate_delay * rate < 0.2)
-    assert heavy.largest_delay == pytest.approx(heavy.approximate_delay, rel=0.05)
+    assume(heavy.safe_delay * rate < 0.2)
+    assert heavy.largest_delay == pytest.approx(heavy.safe_delay, rel=0.05)
+
+
+@given(LOOPS)
+def test_the_safe_delay_is_sufficient_for_stability(loop):
+    without_damping = replace(loop, b=0.0)
+    assert without_damping.safe_delay <= without_damping.largest_delay * (1.0 + 1e-9)
 
 
 def test_an_arm_stiffer_than_the_environment_is_stable_with_any_delay():
