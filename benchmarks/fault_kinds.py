@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from fault_case import Case, FileSink
+from fault_links import CHANNEL, activate, gave_energy, silence
 from scipy.optimize import brentq
 
 from drivers import CHANNELS
@@ -54,6 +55,8 @@ class Kind:
     """Whether the fault can be detected yet."""
     ends: bool = False
     """Whether the run must end with a stop that is not a fault."""
+    linked: bool = False
+    """Whether the kind needs force feedback over a channel."""
 
 
 def rig_fault(make: Callable[[Case], RigFault]) -> Inject:
@@ -268,6 +271,19 @@ KINDS = sensor_kinds() | {
     "disk full": Kind(recorder("fill"), CONTINUES, math.inf),
     "recorder killed": Kind(recorder("kill"), CONTINUES, math.inf),
     "controller killed": Kind(die, CONTINUES, WATCHDOG + PERIOD),
+    "channel silent": Kind(
+        silence,
+        frozenset({Fault.CHANNEL_SILENT}),
+        CHANNEL.max_silence + CHANNEL.delay + CHANNEL.jitter + RAMP + 2 * PERIOD,
+        linked=True,
+    ),
+    "active feedback law": Kind(
+        activate,
+        frozenset({Fault.PORT_ENERGY}),
+        RAMP + PERIOD,
+        evidence=gave_energy,
+        linked=True,
+    ),
     "Ctrl-C": Kind(interrupt(1), CONTINUES, RAMP, ends=True),
     "Ctrl-C twice": Kind(interrupt(2), CONTINUES, PERIOD, ends=True),
 }

@@ -130,7 +130,7 @@ def summarise_map(rows: list[Row]) -> None:
         f"{'cube':<10}{'d [N s/m]':>10}{'stable to [ms]':>16}{'unstable from':>15}"
         f"{'condition (2)':>15}{'equation (1)':>14}"
     )
-    for cube, damping in itertools.product(CUBES, DAMPINGS):
+    for cube, damping in dict.fromkeys((row["cube"], row["damping"]) for row in rows):
         found = [row for row in rows if (row["cube"], row["damping"]) == (cube, damping)]
         bad = [row["round_trip"] for row in found if not row["stable"]]
         first = min(bad, default=float("inf"))
@@ -148,10 +148,15 @@ def main() -> None:
     parser.add_argument("--part", choices=sorted(PARTS), required=True)
     parser.add_argument("--seeds", type=int, default=20)
     parser.add_argument("--rigid", action="store_true", help="a transmission without lost motion")
+    parser.add_argument("--cubes", nargs="*", choices=CUBES, default=CUBES)
     parser.add_argument("--out", type=Path)
     parser.add_argument("--processes", type=int, default=1)
     options = parser.parse_args()
-    cases = list(PARTS[options.part](options.seeds, options.rigid))
+    cases = [
+        case
+        for case in PARTS[options.part](options.seeds, options.rigid)
+        if case["cube"] in options.cubes
+    ]
     with ProcessPoolExecutor(options.processes) as pool:
         rows = list(pool.map(run_one, cases, chunksize=1))
     if options.out:

@@ -24,6 +24,7 @@ from teleop.output.estimate_tables import (
 )
 from teleop.output.evaluation_figures import estimates_of, force_of
 from teleop.output.fault_report import fault_text
+from teleop.output.feedback_figure import feedback_figure
 from teleop.output.figures import Truth
 from teleop.output.fit_figures import fit_figure
 from teleop.output.result_tables import result_lines
@@ -80,6 +81,7 @@ def of_recording(recording: Recording | None) -> dict[str, Any]:
         "missing": "",
         "fault": "",
         "timing": "",
+        "feedback": "",
         "events": [],
         "settings": [],
     }
@@ -96,6 +98,8 @@ def of_recording(recording: Recording | None) -> dict[str, Any]:
     if fault := recording.fault:
         values["fault"] = fault_text(recording, fault)
         values["fault_drawing"] = svg(fault_figure(recording, fault))
+    if "displayed_force" in recording.columns and recording.settings:
+        values["feedback"] = svg(feedback_figure(recording))
     if recording["lateness"].any():
         skipped = int(recording["skipped"].sum())
         values["timing"] = svg(timing_figure(recording))
