@@ -90,7 +90,10 @@ class BilateralLink(Link):
         reports, motions = self.reports, self.motions
         reports.send(now, self._slave.report(measurement, dt))
         report = reports.receive(now)
-        energy = self._energy.update(self._started, self._master.state.displayed, self._dt)
+        master = self._master
+        energy = self._energy.update(
+            self._started, master.state.displayed, self._dt, master.reserve
+        )
         self._start = self._admittance.position
         motions.send(now, self._master.step(force, report, dt))
         motion = motions.receive(now)

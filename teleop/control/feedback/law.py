@@ -79,6 +79,8 @@ class Master:
         self.state = MasterState()
         self.started = 0.0
         """Displayed force at the start of the last tick [N]."""
+        self.reserve = 0.0
+        """Energy that the law may give back [J]."""
 
     def align(self) -> None:
         """Start anew, after the drives were armed."""

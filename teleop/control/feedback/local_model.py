@@ -34,14 +34,16 @@ REACH = 2.0
 """Time constant with which the deepest recent position is forgotten [s]."""
 VARIANCE = (1e4, 1e9, 1e21)
 """Initial variances of b, k and k3."""
-PERIOD = 1e-3
-"""Sample period for which forgetting and correlation are set [s]; forgetting depends on dt."""
+ROUNDING = 1e-6
+"""Tolerance for rounding errors of times [s]."""
+PERIOD = 5e-3
+"""Time between two samples of the estimator [s]. The filtered signals of 20 Hz need no shorter one,
+and an update at each tick would be a quarter of the cost of a tick."""
+
 CONFIRMED = 1.0
 """Contact force [N] above which the force can confirm the model."""
 DOUBT = 0.25
 """Relative excess of the force over that of the model above which the model is not confirmed."""
-EVERY = 10
-"""Number of samples between two checks of the estimate."""
 
 
 class LocalModel:
@@ -75,22 +77,23 @@ class LocalModel:
         self._conditioner.reset()
         self._misfit.reset()
         self._reach = 0.0
-        self._samples = 0
+        self._span = 0.0
         self.model = self._prior
         """The accepted estimate, or the prior."""
 
     def update(self, pair: Pair) -> None:
         """Process a pair of position and force."""
         x, v, f, further = self._conditioner.update(*pair)
-        dt = pair.dt
+        self._span += pair.dt
+        if self._span < PERIOD - ROUNDING:
+            return
+        dt, self._span = self._span, 0.0
         self._reach = max(abs(x), self._reach * (1.0 - dt / REACH))
         if abs(f) < LEAST_FORCE or abs(v) < LEAST_SPEED:
             return
         estimate = self._estimator.advance([v, x, *further], f, dt)
         misfit = self._misfit.update(x, v, f, dt, further, {"model": estimate})[0]
-        self._samples += 1
-        if self._samples % EVERY == 0:
-            self.model = self._accepted(estimate, misfit)
+        self.model = self._accepted(estimate, misfit)
 
     def _accepted(self, estimate: Estimate, misfit: float) -> Environment:
         """Return the estimate with b, k and k3 not negative, the last accepted one, or the prior.

@@ -47,23 +47,29 @@ class ModelMediatedMaster(Master):
     def align(self) -> None:
         """Start anew with the stiff prior and the energy of the tank at the start."""
         self._tank = EnergyTank()
+        self._reached: Environment | None = None
+        self._before = self._dt = 0.0
         self._model = Environment(self.gain * self.scale * STIFF_PRIOR, 0.0, 0.0, self._glued)
         self.state = MasterState(0.0, self._model, self._tank.energy)
 
     def step(self, force: float, report: Report, dt: float) -> Motion:
         """Update the model towards the estimate, and advance the virtual mass against it."""
         admittance = self.admittance
-        self._approach(report.model, admittance.position, dt)
-        model = self._model
         before = admittance.velocity
+        # the mean square of a velocity that changes linearly is at least its mean squared; the
+        # motion of the last tick is known only now, because a limit may have reduced it
+        mean = 0.5 * (self._before + before)
+        self._tank.fill(admittance.parameters.damping * mean * mean * self._dt)
+        self._before, self._dt = before, dt
+        if report.model is not self._reached:
+            self._approach(report.model, admittance.position, dt)
+        model = self._model
         self.started = model.force(admittance.position, before)
         velocity = admittance.step_against(force, model, dt)
-        # the mean square of a velocity that changes linearly is at least its mean squared
-        mean = 0.5 * (before + velocity)
-        self._tank.fill(admittance.parameters.damping * mean * mean * dt)
         position = admittance.position
         displayed = model.force(position, velocity)
-        self.state = MasterState(displayed, model, self._tank.energy)
+        self.reserve = self._tank.energy
+        self.state = MasterState(displayed, model, self.reserve)
         return Motion(position, velocity)
 
     def _approach(self, estimate: Environment, x: float, dt: float) -> None:
@@ -72,8 +78,6 @@ class ModelMediatedMaster(Master):
         dk = self.gain * s * estimate.k - model.k
         dk3 = self.gain * s * s * s * estimate.k3 - model.k3
         db = self.gain * s * estimate.b - model.b
-        if dk == 0.0 and dk3 == 0.0 and db == 0.0:
-            return
         share = 1.0
         if x > 0.0 or self._glued:
             square = x * x
@@ -83,6 +87,8 @@ class ModelMediatedMaster(Master):
             share = most / step if step > most else 1.0
             share *= self._tank.affordable(cost * share)
             self._tank.pay(cost * share)
+        if share == 1.0:
+            self._reached = estimate
         self._model = Environment(
             max(model.k + share * dk, 0.0),
             max(model.k3 + share * dk3, 0.0),

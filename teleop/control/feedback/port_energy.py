@@ -11,7 +11,9 @@ displayed is passive, E never falls by more than the energy that can be stored. 
 only sums the power finds an oscillation late, because E is then large after some seconds of damped
 motion. So E is limited here to an upper bound of the stored energy,
 
-    E <- min(E + dE, 1/2 m max v^2 + max |f_d| max |x|).
+    E <- min(E + dE, 1/2 m max v^2 + max |f_d| max |x| + tank).
+
+The energy in the tank, which the damping has filled, may be given back by a change of the model.
 
 For a passive system this E is never negative: by induction it is at least the stored energy. A
 negative value is energy that was generated.
@@ -45,7 +47,7 @@ class PortEnergy:
         self._position, self._velocity = self._admittance.position, self._admittance.velocity
         self._displayed = self._force = self._reach = self._square = 0.0
 
-    def update(self, start: float, end: float, dt: float) -> float:
+    def update(self, start: float, end: float, dt: float, tank: float = 0.0) -> float:
         """Return the energy [J] after the motion since the last update.
 
         Parameters
@@ -54,6 +56,8 @@ class PortEnergy:
             Displayed force at the start and at the end of the motion [N].
         dt
             Duration of the motion [s].
+        tank
+            Energy in the tank of the law [J].
         """
         x, v = self._admittance.position, self._admittance.velocity
         mass, damping = self._admittance.parameters.mass, self._admittance.parameters.damping
@@ -69,6 +73,6 @@ class PortEnergy:
         energy = self.energy + 0.5 * (start + end) * (x - last_x)
         energy += damping * (square + v * last_v + last_v * last_v) / 3.0 * dt
         energy += 0.5 * mass * (square - last_v * last_v)
-        most = 0.5 * mass * self._square + self._force * self._reach
+        most = 0.5 * mass * self._square + self._force * self._reach + tank
         self.energy = energy if energy < most else most
         return self.energy

@@ -137,3 +137,20 @@ def test_the_slave_expects_the_slope_of_its_model_once_the_force_confirms_it():
     assert slave.stiffness(1e-4) == STIFF_PRIOR
     at_rest = Measurement(0.0, 0.0, 0.0, 1e-3, 2.5, 0.0, Ages(*[0.0] * 5))
     assert slave.report(at_rest, DT) == Report(2.5, model.model)
+
+
+@given(INPUTS, st.floats(0.002, 0.05))
+def test_a_limit_of_the_master_does_not_fill_the_tank(inputs, fastest):
+    admittance = Admittance(AdmittanceParameters())
+    master = ModelMediatedMaster(admittance)
+    dissipated = 0.0
+    for force, model in inputs:
+        for _ in range(40):
+            start, before = admittance.position, admittance.velocity
+            master.step(force, Report(0.0, model), DT)
+            assert master.reserve <= TANK_START + dissipated * (1.0 + 1e-9) + 1e-12
+            if abs(admittance.velocity) > fastest:
+                admittance.velocity = math.copysign(fastest, admittance.velocity)
+                admittance.position = start + admittance.velocity * DT
+            now = admittance.velocity
+            dissipated += 15.0 * (before * before + before * now + now * now) / 3.0 * DT
