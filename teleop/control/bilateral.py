@@ -95,12 +95,13 @@ class BilateralLink(Link):
             self._started, master.state.displayed, self._dt, master.reserve
         )
         self._start = self._admittance.position
-        motions.send(now, self._master.step(force, report, dt))
+        motions.send(now, master.step(force, report, dt))
         motion = motions.receive(now)
         slave = self._slave.velocity(motion, measurement, dt)
-        displayed, model, tank = self._master.state
+        displayed, model, tank = master.state
+        self._started, self._dt = master.started, dt
         silence = max(reports.silence(now), motions.silence(now))
-        if silence > self._max_silence or energy < -self._master.allowance:
+        if silence > self._max_silence or energy < -master.allowance:
             self.faults = self._detected(now, silence, energy)
         self.values = LinkValues(
             displayed,

@@ -77,6 +77,20 @@ def test_passivity_control_gives_less_energy_than_position_force_over_the_same_d
     assert np.nanmin(without.recording["port_energy"]) < -50e-3
 
 
+@pytest.mark.parametrize("law", ["position-force", "model-mediated"])
+def test_the_recorded_energy_is_the_work_of_the_hand(law):
+    settings = {"admittance": AdmittanceParameters(damping=50.0), "duration": 1.0}
+    recording = trial(law, **settings).recording
+    active = recording.where(np.isfinite(recording["port_energy"]))
+    v, dt = active["desired_master_velocity"], active["dt"]
+    before = np.concatenate(([0.0], v[:-1]))
+    work = np.cumsum(active["drive_force"] * 0.5 * (v + before) * dt)
+    energy = active["port_energy"][1:]
+    # later the bound of the stored energy acts
+    first = slice(0, 300)
+    assert energy[first] == pytest.approx(work[first], abs=2e-4)
+
+
 def test_two_trials_with_one_seed_are_equal_and_other_seeds_lose_other_packets():
     channel = ChannelSettings(0.02, 0.02, 0.2)
     ages = [
