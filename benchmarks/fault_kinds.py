@@ -102,6 +102,9 @@ class Shove:
         push = min(self.speed * (t - self.start), self.depth)
         return Intention(base.position + push, base.velocity)
 
+    def feel(self, t: float, position: float, force: float) -> None:
+        self.before.feel(t, position, force)
+
 
 def shove(case: Case) -> None:
     if case.sim._operator:

@@ -11,9 +11,9 @@ the aim F of the force, the intended position is
 After each poke, s moves by a part of the difference to the ratio of force and displacement that was
 felt. In the first poke s = 0, so that the aim is the depth.
 
-During a movement, a person reacts to a felt force after 150 to 200 ms. The planned movement
-continues, and a second minimum-jerk movement is added to it [4]. Here it brings the hand back to
-where it was when the force, or the depth, reached its aim.
+During a movement, a person reacts to a felt force after a simple reaction time [4], here 175 ms.
+The planned movement continues, and a second minimum-jerk movement is added to it [5]. Here it
+brings the hand back to where it was when the force, or the depth, reached its aim.
 
 The part by which s is corrected, and the duration of the correction, are assumptions without a
 source.
@@ -21,7 +21,8 @@ source.
 [1] N. Hogan, ASME J. Dyn. Sys. Meas. Control 107(1), 1985.
 [2] M. Casadio, A. Pressman, F. A. Mussa-Ivaldi, Front. Comput. Neurosci. 9:118, 2015.
 [3] R. A. Scheidt, J. B. Dingwell, F. A. Mussa-Ivaldi, J. Neurophysiol. 86(2), 2001.
-[4] T. Flash, E. Henis, J. Cogn. Neurosci. 3(3), 1991.
+[4] R. Chernikoff, F. V. Taylor, J. Exp. Psychol. 43(1), 1952.
+[5] T. Flash, E. Henis, J. Cogn. Neurosci. 3(3), 1991.
 """
 
 from __future__ import annotations

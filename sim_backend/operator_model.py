@@ -1,9 +1,10 @@
 """Parameters of the simulated operator.
 
-The stiffness of the hand depends on posture and on muscle activation; measured values are between
-about 100 and 1500 N/m [1, 2]. The damping of the arm depends on its stiffness and inertia [3]. Here
-the damping ratio D / (2 sqrt(K m)) of an arm of constant mass m is the same for each stiffness K,
-so that D is proportional to sqrt(K). At 400 N/m it is 12 N s/m, a damping ratio of 0.3 for 1 kg.
+The stiffness of the hand depends on posture and on muscle activation; measured values are some
+hundred N/m [1, 2]. 150 N/m stands for a relaxed arm and 1500 N/m for a tense one. The damping of
+the arm depends on its stiffness and inertia [3]. Here the damping ratio D / (2 sqrt(K m)) of an arm
+of constant mass m is the same for each stiffness K, so that D is proportional to sqrt(K). At
+400 N/m it is 12 N s/m, a damping ratio of 0.3 for 1 kg.
 
 [1] F. A. Mussa-Ivaldi, N. Hogan, E. Bizzi, J. Neurosci. 5(10), 1985.
 [2] T. Tsuji, P. G. Morasso, K. Goto, K. Ito, Biol. Cybern. 72, 1995.

@@ -69,12 +69,13 @@ def test_the_next_pokes_adapt_to_a_specimen_that_became_stiffer():
     assert operator.expected_stiffness > 14000.0
 
 
-def test_a_force_has_no_effect_before_the_reaction_time():
+@pytest.mark.parametrize(("position", "force"), [(1e-3, 3.0 * AIM), (1.1 * DEPTH, 0.0)])
+def test_force_and_depth_have_no_effect_before_the_reaction_time(position, force):
     felt, calm = (ForcePalpation(DEPTH, 1, AIM, 400.0) for _ in range(2))
     start = REACTION + 0.2
     for t in np.arange(0.0, start + PERCEPTION - 2 * DT, DT):
         assert felt.intention(t) == calm.intention(t)
-        felt.feel(t, 1e-3, 3.0 * AIM if t >= start else 0.0)
+        felt.feel(t, *((position, force) if t >= start else (1e-3, 0.0)))
         calm.feel(t, 1e-3, 0.0)
     at_force = calm.intention(start).position
     times = np.arange(start + PERCEPTION, start + PERCEPTION + 0.3, DT)

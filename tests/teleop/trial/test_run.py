@@ -147,6 +147,15 @@ def test_an_operator_who_aims_for_a_force_reaches_the_depth_if_nothing_is_felt()
     assert deepest == pytest.approx([6e-3] * 2, rel=0.25)
 
 
+def test_the_hand_of_a_stiffer_arm_follows_its_intention_with_more_force():
+    forces = [
+        run_trial(replace(QUICK, operator_model=OperatorModel(arm_stiffness=k))).columns
+        for k in (150.0, 400.0, 1500.0)
+    ]
+    soft, usual, stiff = (np.std(columns["master_force"]) for columns in forces)
+    assert soft < usual < stiff
+
+
 def test_position_coupling_keeps_the_slave_closer_to_the_master():
     from teleop.commands.choices import make_coupling
 
