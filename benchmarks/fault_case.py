@@ -93,6 +93,8 @@ class Case:
         self.sinks: list[Sink] = [self.box]
         self.random = random.Random(0)
         self.killed = False
+        self.master_travel = 0.0
+        """Commanded travel of the master since the injection [m]."""
         controller = make_controller(settings, rig, self.bank, clock)
         self.loop = Loop(controller, clock, self.layout, self.sinks, self.switch, settings.duration)
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from fault_case import Case, FileSink
+from fault_evidence import accelerated, after_stall, at_once, handle_moved, moved, over_force
 from fault_links import CHANNEL, activate, gave_energy, silence
 from scipy.optimize import brentq
 
@@ -24,7 +25,7 @@ from sim_backend.faults import (
 )
 from sim_backend.plant import Intention
 from teleop.safety import Fault
-from teleop.safety.palpation_limits import FROZEN, FROZEN_SPEED, STOPPING
+from teleop.safety.palpation_limits import STOPPING
 
 PERIOD = 1e-3
 RAMP = STOPPING + PERIOD
@@ -34,10 +35,6 @@ Inject = Callable[[Case], Any]
 Evidence = Callable[[Case, float, float], bool]
 """Whether a fault can be detected, from the case and the commanded travel [m] and change of
 velocity [m/s] since the injection."""
-
-
-def at_once(case: Case, travel: float, change: float) -> bool:
-    return True
 
 
 @dataclass
@@ -61,16 +58,6 @@ class Kind:
 
 def rig_fault(make: Callable[[Case], RigFault]) -> Inject:
     return lambda case: case.rig.inject(make(case))
-
-
-def moved(case: Case, travel: float, change: float) -> bool:
-    """Return whether the drive has moved far enough to detect a frozen encoder."""
-    return travel > FROZEN * case.settings.setup.depth
-
-
-def accelerated(case: Case, travel: float, change: float) -> bool:
-    """Return whether the commanded velocity has changed enough to detect a frozen one."""
-    return change > FROZEN_SPEED * case.limits.max_velocity
 
 
 def raiser(*arguments: Any) -> Any:
@@ -141,18 +128,6 @@ def include(case: Case) -> None:
     slave.palpate(cube)
 
 
-def after_stall(case: Case, travel: float, change: float) -> bool:
-    """Return True: the loop detects a stall at the first tick after it.
-
-    During the stall, the watchdogs of the drives act.
-    """
-    return True
-
-
-def over_force(case: Case, travel: float, change: float) -> bool:
-    return abs(case.measured.contact_force) > case.limits.hard_force
-
-
 def interrupt(times: int) -> Inject:
     def signal(case: Case) -> None:
         case.switch.count, case.switch.reason = times, "Ctrl-C"
@@ -202,7 +177,11 @@ def sensor_kinds() -> dict[str, Kind]:
                 lambda c=channel: Frozen(c, ageing=False),
                 Fault.FROZEN,
                 (0.05 if force else 0.0) + RAMP + 2 * PERIOD,
-                evidence={"force": at_once, "position": moved, "velocity": accelerated}[quantity],
+                evidence={
+                    "master_position": handle_moved,
+                    "slave_position": moved,
+                    "slave_velocity": accelerated,
+                }.get(channel, at_once),
             ),
         }
     return kinds
