@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from estimation.compiled import Floats
 from teleop.recording.recording import Recording
-from teleop.safety.events import ACTIVE
 
 SETTLING = 4.0
 """Time at the start that is left out, in which the local model converges [s]; at most one half of
@@ -78,14 +77,14 @@ def hand(recording: Recording, mass: float, damping: float, scale: float = 1.0) 
 
 
 def rendering(
-    recording: Recording, mass: float, damping: float, scale: float = 1.0, gain: float = 1.0
+    active: Recording, mass: float, damping: float, scale: float = 1.0, gain: float = 1.0
 ) -> Rendering:
     """Return what the hand felt in a trial with force feedback or a channel.
 
     Parameters
     ----------
-    recording
-        All ticks of the trial.
+    active
+        The ticks of the trial in mode active, and its events.
     mass, damping
         Virtual mass [kg] and damping [N s/m] of the admittance.
     scale
@@ -93,7 +92,6 @@ def rendering(
     gain
         Ratio of the displayed force to the contact force.
     """
-    active = recording.where(recording["mode"] == ACTIVE)
     if not len(active):
         return Rendering(math.nan, math.nan, math.nan, math.nan, stable=False)
     t, x, f = active["time"], active["slave_position"], gain * active["contact_force"]
@@ -101,7 +99,7 @@ def rendering(
     energy = np.cumsum(felt.force * felt.velocity * active["dt"])
     settled = t > min(SETTLING, 0.5 * t[-1])
     fast = fast_share(felt.velocity[settled], active["dt"][settled])
-    stable = recording.fault is None and fast < MOST_FAST
+    stable = active.fault is None and fast < MOST_FAST
     part = settled & (np.abs(f) > LEAST_FORCE)
     lowest = min(float(energy.min()), 0.0)
     if part.sum() < 100:

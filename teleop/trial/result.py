@@ -98,7 +98,7 @@ class Trial:
             return None
         admittance, feedback = settings.admittance, settings.feedback
         found = rendering(
-            self.recording,
+            self.recording.where(self.recording["mode"] == ACTIVE),
             admittance.mass,
             admittance.damping,
             settings.coupling.scale,
