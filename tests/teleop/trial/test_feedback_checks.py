@@ -17,6 +17,7 @@ from teleop.control.feedback.settings import FeedbackSettings
 from teleop.errors import InputError
 from teleop.trial.configuration import read_configuration, write_configuration
 from teleop.trial.feedback_checks import PASSIVITY_OFFERED, check_feedback, delayed_loop
+from teleop.trial.rehearsal import tick_cost
 from teleop.trial.rig_loading import load_rig_file
 from teleop.trial.settings import TrialSettings
 
@@ -75,6 +76,20 @@ def test_on_a_rig_the_stiffness_is_stated_or_there_is_a_warning():
     stiff = replace(stated, feedback=FeedbackSettings("position-force", stiffness=50e3))
     with pytest.raises(InputError, match="k = 50000 N/m"):
         check_feedback(stiff)
+
+
+def test_the_rehearsal_does_not_refuse_a_delay_that_is_stable_on_the_specimen():
+    rig = load_rig_file(ROOT / "rigs" / "serial-board.toml")
+    soft = FeedbackSettings("position-force", stiffness=100.0)
+    delayed = TrialSettings(rig=rig, depth=2e-3, feedback=soft, channel=ChannelSettings(0.05))
+    assert check_feedback(delayed) == ""
+    assert tick_cost(delayed) > 0.0
+
+
+def test_a_configuration_with_unstable_feedback_is_refused(tmp_path, refused):
+    file = tmp_path / "trial.toml"
+    file.write_text(write_configuration(settings("position-force", ChannelSettings(0.05))))
+    assert "unstable" in refused("config", "check", file)
 
 
 def test_passivity_control_is_offered_only_where_all_trials_were_stable(refused):
