@@ -12,7 +12,7 @@ from teleop.recording.black_box import BlackBox
 from teleop.recording.mcap_writer import McapFile
 from teleop.recording.message import Layout
 from teleop.recording.sinks import Outcome, Sink, event_record
-from teleop.trial.assembly import make_controller
+from teleop.trial.assembly import make_controller, make_layout
 from teleop.trial.loop import Loop
 from teleop.trial.settings import TrialSettings
 from teleop.trial.stop_switch import StopSwitch
@@ -87,12 +87,14 @@ class Case:
         self.sim = rig.rig
         self.limits = settings.limits
         self.bank = settings.estimation_preset.bank()
-        self.layout = Layout(self.bank)
+        self.layout = make_layout(settings, self.bank)
         self.box = BlackBox(self.layout, settings.rate)
         self.switch = StopSwitch()
         self.sinks: list[Sink] = [self.box]
         self.random = random.Random(0)
         self.killed = False
+        self.master_travel = 0.0
+        """Commanded travel of the master since the injection [m]."""
         controller = make_controller(settings, rig, self.bank, clock)
         self.loop = Loop(controller, clock, self.layout, self.sinks, self.switch, settings.duration)
 

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from fault_case import Case, FileSink
+from fault_evidence import accelerated, after_stall, at_once, handle_moved, moved, over_force
+from fault_links import CHANNEL, activate, gave_energy, silence
 from scipy.optimize import brentq
 
 from drivers import CHANNELS
@@ -23,7 +25,7 @@ from sim_backend.faults import (
 )
 from sim_backend.plant import Intention
 from teleop.safety import Fault
-from teleop.safety.palpation_limits import FROZEN, FROZEN_SPEED, STOPPING
+from teleop.safety.palpation_limits import STOPPING
 
 PERIOD = 1e-3
 RAMP = STOPPING + PERIOD
@@ -33,10 +35,6 @@ Inject = Callable[[Case], Any]
 Evidence = Callable[[Case, float, float], bool]
 """Whether a fault can be detected, from the case and the commanded travel [m] and change of
 velocity [m/s] since the injection."""
-
-
-def at_once(case: Case, travel: float, change: float) -> bool:
-    return True
 
 
 @dataclass
@@ -54,20 +52,12 @@ class Kind:
     """Whether the fault can be detected yet."""
     ends: bool = False
     """Whether the run must end with a stop that is not a fault."""
+    linked: bool = False
+    """Whether the kind needs force feedback over a channel."""
 
 
 def rig_fault(make: Callable[[Case], RigFault]) -> Inject:
     return lambda case: case.rig.inject(make(case))
-
-
-def moved(case: Case, travel: float, change: float) -> bool:
-    """Return whether the drive has moved far enough to detect a frozen encoder."""
-    return travel > FROZEN * case.settings.setup.depth
-
-
-def accelerated(case: Case, travel: float, change: float) -> bool:
-    """Return whether the commanded velocity has changed enough to detect a frozen one."""
-    return change > FROZEN_SPEED * case.limits.max_velocity
 
 
 def raiser(*arguments: Any) -> Any:
@@ -94,10 +84,16 @@ class Shove:
         self.before, self.start = case.sim._operator, case.clock.now() - case.sim._start
         self.depth, self.speed = 3.0 * case.settings.setup.depth, 0.5 * case.limits.max_velocity
 
+    def holds(self, t: float, handle: float) -> bool:
+        return True
+
     def intention(self, t: float) -> Intention:
         base = self.before.intention(t)
         push = min(self.speed * (t - self.start), self.depth)
         return Intention(base.position + push, base.velocity)
+
+    def feel(self, t: float, position: float, force: float) -> None:
+        self.before.feel(t, position, force)
 
 
 def shove(case: Case) -> None:
@@ -112,11 +108,11 @@ class Inclusion(Cube):
     """A cube with a part that is ten times as stiff, from the present depth on."""
 
     def force(self, x: float, v: float) -> float:
-        hard = max(x - self.surface, 0.0) * self.stiffness_inside  # type: ignore[attr-defined]
+        hard = max(x - self.inside, 0.0) * self.stiffness_inside  # type: ignore[attr-defined]
         return super().force(x, v) + hard
 
     def stiffness(self, x: float) -> float:
-        inside = x > self.surface  # type: ignore[attr-defined]
+        inside = x > self.inside  # type: ignore[attr-defined]
         return super().stiffness(x) + (self.stiffness_inside if inside else 0.0)  # type: ignore[attr-defined]
 
     def compressed(self, x: float, compliance: float) -> float:
@@ -128,22 +124,11 @@ class Inclusion(Cube):
 
 def include(case: Case) -> None:
     slave = case.sim.plant.slave
-    cube = Inclusion(slave.cube.k1, slave.cube.k3, slave.cube.b)
-    object.__setattr__(cube, "surface", max(slave.x, 0.3 * case.settings.setup.depth))
+    law = slave.law
+    cube = Inclusion(law.k1, law.k3, law.b)
+    object.__setattr__(cube, "inside", max(slave.x, 0.3 * case.settings.setup.depth))
     object.__setattr__(cube, "stiffness_inside", 10.0 * cube.k1)
-    slave.cube = cube
-
-
-def after_stall(case: Case, travel: float, change: float) -> bool:
-    """Return True: the loop detects a stall at the first tick after it.
-
-    During the stall, the watchdogs of the drives act.
-    """
-    return True
-
-
-def over_force(case: Case, travel: float, change: float) -> bool:
-    return abs(case.measured.contact_force) > case.limits.hard_force
+    slave.palpate(cube)
 
 
 def interrupt(times: int) -> Inject:
@@ -195,7 +180,11 @@ def sensor_kinds() -> dict[str, Kind]:
                 lambda c=channel: Frozen(c, ageing=False),
                 Fault.FROZEN,
                 (0.05 if force else 0.0) + RAMP + 2 * PERIOD,
-                evidence={"force": at_once, "position": moved, "velocity": accelerated}[quantity],
+                evidence={
+                    "master_position": handle_moved,
+                    "slave_position": moved,
+                    "slave_velocity": accelerated,
+                }.get(channel, at_once),
             ),
         }
     return kinds
@@ -267,6 +256,19 @@ KINDS = sensor_kinds() | {
     "disk full": Kind(recorder("fill"), CONTINUES, math.inf),
     "recorder killed": Kind(recorder("kill"), CONTINUES, math.inf),
     "controller killed": Kind(die, CONTINUES, WATCHDOG + PERIOD),
+    "channel silent": Kind(
+        silence,
+        frozenset({Fault.CHANNEL_SILENT}),
+        CHANNEL.max_silence + CHANNEL.delay + CHANNEL.jitter + RAMP + 2 * PERIOD,
+        linked=True,
+    ),
+    "active feedback law": Kind(
+        activate,
+        frozenset({Fault.PORT_ENERGY}),
+        RAMP + PERIOD,
+        evidence=gave_energy,
+        linked=True,
+    ),
     "Ctrl-C": Kind(interrupt(1), CONTINUES, RAMP, ends=True),
     "Ctrl-C twice": Kind(interrupt(2), CONTINUES, PERIOD, ends=True),
 }

@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from fault_case import FLUSHED, Case, FileSink
-from fault_kinds import CONTINUES, KINDS, at_once
+from fault_evidence import at_once
+from fault_kinds import CONTINUES, KINDS
 
 from teleop.recording.mcap_reader import read_intact
 from teleop.recording.recording import load
@@ -46,7 +47,9 @@ def run_case(case: Case, name: str, folder: Path, slack: float = 0.0) -> dict[st
         elif alive:
             before = case.clock.now()
             alive = case.loop.step()
-            travel += abs(case.speed) * (case.clock.now() - before)
+            passed = case.clock.now() - before
+            travel += abs(case.speed) * passed
+            case.master_travel += abs(case.sim._applied.master_velocity) * passed
             change += abs(case.speed - speed)
             speed = case.speed
         else:

@@ -3,6 +3,7 @@
     python benchmarks/faults.py                     # 500 times per kind and condition
     python benchmarks/faults.py --instants 50
     python benchmarks/faults.py --real 2            # also in real time, twice each
+    python benchmarks/faults.py --law model-mediated     # only with force feedback over a channel
 
 In virtual time, a trial runs once for each condition and cube. At each of the random times it
 forks, and the fault is injected in the child process. The commands to the drives and the true
@@ -25,11 +26,12 @@ from pathlib import Path
 from typing import Any
 
 from fault_case import CampaignClock, Case
-from fault_kinds import KINDS, PERIOD, late_jumps
+from fault_kinds import CHANNEL, KINDS, PERIOD, late_jumps
 from fault_run import run_case
 
 from sim_backend.faults import FaultyRig
 from teleop.control.clock import Tick
+from teleop.control.feedback.settings import FeedbackSettings
 from teleop.trial.assembly import make_clock, make_rig
 from teleop.trial.settings import TrialSettings
 
@@ -37,9 +39,19 @@ LATE = 0.02
 """Allowed lateness of a tick in real time without real-time settings [s]."""
 
 
-def virtual(condition: str, cube: str, names: list[str], instants: int, seed: int) -> list[dict]:
+def virtual(
+    condition: str, cube: str, names: list[str], instants: int, seed: int, law: str = "none"
+) -> list[dict]:
     """Run all kinds at random times of one trial, each in its own child process."""
-    settings = TrialSettings(condition=condition, cube=cube, clock="virtual", duration=7.0)
+    names = [name for name in names if law != "none" or not KINDS[name].linked]
+    settings = TrialSettings(
+        condition=condition,
+        cube=cube,
+        clock="virtual",
+        duration=7.0,
+        feedback=FeedbackSettings(law),
+        channel=None if law == "none" else CHANNEL,
+    )
     clock = CampaignClock(settings.rate)
     rig = FaultyRig(make_rig(settings, clock.now))
     rig.open()
@@ -137,11 +149,20 @@ def main() -> int:
     parser.add_argument("--kind", action="append", choices=sorted(KINDS), help="only these kinds")
     parser.add_argument("--real", type=int, default=0, help="also runs of each in real time")
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument(
+        "--law", action="append", choices=("none", "model-mediated"), help="only these laws"
+    )
     options = parser.parse_args()
     names = options.kind or list(KINDS)
     conditions, cubes = ("free", "mimic", "autonomous"), ("soft", "medium", "hard")
     each = math.ceil(options.instants / len(cubes))
-    jobs = [(c, q, names, each, options.seed) for c in conditions for q in cubes]
+    laws = options.law or ["none", "model-mediated"]
+    jobs = [
+        (condition, cube, names, each, options.seed, law)
+        for law in laws
+        for condition in (conditions if law == "none" else ("free", "mimic"))
+        for cube in cubes
+    ]
     started = time.perf_counter()
     results = workers(jobs) if options.instants else []
     print(f"virtual time, {len(results)} cases in {time.perf_counter() - started:.0f} s")
@@ -151,7 +172,7 @@ def main() -> int:
         timed = [
             real(condition, cubes[(i + run) % 3], name, run)
             for run in range(options.real)
-            for i, name in enumerate(names)
+            for i, name in enumerate(n for n in names if not KINDS[n].linked)
             for condition in conditions
         ]
         print(f"\nreal time, {len(timed)} cases")

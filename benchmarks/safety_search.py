@@ -36,6 +36,7 @@ from teleop.control.admittance import Admittance, AdmittanceParameters
 from teleop.control.clock import Tick
 from teleop.control.controller import Controller
 from teleop.control.coupling import Coupling
+from teleop.control.link import DirectLink
 from teleop.safety import Fault, Mode, Request, stops_immediately
 from teleop.safety.channels import DetectedFault
 
@@ -57,8 +58,7 @@ class SafetySearch(RuleBasedStateMachine):
         self.controller = Controller(
             self.rig,
             self.condition,
-            Admittance(AdmittanceParameters()),
-            Coupling(),
+            DirectLink(Admittance(AdmittanceParameters()), Coupling()),
             MatchedFilter(),
             self.bank,
             Excitation(),

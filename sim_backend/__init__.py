@@ -1,7 +1,11 @@
 """Simulation of the telemanipulator: cubes, plant, sensors, operators, and the simulated rig."""
 
+from sim_backend.bodies import AnyBody, Changing, Relaxing
+from sim_backend.body import Body, Law
 from sim_backend.cube import Cube
 from sim_backend.faults import FaultyRig
+from sim_backend.force_palpation import ForcePalpation
+from sim_backend.operator_model import OperatorModel
 from sim_backend.operators import ARM, AttentiveOperator, FreePalpation, MimickedSine, Operator
 from sim_backend.paper_rig import (
     CUBES,
@@ -25,16 +29,23 @@ __all__ = [
     "LOSS_TIME",
     "RIGID",
     "TRANSMISSION",
+    "AnyBody",
     "Arm",
     "AttentiveOperator",
+    "Body",
+    "Changing",
     "Cube",
     "FaultyRig",
+    "ForcePalpation",
     "FreePalpation",
     "Intention",
+    "Law",
     "MimickedSine",
     "Operator",
+    "OperatorModel",
     "Plant",
     "PlantParameters",
+    "Relaxing",
     "Sensors",
     "Setup",
     "SimulatedRig",

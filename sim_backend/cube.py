@@ -5,9 +5,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from sim_backend.body import Body, Law
+
 
 @dataclass(frozen=True)
-class Cube:
+class Cube(Law, Body):
     """Stiffening Kelvin-Voigt body, f = k1 x + k3 x^3 + b v.
 
     Parameters
@@ -33,34 +35,25 @@ class Cube:
     b: float
     glued: bool = True
 
+    preload = 0.0
+
     def __post_init__(self) -> None:
         if not (0.0 < self.k1 < math.inf and 0.0 <= self.k3 < math.inf and 0.0 < self.b < math.inf):
             raise ValueError(f"a cube needs k1 > 0, k3 >= 0 and b > 0, got {self}")
 
-    def force(self, x: float, v: float) -> float:
-        """Return the force [N] at displacement x [m] and velocity v [m/s]."""
-        force = (self.k1 + self.k3 * x * x) * x + self.b * v
-        return force if self.glued or (x > 0.0 and force > 0.0) else 0.0
+    def law(self, state: None) -> Law:
+        """Return the cube: its law never changes."""
+        return self
 
-    def stiffness(self, x: float) -> float:
-        """Return the slope of the spring force [N/m] at displacement x [m]."""
-        return self.k1 + 3.0 * self.k3 * x * x if self.glued or x > 0.0 else 0.0
+    def advanced(self, state: None, surface: float, dt: float) -> None:
+        """Return None: a cube has no state."""
 
-    def compressed(self, x: float, compliance: float) -> float:
-        """Return the displacement y [m] of the cube in series with a spring.
+    @property
+    def slow(self) -> Law:
+        """The cube."""
+        return self
 
-        y is the solution of x = y + c f(y, 0), with the force f(y, 0) of the cube at rest.
-
-        Parameters
-        ----------
-        x
-            Displacement of cube and spring together [m].
-        compliance
-            Compliance c of the spring [m/N], >= 0.
-        """
-        if not (self.glued or x > 0.0):
-            return x
-        linear, cubic = 1.0 + compliance * self.k1, compliance * self.k3
-        alone = x / linear
-        r = 1.5 * alone * math.sqrt(3.0 * cubic / linear)
-        return alone * 3.0 * math.sinh(math.asinh(r) / 3.0) / r if abs(r) > 1e-9 else alone
+    @property
+    def further_laws(self) -> dict[str, Law]:
+        """None: a cube has one law."""
+        return {}

@@ -21,6 +21,7 @@ from __future__ import annotations
 import math
 import random
 from abc import ABC, abstractmethod
+from typing import NamedTuple
 
 from sim_backend.plant import Arm, Intention
 
@@ -35,6 +36,32 @@ of the smallest depth of the paper.
 """
 REACTION = 0.2
 """Time from the start of the trial to the first movement [s]."""
+WITHDRAWAL = 0.5
+"""Mean intended position between two pokes, divided by the depth."""
+
+
+class Stroke(NamedTuple):
+    """Minimum-jerk movement [1]."""
+
+    start: float
+    """Time at which it starts [s]."""
+    duration: float
+    """Duration [s]."""
+    distance: float
+    """Distance [m]."""
+
+    @property
+    def end(self) -> float:
+        """Time at which it ends [s]."""
+        return self.start + self.duration
+
+    def at(self, t: float) -> tuple[float, float]:
+        """Return travelled distance [m] and velocity [m/s] at t [s], after the start."""
+        share = min((t - self.start) / self.duration, 1.0)
+        return (
+            self.distance * share**3 * (10.0 - 15.0 * share + 6.0 * share**2),
+            self.distance / self.duration * 30.0 * share**2 * (1.0 - share) ** 2,
+        )
 
 
 class Operator(ABC):
@@ -82,6 +109,12 @@ class Operator(ABC):
         """
         return True
 
+    def feel(self, t: float, position: float, force: float) -> None:  # noqa: B027
+        """Feel the position of the handle [m] and the force on it [N] at t [s] in the trial.
+
+        Most operators do not react.
+        """
+
     def intention(self, t: float) -> Intention:
         """Return the intended motion, with tremor, at t [s] after the start of the trial.
 
@@ -102,38 +135,51 @@ class Operator(ABC):
 class FreePalpation(Operator):
     """Free palpation by pokes of about 1 s.
 
-    A poke is a movement inwards, a short rest, a movement outwards to about half of the depth, and
-    a short rest.
+    A poke is a movement inwards, a short rest, a movement outwards, and a short rest.
+
+    Parameters
+    ----------
+    depth
+        Intended depth of the handle [m], > 0.
+    seed
+        Seed of the random variations of the motion.
+    withdrawal
+        Mean intended position between two pokes, divided by the depth. By default about half of
+        the depth.
     """
 
-    def __init__(self, depth: float, seed: int) -> None:
+    def __init__(self, depth: float, seed: int, withdrawal: float = WITHDRAWAL) -> None:
         super().__init__(depth, seed)
-        self._start = self._duration = 0.0
+        self._withdrawal = withdrawal
+        self._stroke = Stroke(0.0, 0.0, 0.0)
         self._from = self._to = 0.0
+        self._dwell = self._end = 0.0
         self._inwards = False
 
     def movement(self, t: float) -> Intention:
         """Return a minimum-jerk movement to the next turning point, followed by a short rest."""
-        while t >= self._start + self._duration + self._dwell:
-            self._next(self._start + self._duration + self._dwell)
-        share = min((t - self._start) / self._duration, 1.0)
-        distance = self._to - self._from
-        position = self._from + distance * share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
-        velocity = distance / self._duration * 30.0 * share**2 * (1.0 - share) ** 2
-        return Intention(position, velocity)
-
-    _dwell = 0.0
+        while t >= self._end:
+            self._next(self._end)
+        travelled, velocity = self._stroke.at(t)
+        return Intention(self._from + travelled, velocity)
 
     def _next(self, start: float) -> None:
+        """Plan the next movement."""
         self._inwards = not self._inwards
-        self._start = start
         self._from = self._to
         if self._inwards:
-            self._to = self.depth * self.random.gauss(1.0, 0.1)
+            self._to = self._reach() * self.random.gauss(1.0, 0.1)
         else:
-            self._to = self.depth * self.random.uniform(0.35, 0.65)
-        self._duration = max(0.25, self.random.gauss(0.45, 0.06))
+            middle = self._withdrawal
+            self._to = self.depth * self.random.uniform(middle - 0.15, middle + 0.15)
+        duration = max(0.25, self.random.gauss(0.45, 0.06))
         self._dwell = max(0.0, self.random.gauss(0.15, 0.05))
+        self._stroke = Stroke(start, duration, self._to - self._from)
+        self._end = self._stroke.end + self._dwell
+
+    def _reach(self) -> float:
+        """Return the intended position at the end of the next poke [m]."""
+        return self.depth
 
 
 class MimickedSine(Operator):

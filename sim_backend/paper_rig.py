@@ -19,6 +19,8 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from sim_backend.bodies import AnyBody
+from sim_backend.body import Law
 from sim_backend.cube import Cube
 from sim_backend.transmission import RIGID, Transmission
 
@@ -54,7 +56,7 @@ DEPTH = {
 
 @dataclass(frozen=True)
 class Setup:
-    """Cube, force channel, depth of palpation and transmission of a trial.
+    """Body, force channel, depth of palpation and transmission of a trial.
 
     Raises
     ------
@@ -62,8 +64,8 @@ class Setup:
         The lag or the depth is not positive.
     """
 
-    cube: Cube
-    """Environment."""
+    cube: AnyBody
+    """Environment: a cube, or a body that relaxes or changes."""
     force_lag: float
     """Time constant of the contact force channel [s]."""
     depth: float
@@ -72,19 +74,26 @@ class Setup:
     """Transmission between the encoder and the tip of the slave."""
 
     def tip(self, position: Iterable[float]) -> list[float]:
-        """Return the true positions of the tip [m], from the positions of the encoder [m]."""
+        """Return the true positions of the tip [m], from the positions of the encoder [m].
+
+        The body is a cube.
+        """
         played, tip = 0.0, []
         for x in position:
             played = self.transmission.play(played, x)
-            tip.append(self.cube.compressed(played, self.transmission.compliance))
+            tip.append(self.cube.slow.compressed(played, self.transmission.compliance))
         return tip
 
     def force(self, x: float) -> float:
-        """Return the static force [N] of cube and transmission in series.
+        """Return the static force [N] of body and transmission in series, before any change.
 
         x [m] is the displacement of both together, without friction.
         """
-        return self.cube.force(self.cube.compressed(x, self.transmission.compliance), 0.0)
+        return self.static_force(self.cube.slow, x)
+
+    def static_force(self, law: Law, x: float) -> float:
+        """Return the same force for another law of the body."""
+        return law.force(law.compressed(x, self.transmission.compliance), 0.0)
 
     def __post_init__(self) -> None:
         for name in ("force_lag", "depth"):

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from drivers import Command
-from sim_backend.cube import Cube
+from sim_backend.body import Body, Law
 from sim_backend.transmission import RIGID, Transmission
 
 MAX_STEP = 1e-3
@@ -76,14 +76,16 @@ class Slave:
 
     The attributes `x` and `v` are the position [m] and the velocity [m/s] of the motor. The
     velocity servo has a proportional and an integral part. u is the velocity command and e the
-    integral of the velocity error. The load l is the force of the cube on the tip plus the friction
+    integral of the velocity error. The load l is the force of the body on the tip plus the friction
     at the tip:
 
         m x'' = m (K_p (u - x') + K_i e) - l(x, x'),    e' = u - x'
+
+    During a step, the law of the body is constant. At its end, the state of the body is advanced.
     """
 
-    def __init__(self, cube: Cube, parameters: PlantParameters) -> None:
-        self.cube = cube
+    def __init__(self, body: Body, parameters: PlantParameters) -> None:
+        self.palpate(body)
         self.x = self.v = 0.0
         self.command = 0.0
         """Last velocity command [m/s]."""
@@ -94,18 +96,28 @@ class Slave:
         self._proportional = 2.0 * math.pi * parameters.slave_bandwidth
         self._integral = self._proportional * 2.0 * math.pi * parameters.slave_integral
 
+    def palpate(self, body: Body) -> None:
+        """Replace the body by another one, in its initial state."""
+        self._body, self._state = body, body.initial
+
+    @property
+    def law(self) -> Law:
+        """Present law of the force of the body."""
+        return self._body.law(self._state)
+
     @property
     def force(self) -> float:
-        """Force of the cube on the tip [N]."""
+        """Force of the body on the tip [N]."""
         return self._tip_force(self._transmission.play(self._played, self.x), self.x, self.v)
 
     def _tip_force(self, played: float, x: float, v: float) -> float:
-        """Return the force of the cube [N]; `played` is the output of the play operator [m]."""
+        """Return the force of the body [N]; `played` is the output of the play operator [m]."""
         lost, compliance = self._transmission.lost_motion, self._transmission.compliance
-        tip = self.cube.compressed(played, compliance)
+        law = self.law
+        tip = law.compressed(played, compliance)
         slips = played <= x - lost if v > 0.0 else played >= x + lost
-        speed = v / (1.0 + compliance * self.cube.stiffness(tip)) if slips else 0.0
-        return self.cube.force(tip, speed)
+        speed = v / (1.0 + compliance * law.stiffness(tip)) if slips else 0.0
+        return law.force(tip, speed)
 
     def load(self, x: float, v: float) -> float:
         """Return the load [N] at position x [m] and velocity v [m/s] of the motor.
@@ -114,7 +126,7 @@ class Slave:
         """
         compliance = self._transmission.compliance
         if compliance == 0.0:
-            return self.cube.force(x, v)
+            return self.law.force(x, v)
         played = self._transmission.play(self._played, x)
         return self._tip_force(played, x, v) + (x - played) / compliance
 
@@ -150,6 +162,9 @@ class Slave:
         travel = h / 6.0 * (v1 + 2.0 * (v2 + v3) + v4)
         self.move_to(x + travel, v1 + h / 6.0 * (a1 + 2.0 * (a2 + a3) + a4))
         self._error = error + u * h - travel
+        law = self.law
+        tip = law.compressed(self._played, self._transmission.compliance)
+        self._state = self._body.advanced(self._state, law.surface(tip), h)
 
 
 class ForceChannel:
@@ -203,8 +218,8 @@ class Plant:
 
     Parameters
     ----------
-    cube
-        The environment.
+    body
+        The environment, such as a cube.
     parameters
         Parameters of drives and force channels.
     arm
@@ -220,7 +235,7 @@ class Plant:
 
     def __init__(
         self,
-        cube: Cube,
+        body: Body,
         parameters: PlantParameters,
         arm: Arm = UNATTENDED,
         max_step: float = MAX_STEP,
@@ -228,7 +243,7 @@ class Plant:
         if not 0.0 < max_step < math.inf:
             raise ValueError(f"max_step must be positive, got {max_step} s")
         self.handle = Handle(parameters.handle_bandwidth)
-        self.slave = Slave(cube, parameters)
+        self.slave = Slave(body, parameters)
         self.master_force = ForceChannel(parameters.master_force_lag)
         self.contact_force = ForceChannel(parameters.contact_force_lag)
         self._arm = arm

@@ -7,9 +7,9 @@ import random
 from collections.abc import Callable
 
 from drivers import CHANNELS, STANDSTILL, Ages, Command, Measurement, Rig
-from sim_backend.cube import Cube
+from sim_backend.body import Body
 from sim_backend.operators import ARM, Operator
-from sim_backend.plant import AT_REST, UNATTENDED, Plant, PlantParameters
+from sim_backend.plant import AT_REST, UNATTENDED, Arm, Plant, PlantParameters
 from sim_backend.sensors import Sensors
 
 FRESH = Ages(*(0.0 for _ in CHANNELS))
@@ -23,8 +23,8 @@ class SimulatedRig(Rig):
 
     Parameters
     ----------
-    cube
-        The environment.
+    body
+        The environment, such as a cube.
     now
         Function that returns the time of the clock [s].
     operator
@@ -42,6 +42,8 @@ class SimulatedRig(Rig):
         Seed of the sensor noise.
     start
         Initial position of the slave [m].
+    arm
+        Impedance of the operator's arm.
 
     Raises
     ------
@@ -51,7 +53,7 @@ class SimulatedRig(Rig):
 
     def __init__(
         self,
-        cube: Cube,
+        body: Body,
         now: Callable[[], float],
         operator: Operator | None = None,
         parameters: PlantParameters | None = None,
@@ -60,11 +62,12 @@ class SimulatedRig(Rig):
         watchdog: float = 0.1,
         seed: int = 0,
         start: float = 0.0,
+        arm: Arm = ARM,
     ) -> None:
         for name, value in (("max_velocity", max_velocity), ("watchdog", watchdog)):
             if not 0.0 < value < math.inf:
                 raise ValueError(f"{name} must be positive, got {value}")
-        self.plant = Plant(cube, parameters or PlantParameters(), ARM if operator else UNATTENDED)
+        self.plant = Plant(body, parameters or PlantParameters(), arm if operator else UNATTENDED)
         self.plant.slave.move_to(start, 0.0)
         self._now = now
         self._operator = operator
@@ -101,6 +104,9 @@ class SimulatedRig(Rig):
                 self._error = "watchdog"
             self.plant.advance(now - self._time, self._applied, intended)
             self._time = now
+            if self._operator and now >= self._start:
+                handle, force = self.plant.handle, self.plant.master_force
+                self._operator.feel(now - self._start, handle.x, force.y)
         plant, sensors, noise = self.plant, self._sensors, self._noise
         return Measurement(
             time=now,

@@ -14,7 +14,7 @@ ROOT = Path(__file__).parents[1]
 ALLOWED = {
     "estimation": {"numpy", "scipy", "numba", "pandas", "matplotlib"},
     "drivers": {"numpy", "serial", "can", "pydantic", "canopen", "cantools"},
-    "sim_backend": {"drivers", "numpy", "scipy", "can", "cantools", "tomlkit"},
+    "sim_backend": {"drivers", "numpy", "scipy", "pydantic", "can", "cantools", "tomlkit"},
     "teleop": {
         "estimation",
         "drivers",

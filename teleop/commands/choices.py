@@ -6,6 +6,7 @@ from typing import get_args
 
 from estimation.model import Model, model_named
 from estimation.registry import named_estimators
+from sim_backend.channel import ChannelSettings, parse_channel
 from teleop.control.coupling import Coupling
 from teleop.control.excitation_signals import AnySignal, Chirp, Multisine, Sine
 from teleop.errors import InputError, as_input_error
@@ -55,6 +56,18 @@ def make_coupling(name: CouplingName) -> Coupling:
     if name == "position":
         return Coupling(position_gain=POSITION_GAIN)
     raise InputError(f"coupling {name!r}: expected one of {', '.join(get_args(CouplingName))}")
+
+
+def make_channel(text: str) -> ChannelSettings:
+    """Return the settings of a channel from a text such as `delay=100ms,jitter=20ms,loss=5%`.
+
+    Raises
+    ------
+    InputError
+        The text is not valid.
+    """
+    with as_input_error():
+        return parse_channel(text)
 
 
 def choose_estimators(names: str) -> tuple[str, ...]:

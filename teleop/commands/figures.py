@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 def truth_of(recording: Recording | None) -> Truth | None:
     """Return true stiffness and damping of a trial on the simulated rig; None for other files."""
     from estimation.figures import known_truth
-    from teleop.trial.result import recorded_truth
+    from teleop.trial.true_values import recorded_truth
 
     return known_truth(recorded_truth(recording)) if recording else None
 

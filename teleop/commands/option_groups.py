@@ -25,7 +25,7 @@ GROUPS = {
         "notes",
         "yes",
     ),
-    "Control": ("rate", "signal", "frequency", "coupling", "realtime"),
+    "Control": ("rate", "signal", "frequency", "coupling", "feedback", "channel", "realtime"),
     "Columns of a file": ("columns",),
     "Estimation": (
         "conditioning",

@@ -85,9 +85,10 @@ def emulate(
     from teleop.rig.emulation import Palpation, make_emulator, opened, read_fault
     from teleop.rig.generated_file import is_unchanged, with_checksum
     from teleop.rig.typed_lines import TypedLines
+    from teleop.trial.ranges import COUNT_IN
     from teleop.trial.realtime import realtime
     from teleop.trial.rig_loading import load_rig_file
-    from teleop.trial.settings import COUNT_IN, TrialSettings
+    from teleop.trial.settings import TrialSettings
 
     rig = load_rig_file(file)
     overwrite = overwrite or is_unchanged(out, WRITER)

@@ -17,6 +17,7 @@ from teleop.names import (
     ConditionName,
     CouplingName,
     CubeName,
+    FeedbackName,
     ModelName,
     RealtimeName,
     SignalName,
@@ -41,6 +42,8 @@ def run(
     signal: SignalName | None = None,
     frequency: Hertz | None = None,
     coupling: CouplingName | None = None,
+    feedback: FeedbackName | None = None,
+    channel: str | None = None,
     conditioning: ConditioningName | None = None,
     bandwidth: Hertz | None = None,
     force_lag: Seconds | None = None,
@@ -105,6 +108,13 @@ def run(
     coupling
         velocity: the slave follows the velocity of the master, as in the paper. position: the slave
         also follows the position of the master. Default: velocity.
+    feedback
+        Force feedback to the hand: none; the contact force (position-force); a local model of the
+        specimen at the master (model-mediated); or the contact force with passivity control
+        (passivity). Default: none.
+    channel
+        Communication channel between master and slave, such as delay=100ms,jitter=20ms,loss=5%.
+        The delay is one-way, so the round trip is twice the delay. Default: none.
     conditioning
         How velocity is computed from the encoder: by one state-variable filter on position and
         force (matched), or on position only (svf); by first-order adaptive windowing (foaw); or
@@ -146,7 +156,13 @@ def run(
     """
     import sys
 
-    from teleop.commands.choices import choose_estimators, choose_model, make_coupling, make_signal
+    from teleop.commands.choices import (
+        choose_estimators,
+        choose_model,
+        make_channel,
+        make_coupling,
+        make_signal,
+    )
     from teleop.control.tare import read_tare
     from teleop.errors import InputError, SafetyStop
     from teleop.files import RECORDING, check_ending, check_outputs, make_folder
@@ -157,9 +173,11 @@ def run(
     from teleop.safety.events import time_text
     from teleop.trial.arming import arming_text, check_stated, is_armed
     from teleop.trial.configuration import read_configuration
+    from teleop.trial.feedback_checks import check_feedback
+    from teleop.trial.ranges import FREQUENCY
     from teleop.trial.rig_loading import load_rig_file
     from teleop.trial.run import run_trial
-    from teleop.trial.settings import FREQUENCY, TrialSettings
+    from teleop.trial.settings import TrialSettings
     from teleop.trial.stop_switch import StopSwitch
 
     settings = read_configuration(config) if config else TrialSettings()
@@ -186,6 +204,8 @@ def run(
         "seed": seed,
         "signal": excitation,
         "coupling": coupling and make_coupling(coupling),
+        "feedback": feedback and replace(settings.feedback, law=feedback),
+        "channel": channel and make_channel(channel),
         "conditioning": conditioning,
         "bandwidth": bandwidth,
         "force_lag": force_lag,
@@ -197,6 +217,8 @@ def run(
     if cube and settings.rig:
         raise InputError("--cube: belongs to the simulated rig: expected --specimen and --depth")
     check_stated(settings)
+    if warning := check_feedback(settings):
+        print_error(warning)
     if record and no_record:
         raise InputError("--record and --no-record: expected at most one of them")
     if record:

@@ -4,6 +4,39 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
+
+NEGLIGIBLE = 1e-12
+"""A stiffness below this times m / dt^2 is treated as 0: its position of rest is too far away."""
+
+
+class Environment(NamedTuple):
+    """A body at the master, f = b v + k x + k3 x^3, with x = 0 at the contact point."""
+
+    k: float
+    """Stiffness [N/m], >= 0."""
+    k3: float = 0.0
+    """Stiffening [N/m^3], >= 0."""
+    b: float = 0.0
+    """Damping [N s/m], >= 0."""
+    glued: bool = True
+    """Whether the body also pulls (x < 0). If not, there is no force at x < 0."""
+
+    def force(self, x: float, v: float) -> float:
+        """Return the force [N] at position x [m] and velocity v [m/s]."""
+        if x < 0.0 and not self.glued:
+            return 0.0
+        force = self.b * v + (self.k + self.k3 * x * x) * x
+        return force if self.glued else max(force, 0.0)
+
+    def tangent(self, x: float) -> float:
+        """Return the slope of the elastic force [N/m] at position x [m]."""
+        return self.k + 3.0 * self.k3 * x * x
+
+    def energy(self, x: float) -> float:
+        """Return the elastic energy [J] at position x [m]."""
+        square = x * x if x > 0.0 or self.glued else 0.0
+        return (0.5 * self.k + 0.25 * self.k3 * square) * square
 
 
 @dataclass(frozen=True)
@@ -82,13 +115,39 @@ class Admittance:
         e^(-s dt) (cosh(g dt) I + sinh(g dt) / g (A + s I)). If g^2 < 0, cosh and sinh become cos
         and sin. In the code, `even` is e^(-s dt) cosh(g dt) and `odd` is e^(-s dt) sinh(g dt) / g.
         """
-        m, d, c = self.parameters.mass, self.parameters.damping, self.parameters.stiffness
+        d, c = self.parameters.damping, self.parameters.stiffness
         if c == 0.0:
-            slip = self.velocity - force / d
-            left = slip * math.exp(-d / m * dt)
-            self.position += force / d * dt + (slip - left) * m / d
-            self.velocity = force / d + left
-            return self.velocity
+            return self._slide(force, d, dt)
+        return self._swing(self.centre + force / c, d, c, dt)
+
+    def step_against(self, force: float, environment: Environment, dt: float) -> float:
+        """Apply a constant force [N] for dt [s] against a body; return the velocity [m/s].
+
+        The equation m v' + (d + b) v + c (x - centre) + k x + k3 x^3 = force is linearised about
+        the present position X, where k3 x^3 is about 3 k3 X^2 x - 2 k3 X^3. The linear equation
+        is then solved exactly, as in `step`. A body that is not glued has no effect at x < 0.
+        """
+        d, c, x = self.parameters.damping, self.parameters.stiffness, self.position
+        if x < 0.0 and not environment.glued:
+            return self.step(force, dt)
+        damping, stiffness = d + environment.b, c + environment.tangent(x)
+        if stiffness * dt * dt < NEGLIGIBLE * self.parameters.mass:
+            return self._slide(force, damping, dt)
+        constant = force + c * self.centre + 2.0 * environment.k3 * x * x * x
+        return self._swing(constant / stiffness, damping, stiffness, dt)
+
+    def _slide(self, force: float, d: float, dt: float) -> float:
+        """Advance m v' + d v = force by dt [s]."""
+        m = self.parameters.mass
+        slip = self.velocity - force / d
+        left = slip * math.exp(-d / m * dt)
+        self.position += force / d * dt + (slip - left) * m / d
+        self.velocity = force / d + left
+        return self.velocity
+
+    def _swing(self, rest: float, d: float, c: float, dt: float) -> float:
+        """Advance m v' + d v + c (x - rest) = 0 by dt [s]."""
+        m = self.parameters.mass
         s = 0.5 * d / m
         square = s * s - c / m
         g = math.sqrt(abs(square))
@@ -101,7 +160,6 @@ class Admittance:
         else:
             decay = math.exp(-s * dt)
             even, odd = decay * math.cos(g * dt), decay * math.sin(g * dt) / g
-        rest = self.centre + force / c
         offset, velocity = self.position - rest, self.velocity
         self.position = rest + (even + odd * s) * offset + odd * velocity
         self.velocity = (even - odd * s) * velocity - odd * c / m * offset

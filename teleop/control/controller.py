@@ -8,12 +8,11 @@ from collections.abc import Callable
 
 from drivers import STANDSTILL, Command, Measurement, Rig
 from estimation import Bank, Conditioner, Estimate, Excitation, Misfit
-from teleop.control.admittance import Admittance
 from teleop.control.alignment import Alignment, Pair
 from teleop.control.clock import Tick
 from teleop.control.conditions import Condition
-from teleop.control.coupling import Coupling
 from teleop.control.failures import failure
+from teleop.control.link import Link
 from teleop.control.rig_values import command_of, measurement_of
 from teleop.control.tare import NO_TARE, Tare
 from teleop.control.tick_record import Record, Timing
@@ -49,8 +48,8 @@ class Controller:
         The telemanipulator, which has been opened.
     condition
         Source of the force that drives the master.
-    admittance, coupling
-        Convert this force to the velocities of master and slave.
+    link
+        Converts this force to the velocities of master and slave.
     conditioner
         Computes the regressors from slave position and contact force.
     bank
@@ -71,8 +70,7 @@ class Controller:
         self,
         rig: Rig,
         condition: Condition,
-        admittance: Admittance,
-        coupling: Coupling,
+        link: Link,
         conditioner: Conditioner,
         bank: Bank,
         excitation: Excitation,
@@ -83,8 +81,7 @@ class Controller:
     ) -> None:
         self._rig = rig
         self._condition = condition
-        self._admittance = admittance
-        self._coupling = coupling
+        self._link = link
         self._conditioner = conditioner
         self._bank = bank
         self._excitation = excitation
@@ -158,24 +155,23 @@ class Controller:
                 active = measurement.time - self._supervision.since
                 drive_force = float(self._condition.drive_force(active, measurement))
                 target = float(self._condition.target(active))
-                self._admittance.step(drive_force, dt)
-                desired = self._coupling.command(self._admittance, measurement)
+                desired = self._link.step(drive_force, measurement, dt)
+                self._faults += self._link.faults
                 self.finished = bool(self._condition.finished)
             except BaseException as error:
                 self._fail(Fault.CONTROL_FAILURE, error, measurement.time)
-        request = self._complete(request, tick)
+        request = self._complete(request, tick, measurement)
         verdict = supervise(self._supervision, measurement, desired, request, self._limits)
         if verdict.arm and self._enable(measurement.time):
             verdict = activate(verdict)
-            self._coupling.align(self._admittance, measurement)
+            self._link.align(measurement)
         self._supervision = verdict.state
         mode = verdict.state.mode
 
         mapped = self._stopwatch()
         applied = self._apply(verdict, measurement.time)
         written = self._stopwatch()
-        if verdict.limited:
-            self._admittance.follow(applied.master_velocity, dt)
+        self._link.follow(verdict, desired, applied, dt)
 
         pair, x, v, f, excitation = NO_PAIR, math.nan, math.nan, math.nan, math.nan
         estimates, further = self._no_estimates, self._no_regressors
@@ -184,6 +180,7 @@ class Controller:
             try:
                 if found := self._alignment.update(measurement, dt):
                     pair = found
+                    self._link.observe(pair)
                     x, v, f, further = self._conditioner.update(*pair)
                     estimates = self._bank.update(x, v, f, pair.dt, further)
                     excitation = self._excitation.update(x, v, pair.dt)
@@ -221,6 +218,7 @@ class Controller:
             tick,
             Timing(read - started, compute, written - mapped),
             events,
+            self._link.values,
         )
 
     def _read(self) -> tuple[Measurement, float]:
@@ -241,13 +239,16 @@ class Controller:
             return measurement, self._period
         return measurement, measurement.time - last.time
 
-    def _complete(self, request: Request, tick: Tick) -> Request:
-        """Return the request with the timing of the loop and the faults that were stored since."""
+    def _complete(self, request: Request, tick: Tick, measurement: Measurement) -> Request:
+        """Return the request with the timing of the loop and the data of link and faults."""
         elapsed = (1 + tick.skipped) * self._period + tick.lateness - self._lateness
         self._lateness = tick.lateness
         trips = (*request.faults, *self._faults)
         self._faults.clear()
-        return Request(request.arm, request.stop, request.halt, trips, tick.skipped, elapsed)
+        stiffness = self._link.stiffness(measurement.slave_position)
+        return Request(
+            request.arm, request.stop, request.halt, trips, tick.skipped, elapsed, stiffness
+        )
 
     def _enable(self, now: float) -> bool:
         """Enable the drives, and return whether they are ready for commands."""

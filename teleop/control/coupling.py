@@ -4,9 +4,22 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Protocol
 
 from drivers import Command, Measurement
 from teleop.control.admittance import Admittance
+
+
+class Moving(Protocol):
+    """Something with a position [m] and a velocity [m/s], such as the virtual mass."""
+
+    @property
+    def position(self) -> float:
+        """Position [m]."""
+
+    @property
+    def velocity(self) -> float:
+        """Velocity [m/s]."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +56,7 @@ class Coupling:
         """
         master.align(measurement.slave_position / self.scale)
 
-    def command(self, master: Admittance, measurement: Measurement) -> Command:
+    def command(self, master: Moving, measurement: Measurement) -> Command:
         """Return the desired velocities of both drives [m/s]."""
         lag = self.scale * master.position - measurement.slave_position
         return Command(master.velocity, self.scale * master.velocity + self.position_gain * lag)

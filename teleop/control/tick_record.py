@@ -69,3 +69,5 @@ class Record(NamedTuple):
     """Durations of the parts of the tick."""
     events: tuple[Event, ...]
     """Changes of the supervisor's mode, and faults, in this tick."""
+    link: tuple[float, ...] = ()
+    """Values of the channel and of the force feedback (`teleop.control.bilateral`)."""

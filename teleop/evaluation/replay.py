@@ -23,8 +23,8 @@ NEEDED = ("time", "dt", "dropped", "x", "paired_position", "paired_force", "pair
 
 
 def is_replayed(column: str) -> bool:
-    """Return whether `recorded_signals`, `agrees` or the true values need a column."""
-    return column in (*NEEDED, "slave_position") or column.endswith(("_b", "_k"))
+    """Return whether an evaluation, its checks, or the tracking need a column."""
+    return column in (*NEEDED, "slave_position", "target") or column.endswith(("_b", "_k"))
 
 
 def recorded_signals(recording: Recording) -> Signals:

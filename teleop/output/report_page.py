@@ -25,6 +25,7 @@ from teleop.output.estimate_tables import (
     interval_table,
 )
 from teleop.output.fault_report import fault_text
+from teleop.output.feedback_figure import feedback_figure
 from teleop.output.figure_files import plain
 from teleop.output.fit_figures import fit_figure
 from teleop.output.result_tables import motion_line, result_lines
@@ -90,6 +91,7 @@ def of_recording(recording: Recording | None) -> dict[str, Any]:
         "missing": "",
         "fault": "",
         "timing": "",
+        "feedback": "",
         "events": [],
         "settings": [],
     }
@@ -106,6 +108,8 @@ def of_recording(recording: Recording | None) -> dict[str, Any]:
     if fault := recording.fault:
         values["fault"] = fault_text(recording, fault)
         values["fault_drawing"] = svg(fault_figure(recording, fault))
+    if "displayed_force" in recording.columns and recording.settings:
+        values["feedback"] = svg(feedback_figure(recording))
     if recording["lateness"].any():
         skipped = int(recording["skipped"].sum())
         values["timing"] = svg(timing_figure(recording))

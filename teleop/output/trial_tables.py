@@ -41,6 +41,7 @@ def print_trial(summary: Mapping[str, Any]) -> None:
     if summary["truth"]:
         print_truth(console, summary["truth"])
     print_tracking(console, summary["tracking"])
+    print_feedback(console, summary["feedback"])
     print_estimated(console, summary)
     console.print(
         f"  excitation: {summary['excitation']['mean']:.2f} (0 none, 1 a sine of 1 Hz about zero)"
@@ -104,6 +105,14 @@ def print_truth(console: Console, truth: Mapping[str, Any]) -> None:
         f"{truth['lost_motion_m'] * 1e6:g} um.\n"
         "  Lag and lost motion make the estimate of b too low."
     )
+    further = truth.get("further_laws", {})
+    if further:
+        console.print("  These are the values in slow motion and before any change. Others:")
+    for name, law in further.items():
+        console.print(
+            f"    {name}: b {law['b']:.3g} N s/m, k {number(law['k_surface'], 0)} N/m at the "
+            f"surface and {number(law['k_deepest'], 0)} N/m at the greatest depth"
+        )
 
 
 def print_tracking(console: Console, tracking: Mapping[str, Any] | None) -> None:
@@ -121,6 +130,23 @@ def tracking_lines(tracking: Mapping[str, Any]) -> tuple[str, str]:
         f"frequency {tracking['frequency_hz']:.3f} of {tracking['target_hz']:g} Hz, over "
         f"{tracking['periods']} periods",
     )
+
+
+def print_feedback(console: Console, feedback: Mapping[str, Any] | None) -> None:
+    """Print what the hand felt, and the lowest energy at its port."""
+    if not feedback:
+        return
+    channel = f", channel {feedback['channel']}" if feedback["channel"] else ""
+    console.print(f"  feedback: {feedback['law']}{channel}")
+    if feedback["law"] != "none" and feedback["rendered_k"] == feedback["rendered_k"]:
+        console.print(
+            f"  the hand felt k = {feedback['rendered_k']:.0f} N/m "
+            f"({feedback['rendered_k_error']:+.1%} of that at the slave); error of the felt force "
+            f"{feedback['felt_force_error']:.1%} rms;\n  lowest energy at the hand "
+            f"{feedback['energy_min_j'] * 1e3:.1f} mJ"
+        )
+    if not feedback["stable"]:
+        console.print("  not stable", style="yellow")
 
 
 def print_loop(console: Console, summary: Mapping[str, Any]) -> None:

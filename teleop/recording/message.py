@@ -7,7 +7,7 @@ messages without a plug-in, and numpy reads all ticks of a recording in one step
 from __future__ import annotations
 
 import struct
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from operator import attrgetter
 from typing import TYPE_CHECKING
 
@@ -33,6 +33,8 @@ class Layout:
     ----------
     bank
         The estimators by name.
+    link
+        Columns of the channel and of the force feedback; none without them.
 
     Attributes
     ----------
@@ -44,7 +46,7 @@ class Layout:
         Size of the message [bytes].
     """
 
-    def __init__(self, bank: Mapping[str, Estimator]) -> None:
+    def __init__(self, bank: Mapping[str, Estimator], link: Iterable[Column] = ()) -> None:
         self.estimators = tuple(bank)
         regressors_of = (e.model.further_regressors for e in bank.values())
         model = max(regressors_of, key=len, default=())
@@ -59,6 +61,7 @@ class Layout:
             *regressors,
             *estimate_columns(bank),
             *misfit_columns(bank),
+            *link,
         )
         self._struct = struct.Struct(f"<4s{len(self.columns)}d")
         self.size = self._struct.size
@@ -81,5 +84,11 @@ class Layout:
         """
         estimates = estimate_row(record.estimates)
         return self._struct.pack(
-            CDR, *VALUES(record), dropped, *record.further, *estimates, *record.misfit
+            CDR,
+            *VALUES(record),
+            dropped,
+            *record.further,
+            *estimates,
+            *record.misfit,
+            *record.link,
         )

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from estimation import Estimates, Regression
 from estimation.compiled import Floats
@@ -88,7 +89,10 @@ class Recording:
 
     def estimated(self) -> Recording:
         """Return a recording with only those ticks at which the estimators were updated."""
-        part = np.isfinite(self["x"])
+        return self.where(np.isfinite(self["x"]))
+
+    def where(self, part: NDArray[np.bool_]) -> Recording:
+        """Return a recording with only those ticks for which `part`, shape (ticks,), is True."""
         columns = self.columns
         if not part.all():
             columns = {name: column[part] for name, column in columns.items()}

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from drivers import CHANNELS, UNITS
+from estimation.estimate_columns import Column
 from teleop.safety import Mode
 from teleop.safety.soft_limits import ACCELERATION, FORCE, POSITION, VELOCITY
 
@@ -86,3 +87,20 @@ COLUMNS = tuple(
     TickColumn(*column) for column in (*MEASURED, *COMMANDED, *ESTIMATED_FROM, *STATE_OF_LOOP)
 )
 """All columns of a tick, in their order in the message of the tick."""
+MODEL = "of the body that is rendered at the master; NaN for none"
+FEEDBACK_COLUMNS = tuple(
+    Column(*column)
+    for column in (
+        ("displayed_force", "N", "of the environment, as the hand feels it"),
+        ("model_stiffness", "N/m", f"stiffness {MODEL}"),
+        ("model_stiffening", "N/m^3", f"stiffening {MODEL}"),
+        ("model_damping", "N s/m", f"damping {MODEL}"),
+        ("tank", "J", "energy in the tank; NaN for none"),
+        ("port_energy", "J", "put in by the hand, limited to what can be stored"),
+        ("master_energy", "J", "that the hand has given to the channel, for passivity control"),
+        ("slave_energy", "J", "that the environment has given to it, as the master knows it"),
+        ("report_age", "s", "of the packet from the slave that the master uses"),
+        ("motion_age", "s", "of the packet from the master that the slave uses"),
+    )
+)
+"""Columns of a trial with force feedback or a channel, in the order of `LinkValues`."""

@@ -52,6 +52,8 @@ class Fault(StrEnum):
     STALE = "stale"
     JUMP = "impossible jump"
     FROZEN = "frozen"
+    CHANNEL_SILENT = "communication channel"
+    PORT_ENERGY = "energy at the handle"
     CONTROL_FAILURE = "control failure"
     ESTIMATION_FAILURE = "estimation failure"
 

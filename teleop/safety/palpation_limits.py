@@ -1,16 +1,16 @@
-"""Limits for a palpation on the simulated rig, computed from its depth and from the cube."""
+"""Limits for a palpation on the simulated rig, computed from its depth and from the body."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
-from sim_backend import RIGID, Cube, Transmission
+from sim_backend import RIGID, Law, Transmission
 from teleop.safety.limits import Limits, default_channel_limits
 
 SOFT, HARD = 1.5, 1.8
 """Soft and hard upper position limit, as multiples of the palpation depth.
 
-The force limits are the forces of the cube at these positions.
+The force limits are the forces of the body at these positions.
 """
 SPEED = 14.0
 """Greatest speed, in palpation depths per second. A palpation with a sine of 2 Hz needs 6.3."""
@@ -31,7 +31,7 @@ It is a fraction of the greatest speed.
 
 
 def palpation_limits(
-    cube: Cube,
+    law: Law,
     depth: float,
     scale: float,
     fastest: float,
@@ -42,8 +42,8 @@ def palpation_limits(
 
     Parameters
     ----------
-    cube
-        The cube that is palpated.
+    law
+        Law of the force of the palpated body.
     depth
         Intended depth of the palpation [m].
     scale
@@ -53,7 +53,7 @@ def palpation_limits(
     compliance
         Compliance of the slave's drive [m/N].
     transmission
-        Transmission between the drive and the cube, with its compliance and friction. The contact
+        Transmission between the drive and the body, with its compliance and friction. The contact
         force does not include this friction.
     """
     velocity = max(SPEED, 5.0 * fastest) * depth
@@ -74,8 +74,8 @@ def palpation_limits(
         max_master_acceleration=acceleration / scale,
         soft_position=(-0.5 * depth, SOFT * depth),
         hard_position=(-HARD / SOFT * 0.5 * depth, HARD * depth),
-        soft_force=cube.force(cube.compressed(SOFT * depth, transmission.compliance), 0.0),
-        hard_force=cube.force(cube.compressed(HARD * depth, transmission.compliance), 0.0),
+        soft_force=law.force(law.compressed(SOFT * depth, transmission.compliance), 0.0),
+        hard_force=law.force(law.compressed(HARD * depth, transmission.compliance), 0.0),
         following_error=FOLLOWING * depth + compliance * transmission.friction,
         drive_compliance=compliance,
         rest_velocity=0.02 * velocity,

@@ -11,6 +11,11 @@ from teleop.safety.state import Supervision
 VELOCITY, ACCELERATION, POSITION, FORCE = 1, 2, 4, 8
 """Flag of each soft limit. The sum of flags states which limits reduced a command."""
 
+APPROACH_TIME = 0.05
+"""Time in which the expected contact force may reach the soft limit, if limits are separate [s]."""
+CONTACT = 0.1
+"""Contact force below which the direction of the force is not known [N]."""
+
 
 def ramp_down(command: Command, dt: float, limits: Limits) -> Command:
     """Return the next command of a ramp on which both velocities decrease to zero.
@@ -55,14 +60,15 @@ def limit_command(
     dt: float,
     state: Supervision,
     limits: Limits,
+    stiffness: float | None = None,
 ) -> tuple[Command, int]:
     """Apply the soft limits to the desired command.
 
-    The velocities of master and slave are reduced by the same factor, so that the operator feels
-    the limit of the slave. In the direction of a soft position limit at distance d, the speed is
-    at most sqrt(a d), where a is the greatest acceleration. A deceleration of a / 2 then stops the
-    slave at the limit. If the contact force exceeds the soft force limit, the slave does not move
-    against this force.
+    Without a `stiffness`, the velocities of master and slave are reduced by the same
+    factor, so that the operator feels the limit of the slave. In the direction of a soft position
+    limit at distance d, the speed is at most sqrt(a d), where a is the greatest acceleration. A
+    deceleration of a / 2 then stops the slave at the limit. If the contact force exceeds the soft
+    force limit, the slave does not move against this force.
 
     Parameters
     ----------
@@ -78,6 +84,9 @@ def limit_command(
         State of the supervisor after the previous tick.
     limits
         Limits of rig and channels.
+    stiffness
+        Expected slope of the contact force over the position of the slave [N/m]. None: the limits
+        act on master and slave together.
 
     Returns
     -------
@@ -86,8 +95,22 @@ def limit_command(
     flags
         Sum of the flags of the soft limits that reduced the command.
     """
-    master, slave = desired
     ramp = min(active / limits.start_ramp, 1.0)
+    if stiffness is None:
+        wanted, flags = limit_together(desired, measurement, ramp, limits)
+    else:
+        wanted, flags = limit_separately(desired, measurement, ramp, stiffness, limits)
+    command = limit_acceleration(wanted, state.applied, dt, limits)
+    if command != wanted:
+        flags |= ACCELERATION
+    return command, flags
+
+
+def limit_together(
+    desired: Command, measurement: Measurement, ramp: float, limits: Limits
+) -> tuple[Command, int]:
+    """Reduce the velocities of master and slave by the same factor; see `limit_command`."""
+    master, slave = desired
     factor, flags = 1.0, 0
     for velocity, maximum in (
         (slave, limits.max_velocity * ramp),
@@ -95,18 +118,52 @@ def limit_command(
     ):
         if abs(velocity) * factor > maximum:
             factor, flags = maximum / abs(velocity), VELOCITY
-    low, high = limits.soft_position
-    x, f = measurement.slave_position, measurement.contact_force
-    distance = high - x if slave > 0.0 else x - low
-    braking = math.sqrt(limits.max_acceleration * distance) if distance > 0.0 else 0.0
+    braking = braking_speed(slave, measurement, limits)
     if abs(slave) * factor > braking:
         factor = braking / abs(slave)
         flags |= POSITION
+    f = measurement.contact_force
     if slave * f > 0.0 and abs(f) > limits.soft_force:
         factor = 0.0
         flags |= FORCE
-    wanted = Command(master * factor, slave * factor) if factor < 1.0 else desired
-    command = limit_acceleration(wanted, state.applied, dt, limits)
-    if command != wanted:
-        flags |= ACCELERATION
-    return command, flags
+    return Command(master * factor, slave * factor) if factor < 1.0 else desired, flags
+
+
+def limit_separately(
+    desired: Command, measurement: Measurement, ramp: float, stiffness: float, limits: Limits
+) -> tuple[Command, int]:
+    """Reduce the velocity of the master by its limit only, and that of the slave by all others.
+
+    Then no limit of the slave acts on the hand without the delay of the channel. The speed of the
+    slave against the contact force f is also at most (soft_force - |f|) / (stiffness
+    `APPROACH_TIME`), so that the expected force does not exceed the soft limit within this time.
+    """
+    master, slave = desired
+    flags = 0
+    if abs(master) > limits.max_master_velocity * ramp:
+        master = math.copysign(limits.max_master_velocity * ramp, master)
+        flags |= VELOCITY
+    speed = abs(slave)
+    if speed > limits.max_velocity * ramp:
+        speed, flags = limits.max_velocity * ramp, flags | VELOCITY
+    braking = braking_speed(slave, measurement, limits)
+    if speed > braking:
+        speed, flags = braking, flags | POSITION
+    f = measurement.contact_force
+    x = measurement.slave_position
+    pressing = slave * f > 0.0 or (abs(f) < CONTACT and slave * x >= 0.0)
+    if pressing:
+        left = max(limits.soft_force - abs(f), 0.0)
+        if speed * stiffness * APPROACH_TIME > left:
+            speed, flags = left / (stiffness * APPROACH_TIME), flags | FORCE
+        elif not left:
+            speed, flags = 0.0, flags | FORCE
+    return Command(master, math.copysign(speed, slave)), flags
+
+
+def braking_speed(slave: float, measurement: Measurement, limits: Limits) -> float:
+    """Return the greatest speed [m/s] at which the slave can brake before its position limit."""
+    low, high = limits.soft_position
+    x = measurement.slave_position
+    distance = high - x if slave > 0.0 else x - low
+    return math.sqrt(limits.max_acceleration * distance) if distance > 0.0 else 0.0

@@ -25,6 +25,11 @@ class Request(NamedTuple):
     """Number of whole periods that the loop skipped before this tick."""
     elapsed: float = 0.0
     """Time since the previous tick on the clock of the loop [s]."""
+    stiffness: float | None = None
+    """Expected slope of the contact force over the position of the slave [N/m].
+
+    With it, the soft limits act on master and slave separately. None: they act on both together.
+    """
 
 
 NO_REQUEST = Request()

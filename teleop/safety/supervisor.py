@@ -109,7 +109,9 @@ def supervise(
 
     mode, command, limited, text = state.mode, STANDSTILL, 0, ""
     if mode is ACTIVE and not request.stop:
-        command, limited = limit_command(desired, measurement, now - state.since, dt, state, limits)
+        command, limited = limit_command(
+            desired, measurement, now - state.since, dt, state, limits, request.stiffness
+        )
     elif mode is ACTIVE:
         mode, text = STOPPING, request.stop
         command = ramp_down(state.applied, dt, limits)

@@ -2,18 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 
 from drivers import Rig
-from estimation import Bank, Excitation
-from sim_backend import FreePalpation, MimickedSine, Operator, SimulatedRig
+from estimation import Bank, Estimator, Excitation
+from sim_backend import ForcePalpation, FreePalpation, MimickedSine, Operator, SimulatedRig
+from sim_backend.channel import ChannelSettings
 from teleop.control.admittance import Admittance
+from teleop.control.bilateral import BilateralLink
 from teleop.control.clock import Clock, RealClock, VirtualClock
 from teleop.control.conditions import Autonomous, Condition, Mimicry, Teleoperation
 from teleop.control.controller import Controller
 from teleop.control.injector import Injector
+from teleop.control.link import DirectLink, Link
+from teleop.recording.message import Layout
+from teleop.recording.tick_columns import FEEDBACK_COLUMNS
 from teleop.trial.settings import TrialSettings
 
+LINK_GAIN = 20.0
+"""Position gain of the coupling over a channel, if the settings have none [1/s]."""
 RigMaker = Callable[[Callable[[], float]], Rig]
 """Function that creates a rig. Its argument is a function that returns the time [s]."""
 
@@ -61,9 +69,14 @@ def make_simulated_rig(
     """
     setup = settings.setup
     depth = setup.depth / settings.coupling.scale
+    model = settings.operator_model
     operator: Operator | None = None
-    if settings.condition == "free":
-        operator = FreePalpation(depth, settings.seed)
+    if settings.condition == "free" and model.aim_force:
+        operator = ForcePalpation(
+            depth, settings.seed, model.aim_force, model.arm_stiffness, model.withdrawal
+        )
+    elif settings.condition == "free":
+        operator = FreePalpation(depth, settings.seed, model.withdrawal)
     elif settings.condition == "mimic":
         target = settings.target
         operator = mimic(depth, settings.seed, target.frequency, target.count_in)
@@ -75,6 +88,7 @@ def make_simulated_rig(
         sensors=settings.sensors,
         watchdog=watchdog,
         seed=settings.seed,
+        arm=model.arm,
     )
 
 
@@ -93,6 +107,30 @@ def make_condition(settings: TrialSettings) -> Condition:
             settings.duration,
         )
     )
+
+
+def make_link(settings: TrialSettings) -> Link:
+    """Return a new link between master and slave.
+
+    With a channel or force feedback, the slave also follows the position of the master: a lost
+    packet would otherwise leave a permanent offset.
+    """
+    admittance, coupling = Admittance(settings.admittance), settings.coupling
+    if not settings.has_link:
+        return DirectLink(admittance, coupling)
+    if coupling.position_gain == 0.0:
+        coupling = replace(coupling, position_gain=LINK_GAIN)
+    feedback, glued = settings.feedback, settings.feedback.glued
+    if glued is None:
+        glued = settings.setup.cube.glued if settings.rig is None else True
+    halves = feedback.halves(admittance, coupling, settings.force_lag, glued)
+    channel = settings.channel or ChannelSettings()
+    return BilateralLink(admittance, coupling, *halves, channel, settings.seed)
+
+
+def make_layout(settings: TrialSettings, bank: Mapping[str, Estimator]) -> Layout:
+    """Return the layout of the message of a tick."""
+    return Layout(bank, FEEDBACK_COLUMNS if settings.has_link else ())
 
 
 def make_controller(
@@ -116,8 +154,7 @@ def make_controller(
     return Controller(
         rig,
         condition or make_condition(settings),
-        Admittance(settings.admittance),
-        settings.coupling,
+        make_link(settings),
         settings.make_conditioner(),
         bank,
         Excitation(),

@@ -187,9 +187,10 @@ def table(values: Mapping[str, Any], properties: Mapping[str, Any]) -> Table:
         if key not in values:
             found.add(tomlkit.comment(f"{key} = # {description}"))
             continue
-        found.add(key, values[key])
+        item = tomlkit.item(values[key])
         if description:
-            found[key].comment(description)
+            item.comment(description)
+        found.add(key, item)
     return found
 
 

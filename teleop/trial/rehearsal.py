@@ -9,15 +9,15 @@ from dataclasses import replace
 import numpy as np
 
 from drivers import Rig
+from sim_backend.channel import ChannelSettings
 from teleop.control.clock import Clock
 from teleop.control.tare import NO_TARE
 from teleop.errors import InputError
 from teleop.recording.black_box import BlackBox
-from teleop.recording.message import Layout
 from teleop.recording.sinks import Memory
 from teleop.safety.events import ACTIVE
 from teleop.safety.tightened_limits import NOT_TIGHTENED
-from teleop.trial.assembly import make_clock, make_controller, make_simulated_rig
+from teleop.trial.assembly import make_clock, make_controller, make_layout, make_simulated_rig
 from teleop.trial.loop import Loop
 from teleop.trial.settings import TrialSettings
 from teleop.trial.stop_switch import StopSwitch
@@ -34,8 +34,9 @@ def tick_cost(settings: TrialSettings) -> float:
     """Measure the duration of a tick on this machine, without the devices of a rig.
 
     A rehearsal of the trial runs on the simulated rig in virtual time, without the tare and the
-    limits of the real rig. The simulated rate is at most 1 kHz, so that the motion begins within
-    `TICKS` ticks.
+    limits of the real rig. The channel has no delay and the gain of the feedback is at most 1,
+    because a feedback that is stable on the specimen may be unstable on the simulated cube. The
+    simulated rate is at most 1 kHz, so that the motion begins within `TICKS` ticks.
 
     Returns
     -------
@@ -56,12 +57,14 @@ def tick_cost(settings: TrialSettings) -> float:
         tare=NO_TARE,
         custom_limits=None,
         tightened_limits=NOT_TIGHTENED,
+        feedback=replace(settings.feedback, gain=min(settings.feedback.gain, 1.0)),
+        channel=settings.channel and ChannelSettings(),
         clock="virtual",
         rate=rate,
         duration=2.0 * TICKS / rate,
     )
     clock, bank = make_clock(rehearsal), rehearsal.estimation_preset.bank()
-    layout = Layout(bank)
+    layout = make_layout(rehearsal, bank)
     box = BlackBox(layout, rate)
     costs = []
     with make_simulated_rig(rehearsal, clock.now) as rig:

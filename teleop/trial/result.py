@@ -15,6 +15,7 @@ from estimation.presentation import Presented
 from estimation.presets import GATE
 from estimation.summary import summarise
 from teleop.errors import InputError
+from teleop.evaluation.rendering import rendering
 from teleop.recording.gaps import gap_rows, missing_text
 from teleop.recording.recording import Recording
 from teleop.recording.sinks import Outcome
@@ -23,8 +24,8 @@ from teleop.safety.events import ACTIVE, STOPPING
 from teleop.safety.soft_limits import ACCELERATION, FORCE, POSITION, VELOCITY
 from teleop.trial.metadata import estimated_channels
 from teleop.trial.settings import TrialSettings
-from teleop.trial.settings_json import from_document
 from teleop.trial.tracked import tracking_of
+from teleop.trial.true_values import recorded_truth, truth
 
 if TYPE_CHECKING:
     import pandas
@@ -183,6 +184,22 @@ class Trial(Presented):
         found = tracking_of(self.recording, self.settings)
         return found and found._asdict()
 
+    def feedback(self) -> dict[str, Any] | None:
+        """Return what the hand felt; None without force feedback and channel."""
+        settings = self.settings
+        if not settings.has_link:
+            return None
+        admittance, feedback = settings.admittance, settings.feedback
+        found = rendering(
+            self.recording.where(self.recording["mode"] == ACTIVE),
+            admittance.mass,
+            admittance.damping,
+            settings.coupling.scale,
+            feedback.gain,
+        )
+        channel = settings.channel and settings.channel.text
+        return {"law": feedback.law, "channel": channel} | found._asdict()
+
     def summary(self) -> dict[str, Any]:
         """Return the results of the trial, in the form of `teleop run --json`."""
         settings, active = self.settings, self.recording.estimated()
@@ -214,6 +231,7 @@ class Trial(Presented):
             "rejected": self.rejected,
             "interrupted": self.interrupted,
             "tracking": self.tracking(),
+            "feedback": self.feedback(),
             "estimates": {
                 name: summarise(
                     t, regression, estimates, self.bank[name], active.misfit(name)
@@ -239,41 +257,6 @@ class Trial(Presented):
                 "black_box_problem": self.black_box_problem or None,
             },
         }
-
-
-def truth(settings: TrialSettings, depth: float) -> dict[str, float]:
-    """Return the true damping, stiffness, lag and lost motion of the simulated rig.
-
-    The stiffness is that of the cube and the transmission in series, because the encoder measures
-    the position before the transmission.
-
-    Parameters
-    ----------
-    settings
-        Settings of the trial.
-    depth
-        Greatest displacement in the trial [m], for the stiffness at this depth.
-    """
-    setup = settings.setup
-    cube, transmission = setup.cube, setup.transmission
-    return {
-        "b": cube.b,
-        "k_surface": cube.k1 / (1.0 + transmission.compliance * cube.k1),
-        "k_deepest": setup.force(depth) / depth if depth else cube.k1,
-        "force_lag_s": setup.force_lag,
-        "lost_motion_m": transmission.lost_motion,
-    }
-
-
-def recorded_truth(recording: Recording) -> dict[str, float] | None:
-    """Return the true values of a recorded trial on the simulated rig; None for other rigs."""
-    if not recording.settings or recording.session.get("rig") != "simulated":
-        return None
-    try:
-        settings = from_document(recording.settings)
-    except InputError:
-        return None
-    return truth(settings, float(np.max(np.abs(recording["slave_position"]), initial=0.0)))
 
 
 def safety_summary(active: Recording, fault: dict[str, Any] | None) -> dict[str, Any]:

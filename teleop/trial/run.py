@@ -12,12 +12,11 @@ from teleop.errors import InputError
 from teleop.files import unwritable
 from teleop.names import RealtimeName
 from teleop.recording.black_box import BlackBox
-from teleop.recording.message import Layout
 from teleop.recording.recorder import RecorderProcess
 from teleop.recording.recording import from_messages, load_intact
 from teleop.recording.sinks import Memory, Outcome, Sink
 from teleop.trial.arming import check_stated
-from teleop.trial.assembly import RigMaker, make_clock, make_controller, make_rig
+from teleop.trial.assembly import RigMaker, make_clock, make_controller, make_layout, make_rig
 from teleop.trial.loop import Loop
 from teleop.trial.metadata import session_metadata
 from teleop.trial.realtime import realtime
@@ -76,7 +75,7 @@ def run_trial(
     if condition is None:
         check_stated(settings)
     bank = settings.estimation_preset.bank()
-    layout = Layout(bank)
+    layout = make_layout(settings, bank)
     metadata = session_metadata(settings)
     recorder = loop = None
     target = settings.target

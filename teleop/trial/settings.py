@@ -15,11 +15,13 @@ from estimation.conditioning import BANDWIDTH, Conditioner
 from estimation.model import KELVIN_VOIGT, Model
 from estimation.own_settings import OwnSettings
 from estimation.registry import PAPER
-from sim_backend import CUBES, DEPTH, PlantParameters, Sensors, Setup, paper_setup
+from sim_backend import CUBES, DEPTH, OperatorModel, PlantParameters, Sensors, Setup, paper_setup
+from sim_backend.channel import ChannelSettings
 from teleop.control.admittance import AdmittanceParameters
 from teleop.control.conditions import CONDITIONS
 from teleop.control.coupling import Coupling
 from teleop.control.excitation_signals import AnySignal, Sine
+from teleop.control.feedback.settings import FeedbackSettings
 from teleop.control.tare import NO_TARE, Tare
 from teleop.control.target import Target
 from teleop.errors import InputError
@@ -28,25 +30,7 @@ from teleop.safety import Limits
 from teleop.safety.palpation_limits import palpation_limits
 from teleop.safety.rig_limits import rig_limits
 from teleop.safety.tightened_limits import NOT_TIGHTENED, TightenedLimits
-
-RATES = (50.0, 100_000.0)
-"""Lowest and highest rate of the loop [Hz]. Below the lowest rate, the hand of the operator and the
-admittance are not stable together."""
-DEEPEST = 0.1
-"""Largest depth of palpation [m]."""
-LONGEST = 3600.0
-"""Longest duration of a trial [s].
-
-The summary reads all ticks into memory, 0.4 MB per second at 1 kHz.
-"""
-FREQUENCY = {"mimic": 1.0, "autonomous": 2.0}
-"""Frequency of the sine in a condition, if the settings have no signal [Hz]."""
-COUNT_IN = 3.0
-"""Time at the start of mimic in which the target does not move, on a rig of devices [s]."""
-LONGEST_NAME = 100
-"""Largest number of characters of the name of a specimen or an operator."""
-LONGEST_NOTES = 10_000
-"""Largest number of characters of the notes."""
+from teleop.trial import ranges
 
 
 @dataclass(frozen=True)
@@ -87,6 +71,10 @@ class TrialSettings:
     """Virtual dynamics of the master."""
     coupling: Coupling = field(default_factory=Coupling)
     """Maps the motion of the master to that of the slave."""
+    feedback: FeedbackSettings = field(default_factory=FeedbackSettings)
+    """Force feedback to the hand."""
+    channel: ChannelSettings | None = None
+    """Communication channel between master and slave. Default: none, without delay."""
     conditioning: ConditioningName = "matched"
     """Signal conditioning before the estimators."""
     bandwidth: float = BANDWIDTH
@@ -112,6 +100,8 @@ class TrialSettings:
     """Limits of the safety supervisor that are tighter than those of the rig."""
     sensors: Sensors = field(default_factory=Sensors)
     """Imperfections of the simulated sensors."""
+    operator_model: OperatorModel = field(default_factory=OperatorModel)
+    """Arm and intention of the operator of the simulated rig."""
     tare: Tare = NO_TARE
     """Zero offsets of force and position."""
     rig: RigFile | None = None
@@ -133,29 +123,30 @@ class TrialSettings:
         ):
             if value not in allowed:
                 yield f"{name} {value!r}: expected one of {', '.join(allowed)}"
-        if not RATES[0] <= self.rate <= RATES[1]:
-            yield f"rate {self.rate:g} Hz: expected {RATES[0]:g} to {RATES[1]:g} Hz"
+        if not ranges.RATES[0] <= self.rate <= ranges.RATES[1]:
+            yield f"rate {self.rate:g} Hz: expected {ranges.RATES[0]:g} to {ranges.RATES[1]:g} Hz"
         elif self.excitation.highest > 0.05 * self.rate:
             yield (
                 f"frequency {self.excitation.highest:g} Hz in the excitation: expected at most a "
                 f"twentieth of the rate, {0.05 * self.rate:g} Hz"
             )
-        if self.depth is not None and not 0.0 < self.depth <= DEEPEST:
-            most = f"{DEEPEST * 1e3:g} mm"
-            yield f"depth {self.depth * 1e3:g} mm: expected more than 0 and at most {most}"
+        if self.depth is not None and not 0.0 < self.depth <= ranges.DEEPEST:
+            most = ranges.DEEPEST * 1e3
+            yield f"depth {self.depth * 1e3:g} mm: expected more than 0 and at most {most:g} mm"
         for name, text in (("specimen", self.specimen), ("operator", self.operator)):
-            if len(text) > LONGEST_NAME or not (text.isprintable() and text == text.strip()):
-                yield f"{name} {text!r}: expected one line of at most {LONGEST_NAME} characters"
-        if len(self.notes) > LONGEST_NOTES:
-            yield f"notes: expected at most {LONGEST_NOTES} characters, got {len(self.notes)}"
+            if len(text) > ranges.NAME or not (text.isprintable() and text == text.strip()):
+                yield f"{name} {text!r}: expected one line of at most {ranges.NAME} characters"
+        if len(self.notes) > ranges.NOTES:
+            yield f"notes: expected at most {ranges.NOTES} characters, got {len(self.notes)}"
         if self.count_in is not None and not 0.0 <= self.count_in <= 60.0:
             yield f"count_in {self.count_in:g} s: expected 0 to 60 s"
         try:
             self.make_conditioner()
         except ValueError as error:
             yield str(error)
-        if not 0.0 < self.duration <= LONGEST:
-            yield f"duration {self.duration:g} s: expected more than 0 and at most {LONGEST:g} s"
+        if not 0.0 < self.duration <= ranges.DURATION:
+            longest = ranges.DURATION
+            yield f"duration {self.duration:g} s: expected more than 0 and at most {longest:g} s"
 
     def _inconsistent_values(self) -> Iterator[str]:
         if self.condition == "mimic" and not isinstance(self.excitation, Sine):
@@ -165,6 +156,9 @@ class TrialSettings:
                 f"duration {self.duration:g} s: expected count-in and two periods of the target, "
                 f"{self.target.shortest:g} s or more"
             )
+        yield from self.feedback.problems(self.condition, self.rig)
+        if self.operator_model.aim_force and self.condition != "free":
+            yield f"operator_model.aim_force: not in {self.condition}: expected condition free"
         if self.rig and self.clock != "real":
             yield "clock virtual: a rig of devices runs in real time: expected real"
         try:
@@ -212,12 +206,14 @@ class TrialSettings:
     @property
     def excitation(self) -> AnySignal:
         """Excitation of the autonomous condition, or target of mimic."""
-        return self.signal or Sine(FREQUENCY.get(self.condition, 2.0))
+        return self.signal or Sine(ranges.FREQUENCY.get(self.condition, 2.0))
 
     @property
     def target(self) -> Target:
         """Target that the operator follows in the mimic condition."""
-        count_in = (COUNT_IN if self.rig else 0.0) if self.count_in is None else self.count_in
+        count_in = (
+            (ranges.COUNT_IN if self.rig else 0.0) if self.count_in is None else self.count_in
+        )
         return Target(self.excitation.highest, self.setup.depth, count_in)
 
     @property
@@ -229,6 +225,11 @@ class TrialSettings:
     def palpated(self) -> str:
         """Name of the palpated body: the specimen or, if it has no name, the rig or its cube."""
         return self.specimen or (self.rig_name if self.rig else f"{self.cube} cube")
+
+    @property
+    def has_link(self) -> bool:
+        """Whether there is force feedback or a channel between master and slave."""
+        return self.feedback.law != "none" or self.channel is not None
 
     @property
     def limits(self) -> Limits:
@@ -249,7 +250,7 @@ class TrialSettings:
             return rig_limits(self.rig.sections)
         setup = self.setup
         return palpation_limits(
-            setup.cube,
+            setup.cube.fast,
             setup.depth,
             self.coupling.scale,
             self.excitation.highest,

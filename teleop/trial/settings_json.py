@@ -16,10 +16,20 @@ from drivers.problems import given, value_problem
 from drivers.rig_file import RigFile, RigFileError, parse_rig_file
 from estimation import Axis, Grid, Model, Preset
 from estimation.own_settings import OwnSettings
-from sim_backend import Cube, Sensors, Setup, Transmission
+from sim_backend import (
+    Changing,
+    Cube,
+    OperatorModel,
+    Relaxing,
+    Sensors,
+    Setup,
+    Transmission,
+)
+from sim_backend.channel import ChannelSettings
 from teleop.control.admittance import AdmittanceParameters
 from teleop.control.coupling import Coupling
 from teleop.control.excitation_signals import Chirp, Multisine, Sine
+from teleop.control.feedback.settings import FeedbackSettings
 from teleop.control.tare import Tare
 from teleop.errors import InputError
 from teleop.safety import ChannelLimits, Limits
@@ -37,16 +47,21 @@ DERIVED = {
 PARTS = (
     AdmittanceParameters,
     Axis,
+    Changing,
     ChannelLimits,
+    ChannelSettings,
     Chirp,
     Coupling,
     Cube,
+    FeedbackSettings,
     Grid,
     Limits,
     Model,
     Multisine,
+    OperatorModel,
     OwnSettings,
     Preset,
+    Relaxing,
     Sensors,
     Setup,
     Sine,
@@ -56,6 +71,8 @@ PARTS = (
     TrialSettings,
 )
 """Dataclasses of the document."""
+BODIES = ("Cube", "Relaxing", "Changing")
+"""Kinds of bodies, which are part of the path of an error but not of the document."""
 
 
 def to_document(settings: TrialSettings) -> dict[str, Any]:
@@ -116,7 +133,8 @@ def problems(error: ValidationError) -> list[str]:
         elif kind.endswith("_type") or kind == "union_tag_not_found":
             form = expected_form(place, value)
             message = f"{form}{given(value)}" if form else message
-        lines.append(f"{'.'.join(map(str, place))}: {message}")
+        path = ".".join(str(key) for key in place if key not in BODIES)
+        lines.append(f"{path}: {message}")
     return lines
 
 

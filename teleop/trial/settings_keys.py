@@ -38,11 +38,14 @@ def forms(place: Place) -> list[Any]:
 def below(form: Any, key: str | int) -> Iterator[Any]:
     """Yield the types of the value with a key in a table or list of a type.
 
-    The name of a kind of signal, which pydantic inserts between the keys, selects that kind.
+    pydantic inserts the kind of a signal or the class of a body between the keys: it selects one.
     """
     if get_origin(form) is Mapping:
         yield from flat(get_args(form)[1])
-    elif is_dataclass(form) and getattr(form, "kind", None) == key:
+    elif is_dataclass(form) and key in (
+        getattr(form, "kind", None),
+        getattr(form, "__name__", None),
+    ):
         yield form
     elif is_dataclass(form):
         name = FIELDS.get(str(key), str(key)) if form is TrialSettings else str(key)

@@ -66,7 +66,7 @@ def compare_methods(trial: Trial, methods: Methods) -> dict[str, MethodResult]:
     )
     bank = preset.bank()
     estimates = bank.run(*regression)
-    cube = settings.setup.cube
+    cube = settings.setup.cube.slow
     secant = cube.k1 + cube.k3 * regression.x**2
     compared: dict[str, Comparison] = {}
     for k, at_surface in ((secant, False), (np.full_like(secant, cube.k1), True)):

@@ -111,7 +111,7 @@ def damping_steps(trial: Trial) -> Damping:
     tip = MatchedSignals(settings.setup.tip(columns["slave_position"]), force, dt)
     lag = settings.setup.force_lag
     return Damping(
-        true=settings.setup.cube.b,
+        true=settings.setup.cube.slow.b,
         paper=table1()[settings.condition, settings.cube, "rls"].b,
         rls=float(columns["rls_b"].mean()),
         matched=encoder.fit(lag, stiffening=False).b,
@@ -180,7 +180,7 @@ def lag_and_damping(frequency: float) -> SlowTrial:
         profile.lag_interval(),
         profile.b_interval(),
         setup.force_lag,
-        setup.cube.b,
+        setup.cube.slow.b,
     )
 
 

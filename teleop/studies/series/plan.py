@@ -16,6 +16,7 @@ from teleop.errors import InputError, invalid_parts
 from teleop.studies.series.order import OrderName, ordered
 from teleop.trial.arming import check_stated
 from teleop.trial.configuration import read_toml, settings_from
+from teleop.trial.feedback_checks import check_feedback
 from teleop.trial.settings import TrialSettings
 
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,40}$")]
@@ -187,6 +188,7 @@ def chosen_settings(plan: Plan, folder: Path) -> dict[tuple[str, ...], TrialSett
         try:
             settings[levels] = settings_from(document, folder)
             check_stated(settings[levels])
+            check_feedback(settings[levels])
         except InputError as error:
             problems += [f"{', '.join(levels)}: {line}" for line in str(error).splitlines()]
     if problems:

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
-from teleop.control.admittance import Admittance, AdmittanceParameters
+from teleop.control.admittance import Admittance, AdmittanceParameters, Environment
 
 masses = st.floats(0.05, 10.0)
 dampings = st.floats(0.1, 100.0)
@@ -83,3 +84,51 @@ def test_after_follow_the_admittance_continues_from_the_applied_velocity():
     fresh = Admittance(AdmittanceParameters())
     fresh.velocity = 0.25 * wanted
     assert admittance.step(3.0, 1e-3) == fresh.step(3.0, 1e-3)
+
+
+FORCES = st.lists(st.floats(-15.0, 15.0), min_size=1, max_size=6)
+
+
+@given(FORCES, st.floats(0.0, 30e3), st.floats(0.0, 2e9), st.floats(0.0, 20.0))
+def test_a_body_moves_the_mass_as_the_differential_equation_says(forces, k, k3, b):
+    parameters = AdmittanceParameters(0.5, 15.0)
+    admittance, body = Admittance(parameters), Environment(k, k3, b)
+    state, size = [0.0, 0.0], 1e-4
+    for force in forces:
+        for _ in range(20):
+            admittance.step_against(force, body, 1e-3)
+
+        def rate(t, y, f=force):
+            return [y[1], (f - (15.0 + b) * y[1] - k * y[0] - k3 * y[0] ** 3) / 0.5]
+
+        motion = solve_ivp(rate, (0.0, 0.02), state, rtol=1e-9, atol=1e-12).y
+        state, size = motion[:, -1], max(size, float(np.max(np.abs(motion[0]))))
+    assert admittance.position == pytest.approx(state[0], abs=0.03 * size)
+
+
+@given(st.floats(-10.0, 10.0), st.floats(1.0, 1e5), st.floats(0.0, 30.0))
+def test_a_linear_body_is_a_spring_of_the_admittance(force, k, b):
+    sprung = Admittance(AdmittanceParameters(0.5, 15.0 + b, k))
+    against = Admittance(AdmittanceParameters(0.5, 15.0))
+    for _ in range(50):
+        sprung.step(force, 1e-3)
+        against.step_against(force, Environment(k, 0.0, b), 1e-3)
+    assert against.position == pytest.approx(sprung.position, rel=1e-9, abs=1e-15)
+    assert against.velocity == pytest.approx(sprung.velocity, rel=1e-9, abs=1e-12)
+
+
+def test_a_body_that_is_not_glued_acts_only_at_positive_positions():
+    free, against = (Admittance(AdmittanceParameters()) for _ in range(2))
+    body = Environment(1e4, 0.0, 5.0, glued=False)
+    for _ in range(100):
+        free.step(-3.0, 1e-3)
+        against.step_against(-3.0, body, 1e-3)
+    assert against.position == pytest.approx(free.position, rel=1e-2)
+
+
+def test_a_negligible_stiffness_does_not_change_the_motion():
+    free, against = (Admittance(AdmittanceParameters()) for _ in range(2))
+    for _ in range(100):
+        free.step(3.0, 1e-3)
+        against.step_against(3.0, Environment(1e-140), 1e-3)
+    assert against.position == free.position

@@ -17,6 +17,7 @@ from teleop.control.clock import Tick, VirtualClock
 from teleop.control.conditions import Teleoperation
 from teleop.control.controller import Controller
 from teleop.control.coupling import Coupling
+from teleop.control.link import DirectLink
 from teleop.control.tare import NO_TARE, Tare
 from teleop.recording.message import Layout
 from teleop.recording.recording import from_messages
@@ -103,8 +104,7 @@ def make(rig, condition=None, limits=WIDE, tare=NO_TARE):
     return Controller(
         rig,
         condition or Teleoperation(),
-        Admittance(AdmittanceParameters()),
-        Coupling(0.5, position_gain=2.0),
+        DirectLink(Admittance(AdmittanceParameters()), Coupling(0.5, position_gain=2.0)),
         MatchedFilter(20.0),
         paper_preset().bank(),
         Excitation(),

@@ -8,8 +8,9 @@ import pytest
 from sim_backend import AttentiveOperator
 from sim_backend.wire.mechanism import NEVER
 from teleop.trial.assembly import make_simulated_rig
+from teleop.trial.ranges import COUNT_IN
 from teleop.trial.run import run_trial
-from teleop.trial.settings import COUNT_IN, TrialSettings
+from teleop.trial.settings import TrialSettings
 
 
 def trial(condition, cube="soft", seed=1):

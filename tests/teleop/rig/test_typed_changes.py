@@ -55,15 +55,15 @@ def test_a_telemanipulator_is_exchanged_when_the_drives_are_disabled():
     file = read_rig_file(BOARD)
     mechanism = Mechanism(file, Palpation(TrialSettings()).rig, lambda: now[0])
     hard = Palpation(TrialSettings(cube="hard")).rig
-    soft = mechanism.rig.plant.slave.cube
+    soft = mechanism.rig.plant.slave.law
     mechanism.drive("slave", 0.0)
     mechanism.exchange(hard)
     mechanism.advance()
-    assert mechanism.rig.plant.slave.cube == soft
+    assert mechanism.rig.plant.slave.law == soft
     mechanism.brake("slave")
     now[0] += 1.1 * PUT_BACK
     mechanism.advance()
-    assert mechanism.rig.plant.slave.cube == TrialSettings(cube="hard").setup.cube
+    assert mechanism.rig.plant.slave.law == TrialSettings(cube="hard").setup.cube.slow
     mechanism.exchange(Palpation(TrialSettings()).rig)
     mechanism.advance()
-    assert mechanism.rig.plant.slave.cube == soft
+    assert mechanism.rig.plant.slave.law == soft

@@ -576,6 +576,8 @@ def test_the_faults_that_ramp_are_those_of_sensors_and_software():
         Fault.OUT_OF_RANGE,
         Fault.JUMP,
         Fault.FROZEN,
+        Fault.CHANNEL_SILENT,
+        Fault.PORT_ENERGY,
         Fault.CONTROL_FAILURE,
         Fault.ESTIMATION_FAILURE,
     }

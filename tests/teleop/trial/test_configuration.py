@@ -280,10 +280,13 @@ def test_a_depth_beyond_a_tightened_limit_is_refused(written):
         read_configuration(written(text))
 
 
-PAGE = (RIG.parents[1] / "docs" / "howto-configure.md").read_text(encoding="utf-8")
+PAGES = "".join(
+    (RIG.parents[1] / "docs" / name).read_text(encoding="utf-8")
+    for name in ("howto-configure.md", "simulated-rig.md")
+)
 
 
-@pytest.mark.parametrize("block", re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL))
+@pytest.mark.parametrize("block", re.findall(r"```toml\n(.*?)```", PAGES, re.DOTALL))
 def test_the_examples_of_the_documentation_are_accepted(written, block):
     assert read_configuration(written(block)) != TrialSettings()
 

@@ -12,10 +12,12 @@ from hypothesis import strategies as st
 
 from estimation import MODELS
 from estimation.own_settings import OwnSettings
-from sim_backend import Sensors
+from sim_backend import OperatorModel, Sensors
+from sim_backend.channel import ChannelSettings
 from teleop.control.admittance import AdmittanceParameters
 from teleop.control.coupling import Coupling
 from teleop.control.excitation_signals import Chirp, Multisine, Sine
+from teleop.control.feedback.settings import FeedbackSettings
 from teleop.control.tare import Tare
 from teleop.recording.recording import load
 from teleop.safety.tightened_limits import TightenedLimits
@@ -45,6 +47,16 @@ VARIED = {
     "sensors": st.builds(Sensors, st.floats(1e-7, 1e-5), st.floats(0.0, 0.05)),
     "tare": st.builds(Tare, st.floats(-0.1, 0.1), rig=st.just("simulated")),
     "depth": st.none() | st.floats(1e-3, 1e-2),
+    "operator_model": st.builds(
+        OperatorModel, st.floats(150.0, 1500.0), st.none() | st.just(5.0), st.floats(-0.3, 0.8)
+    ),
+    "feedback": st.builds(
+        FeedbackSettings,
+        st.sampled_from(["none", "model-mediated"]),
+        st.just(0.5),
+        st.sampled_from([None, True, False]),
+    ),
+    "channel": st.none() | st.builds(ChannelSettings, st.floats(0.0, 0.1), st.floats(0.0, 0.01)),
 }
 """Values of the settings; `condition` besides, whose values depend on the signal."""
 OTHER = {"condition", "clock", "preset", "custom_setup", "custom_limits", "rig"}
@@ -58,6 +70,9 @@ def trials(draw):
     values["condition"] = draw(st.sampled_from(["free", "mimic", "autonomous"]))
     if values["condition"] == "autonomous":
         values["signal"] = draw(SIGNALS)
+        values["feedback"] = FeedbackSettings()
+    if values["condition"] != "free":
+        values["operator_model"] = OperatorModel(values["operator_model"].arm_stiffness)
     if values["conditioning"] != "matched":
         values |= {"model": MODELS["kelvin-voigt"], "force_lag": 0.0}
     return TrialSettings(clock="virtual", **values)

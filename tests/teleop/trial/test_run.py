@@ -9,7 +9,17 @@ import pytest
 
 from drivers import STANDSTILL
 from estimation import force_error, rise_time
-from sim_backend import CUBES, DEPTH, TRANSMISSION, SimulatedRig
+from sim_backend import (
+    CUBES,
+    DEPTH,
+    TRANSMISSION,
+    Changing,
+    Cube,
+    OperatorModel,
+    Relaxing,
+    Setup,
+    SimulatedRig,
+)
 from teleop.control.clock import VirtualClock
 from teleop.control.tare import NO_TARE, Tare
 from teleop.errors import InputError
@@ -81,6 +91,69 @@ def test_the_truth_is_the_secant_at_the_deepest():
     assert force == pytest.approx(cube.force(depth - compliance * force, 0.0))
     assert truth["k_surface"] == pytest.approx(1.0 / (1.0 / cube.k1 + compliance))
     assert truth["lost_motion_m"] == TRANSMISSION.lost_motion
+
+
+SOFT, HARD = Cube(2000.0, 1.6e6, 3.0, glued=False), Cube(16000.0, 0.0, 24.0, glued=False)
+
+
+def pokes_on(body, **operator):
+    """Run a trial in which the slave leaves the body between the pokes."""
+    operator_model = OperatorModel(**{"withdrawal": -0.2} | operator)
+    setup = Setup(body, 2.66e-3, 6e-3, TRANSMISSION)
+    return run_trial(
+        replace(QUICK, duration=5.0, custom_setup=setup, operator_model=operator_model)
+    )
+
+
+def test_a_relaxing_body_has_less_force_on_the_way_out_and_two_true_stiffnesses():
+    trial = pokes_on(Relaxing(SOFT, 1500.0, 0.4))
+    assert trial.fault is None
+    x, v, f = (trial.columns[n] for n in ("slave_position", "slave_velocity", "contact_force"))
+    near = np.abs(x - 3e-3) < 0.5e-3
+    way_in, way_out = f[near & (v > 0.01)], f[near & (v < -0.01)]
+    assert way_out.mean() < 0.8 * way_in.mean()
+    assert f.min() > -0.2
+    truth = trial.summary()["truth"]
+    compliance = TRANSMISSION.compliance
+    assert truth["b"] == pytest.approx(3.0 + 1500.0 * 0.4)
+    assert truth["k_surface"] == pytest.approx(1.0 / (1.0 / 2000.0 + compliance))
+    fast = truth["further_laws"]["fast"]
+    assert fast["b"] == 3.0
+    assert fast["k_surface"] == pytest.approx(1.0 / (1.0 / 3500.0 + compliance))
+
+
+def test_a_stiffer_specimen_at_the_next_contact_meets_the_limits_of_the_first():
+    trial = pokes_on(Changing(SOFT, HARD, contact=3))
+    assert trial.fault is None
+    assert trial.settings.limits == pokes_on(SOFT).settings.limits
+    t, x, f = (trial.columns[n] for n in ("time", "slave_position", "contact_force"))
+    first, last = ((x > 0.5e-3) & part for part in (t < 2.0, t > 3.0))
+    assert np.median(f[first] / x[first]) < 3000.0
+    assert np.median(f[last] / x[last]) > 8000.0
+    assert f.max() < trial.settings.limits.hard_force
+    assert trial.summary()["truth"]["further_laws"]["changed"]["b"] == 24.0
+
+
+def test_a_specimen_that_stiffens_while_it_is_indented_ends_in_a_named_stop():
+    trial = pokes_on(Changing(SOFT, HARD, contact=2, delay=0.3))
+    assert trial.fault is not None
+    assert trial.fault["text"].startswith("force limit: contact force")
+    assert trial.columns["time"][-1] < 4.0
+
+
+def test_an_operator_who_aims_for_a_force_reaches_the_depth_if_nothing_is_felt():
+    plain, aiming = pokes_on(SOFT), pokes_on(SOFT, aim_force=10.0, arm_stiffness=1500.0)
+    deepest = [trial.columns["slave_position"].max() for trial in (plain, aiming)]
+    assert deepest == pytest.approx([6e-3] * 2, rel=0.25)
+
+
+def test_the_hand_of_a_stiffer_arm_follows_its_intention_with_more_force():
+    forces = [
+        run_trial(replace(QUICK, operator_model=OperatorModel(arm_stiffness=k))).columns
+        for k in (150.0, 400.0, 1500.0)
+    ]
+    soft, usual, stiff = (np.std(columns["master_force"]) for columns in forces)
+    assert soft < usual < stiff
 
 
 def test_position_coupling_keeps_the_slave_closer_to_the_master():

@@ -14,7 +14,16 @@ from hypothesis import strategies as st
 from drivers.rig_file import read_rig_file
 from estimation import MODELS, paper_preset
 from estimation.own_settings import OwnSettings
-from sim_backend import RIGID, Cube, Sensors, Setup, Transmission
+from sim_backend import (
+    RIGID,
+    Changing,
+    Cube,
+    OperatorModel,
+    Relaxing,
+    Sensors,
+    Setup,
+    Transmission,
+)
 from teleop.control.admittance import AdmittanceParameters
 from teleop.control.coupling import Coupling
 from teleop.control.excitation_signals import Chirp, Multisine, Sine
@@ -45,6 +54,9 @@ signals = st.one_of(
 NAME_LETTERS = st.characters(categories=["L", "N", "P"])
 
 
+RELAXING = Relaxing(Relaxing(Cube(2000.0, 1e6, 3.0), 700.0, 0.05), 1500.0, 0.4)
+
+
 def settings_of(condition, signals):
     """Return valid settings with a condition."""
     return st.builds(
@@ -72,12 +84,17 @@ def settings_of(condition, signals):
                 None,
                 Setup(Cube(2000.0, 1e6, 3.0, False), 1e-3, 5e-3),
                 Setup(Cube(2000.0, 1e6, 3.0), 1e-3, 5e-3, Transmission(40e-6, 2e-6)),
+                Setup(RELAXING, 1e-3, 5e-3),
+                Setup(Changing(RELAXING, Cube(1e4, 0.0, 5.0), delay=0.5), 1e-3, 5e-3),
             ]
         ),
         depth=st.sampled_from([None, 2.5e-3]),
         specimen=st.text(NAME_LETTERS, max_size=20).map(str.strip),
         operator=st.text(NAME_LETTERS, max_size=20).map(str.strip),
         notes=st.text(max_size=50),
+        operator_model=st.builds(
+            OperatorModel, st.floats(50.0, 2000.0), withdrawal=st.floats(-0.3, 0.8)
+        ),
         tightened_limits=st.sampled_from([NOT_TIGHTENED, TightenedLimits(rest_master_force=4.0)]),
         estimator_parameters=st.sampled_from([{}, {"rls": OwnSettings(0.99, (1.0, 2.0))}]),
     )
@@ -134,3 +151,60 @@ def test_a_recording_made_before_there_was_a_transmission_has_a_rigid_one():
     document = to_document(TrialSettings(custom_setup=setup))
     del document["custom_setup"]["transmission"]
     assert from_document(document).setup.transmission == RIGID
+
+
+def test_an_operator_who_aims_for_a_force_round_trips():
+    settings = TrialSettings(operator_model=OperatorModel(1500.0, 10.0, -0.2))
+    assert through_json(settings) == settings
+
+
+CUBE = {"k1": 2000.0, "k3": 0.0, "b": 3.0}
+
+
+@pytest.mark.parametrize(
+    ("cube", "problem"),
+    [
+        (CUBE | {"b": -1.0}, "custom_setup.cube: a cube needs k1 > 0, k3 >= 0 and b > 0, got"),
+        (CUBE | {"x": 1.0}, "custom_setup.cube.x: unknown setting"),
+        ({"body": CUBE, "k": 1e3}, "custom_setup.cube.tau: is missing"),
+        ({"body": CUBE, "k": 1e3, "tau": 0.0}, "custom_setup.cube: a relaxing body needs tau >="),
+        (
+            {"body": CUBE | {"k1": 0.0}, "k": 1e3, "tau": 1.0},
+            "custom_setup.cube.body: a cube needs k1 > 0",
+        ),
+        ({"before": CUBE, "delay": 1.0}, "custom_setup.cube.after: is missing"),
+        (
+            {"before": CUBE, "after": CUBE, "contact": 2},
+            "custom_setup.cube: a glued body has one contact, got contact 2",
+        ),
+        (3, "custom_setup.cube: expected a table with keys such as k1, k3, b, got 3"),
+    ],
+)
+def test_an_impossible_body_is_refused_in_one_line_with_its_key(cube, problem):
+    with pytest.raises(InputError) as refused:
+        from_document({"custom_setup": {"cube": cube, "force_lag": 1e-3, "depth": 5e-3}})
+    assert str(refused.value).startswith(problem)
+    assert len(str(refused.value).splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("model", "problem"),
+    [
+        ({"arm_stiffness": 1.0}, "operator_model: arm_stiffness 1 N/m: expected 50 to 2000 N/m"),
+        ({"aim_force": -1.0}, "operator_model: aim_force -1 N: expected more than 0"),
+        (
+            {"stiffness": 1.0},
+            "operator_model.stiffness: unknown setting: expected one of arm_stiffness, aim_force, "
+            "withdrawal",
+        ),
+    ],
+)
+def test_an_impossible_operator_is_refused_in_one_line_with_its_key(model, problem):
+    with pytest.raises(InputError) as refused:
+        from_document({"operator_model": model})
+    assert str(refused.value) == problem
+
+
+def test_an_intended_force_is_refused_where_the_operator_follows_a_target():
+    with pytest.raises(InputError, match="aim_force: not in mimic: expected condition free"):
+        TrialSettings(condition="mimic", operator_model=OperatorModel(aim_force=10.0))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from sim_backend import Cube, Setup
+from sim_backend import Cube, Relaxing, Setup
 from teleop.output.report_page import report_page
 from teleop.recording.message import Layout
 from teleop.recording.recording import from_messages
@@ -52,6 +52,16 @@ def test_an_observer_in_place_of_the_contact_sensor_gives_the_stiffness(stepped)
     trial = stepped("odrive-reaction-force", duration=SECONDS, custom_setup=rigid).run()
     assert trial.fault is None
     assert final(trial)[1] == pytest.approx(2000.0, rel=0.2)
+
+
+def test_emulated_devices_palpate_a_body_that_relaxes(in_memory):
+    body = Relaxing(Cube(2000.0, 1e6, 3.0, glued=False), 3000.0, 0.3)
+    setup = Setup(body, 2.66e-3, 6e-3)
+    wired = in_memory("serial-board", duration=SECONDS, custom_setup=setup)
+    trials = wired.run(), run_trial(wired.settings)
+    largest = [max(trial.columns["contact_force"]) for trial in trials]
+    assert largest[0] == pytest.approx(largest[1], rel=0.05)
+    assert largest[1] > 1.2 * body.slow.force(6e-3, 0.0)
 
 
 @pytest.mark.parametrize(

@@ -240,7 +240,9 @@ def test_angle_and_torque_are_taken_on_a_lever_arm(write, refused):
     signals = read_signals(path, wanted=Wanted(lever=0.05))
     np.testing.assert_allclose(signals.x, np.array([0.0, 0.5, 1.0]) * np.pi * 0.05)
     np.testing.assert_allclose(signals.f, [0.2, 0.4, 0.8])
-    assert "expected a length with its unit, such as 5mm" in refused("estimate", path, "--lever", "5")
+    assert "expected a length with its unit, such as 5mm" in refused(
+        "estimate", path, "--lever", "5"
+    )
 
 
 @pytest.mark.parametrize(

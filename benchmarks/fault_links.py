@@ -1,0 +1,36 @@
+"""Faults of the link between master and slave: a silent channel, a law that gives energy."""
+
+from __future__ import annotations
+
+from fault_case import Case
+
+from sim_backend.channel import ChannelSettings
+from teleop.control.feedback.law import PASSIVE, Master, Report
+
+CHANNEL = ChannelSettings(delay=0.02, jitter=5e-3, loss=0.05)
+"""Channel of the trials with force feedback."""
+
+
+def silence(case: Case) -> None:
+    """Interrupt the channel in a random direction, or in both."""
+    link = case.controller._link
+    for direction in case.random.choice(
+        ((link.reports,), (link.motions,), (link.reports, link.motions))
+    ):
+        direction.cut = True
+
+
+class ActiveMaster(Master):
+    """A law with a defect: it displays a negative damping, so that it gives energy to the hand."""
+
+    def display(self, report: Report, dt: float) -> float:
+        return -100.0 * self.admittance.velocity
+
+
+def activate(case: Case) -> None:
+    link = case.controller._link
+    link._master = ActiveMaster(link._admittance)
+
+
+def gave_energy(case: Case, travel: float, change: float) -> bool:
+    return case.controller._link.values.port_energy < -PASSIVE

@@ -1,0 +1,177 @@
+"""Force feedback in virtual time: acceptance grid, bodies outside the model, and stability map.
+
+    python benchmarks/feedback.py --part acceptance --seeds 3 --out acceptance.csv
+    python benchmarks/feedback.py --part bodies --seeds 3 --out bodies.csv
+    python benchmarks/feedback.py --part map --seeds 1 --out map.csv
+    python benchmarks/feedback.py --part passivity --seeds 20 --out passivity.csv
+
+The acceptance grid is model-mediated feedback on three cubes, with round trips of 0 to 500 ms and
+three arms, a jitter of 20 ms and a loss of 5 %. The map finds, for each law, cube and virtual
+damping, the largest round trip without a safety stop, beside the predicted one. One row per trial
+is written to a CSV file, and a summary is printed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import itertools
+from collections.abc import Iterable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from feedback_case import JITTER, LOSS, run_one
+
+CUBES = ("soft", "medium", "hard")
+ROUND_TRIPS = (0.0, 0.05, 0.1, 0.2, 0.5)
+MAP_ROUND_TRIPS = (0.0, 0.005, 0.01, 0.02, 0.04, 0.06, 0.08, 0.1, 0.12, 0.16, 0.2, 0.3, 0.5)
+ARMS = (150.0, 400.0, 1500.0)
+DAMPINGS = (15.0, 50.0, 200.0)
+Row = dict[str, Any]
+
+
+def acceptance(seeds: int, rigid: bool) -> Iterator[Row]:
+    """Yield the trials of the acceptance grid."""
+    for cube, trip, arm, seed in itertools.product(CUBES, ROUND_TRIPS, ARMS, range(seeds)):
+        yield channelled("model-mediated", cube, trip, arm=arm, seed=seed, rigid=rigid)
+
+
+def channelled(law: str, cube: str, trip: float, **more: Any) -> Row:
+    return {
+        "law": law,
+        "cube": cube,
+        "round_trip": trip,
+        "jitter": JITTER if trip else 0.0,
+        "loss": LOSS if trip else 0.0,
+        **more,
+    }
+
+
+def bodies(seeds: int, rigid: bool) -> Iterator[Row]:
+    """Yield the trials on bodies that the model does not contain."""
+    cases = (
+        ("relaxing", CUBES),
+        ("loose", CUBES),
+        ("stiffer at the next contact", ("soft", "medium")),
+        ("stiffer while indented", ("soft", "medium")),
+    )
+    for body, cubes in cases:
+        for cube, trip, seed in itertools.product(cubes, (0.0, 0.2), range(seeds)):
+            yield channelled("model-mediated", cube, trip, body=body, seed=seed, rigid=rigid)
+
+
+def stability_map(seeds: int, rigid: bool) -> Iterator[Row]:
+    """Yield the trials of the map of position-force."""
+    for cube, damping, trip, seed in itertools.product(
+        CUBES, DAMPINGS, MAP_ROUND_TRIPS, range(seeds)
+    ):
+        yield {
+            "law": "position-force",
+            "cube": cube,
+            "round_trip": trip,
+            "damping": damping,
+            "seed": seed,
+            "rigid": rigid,
+        }
+
+
+def passivity(seeds: int, rigid: bool) -> Iterator[Row]:
+    """Yield the trials with passivity control."""
+    for cube, trip, seed in itertools.product(CUBES, ROUND_TRIPS, range(seeds)):
+        yield {"law": "passivity", "cube": cube, "round_trip": trip, "seed": seed, "rigid": rigid}
+
+
+PARTS = {
+    "acceptance": acceptance,
+    "bodies": bodies,
+    "map": stability_map,
+    "passivity": passivity,
+}
+KEYS = {
+    "acceptance": ("cube", "round_trip"),
+    "bodies": ("body", "cube", "round_trip"),
+    "map": ("cube", "damping", "round_trip"),
+    "passivity": ("cube", "round_trip"),
+}
+"""Arguments by which the summary groups the trials of a part."""
+
+
+def summarise(rows: list[Row], keys: Iterable[str]) -> None:
+    """Print one line for each group of trials: the worst value of each quantity."""
+    print(
+        f"{'case':<44}{'stable':>8}{'k error':>9}{'force':>8}{'energy':>10}{'soft':>7}{'hard':>7}"
+        f"{'model':>8}  stops"
+    )
+    groups: dict[tuple[Any, ...], list[Row]] = {}
+    for row in rows:
+        groups.setdefault(tuple(row[key] for key in keys), []).append(row)
+    for group, found in groups.items():
+
+        def worst(name: str, rows: list[Row] = found) -> float:
+            values = np.array([row[name] for row in rows], dtype=float)
+            return float(np.max(np.abs(values[np.isfinite(values)]), initial=0.0))
+
+        stops = sorted({row["fault"] for row in found if row["fault"]})
+        case = ", ".join(str(value) for value in group)
+        print(
+            f"{case:<44}{sum(row['stable'] for row in found):>4}/{len(found):<3}"
+            f"{worst('rendered_k_error'):>8.1%}{worst('felt_force_error'):>8.1%}"
+            f"{min(row['energy_min_j'] for row in found) * 1e3:>7.1f} mJ"
+            f"{worst('force_of_soft_limit'):>7.2f}{worst('force_of_hard_limit'):>7.2f}"
+            f"{worst('converged_s'):>6.1f} s  {', '.join(stops)}"
+        )
+
+
+def summarise_map(rows: list[Row]) -> None:
+    """Print the measured and the predicted largest round trip for each cube and damping."""
+    print(
+        f"{'cube':<10}{'d [N s/m]':>10}{'stable to [ms]':>16}{'unstable from':>15}"
+        f"{'condition (2)':>15}{'equation (1)':>14}"
+    )
+    for cube, damping in dict.fromkeys((row["cube"], row["damping"]) for row in rows):
+        found = [row for row in rows if (row["cube"], row["damping"]) == (cube, damping)]
+        bad = [row["round_trip"] for row in found if not row["stable"]]
+        first = min(bad, default=float("inf"))
+        good = [row["round_trip"] for row in found if row["round_trip"] < first]
+        safe, largest = found[0]["safe_round_trip"], found[0]["largest_round_trip"]
+        last = f"{max(good) * 1e3:.0f}" if good else "none"
+        print(
+            f"{cube:<10}{damping:>10g}{last:>16}{first * 1e3:>15.0f}"
+            f"{safe * 1e3:>15.1f}{largest * 1e3:>14.1f}"
+        )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--part", choices=sorted(PARTS), required=True)
+    parser.add_argument("--seeds", type=int, default=20)
+    parser.add_argument("--rigid", action="store_true", help="a transmission without lost motion")
+    parser.add_argument("--cubes", nargs="*", choices=CUBES, default=CUBES)
+    parser.add_argument("--out", type=Path)
+    parser.add_argument("--processes", type=int, default=1)
+    options = parser.parse_args()
+    cases = [
+        case
+        for case in PARTS[options.part](options.seeds, options.rigid)
+        if case["cube"] in options.cubes
+    ]
+    with ProcessPoolExecutor(options.processes) as pool:
+        rows = list(pool.map(run_one, cases, chunksize=1))
+    if options.out:
+        with options.out.open("w", newline="") as file:
+            writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
+            writer.writeheader()
+            for row in rows:
+                writer.writerow(
+                    {k: f"{v:.5g}" if isinstance(v, float) else v for k, v in row.items()}
+                )
+    print(f"{options.part}, {len(rows)} trials, rigid transmission: {options.rigid}")
+    summarise(rows, KEYS[options.part])
+    if options.part == "map":
+        summarise_map(rows)
+
+
+if __name__ == "__main__":
+    main()

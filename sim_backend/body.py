@@ -1,0 +1,111 @@
+"""What the slave can palpate: laws of the contact force, and bodies whose law changes in time."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from typing import Any
+
+
+class Law:
+    """Contact force as a function of displacement x and velocity v at one time.
+
+        f = k1 x + k3 x^3 + b v - preload
+
+    If the body is glued to the slave's plate, the equation is valid in compression and in tension.
+    If not, the force is never negative, and it is zero while the slave is outside of the body.
+    """
+
+    k1: float
+    """Stiffness at small displacement [N/m]."""
+    k3: float
+    """Stiffening [N/m^3]."""
+    b: float
+    """Damping [N s/m]."""
+    glued: bool
+    """Whether the body is glued to the slave's plate."""
+    preload: float
+    """Force by which deformation in the past reduces the present force [N]."""
+
+    @property
+    def rest(self) -> float:
+        """Displacement of the surface of the body without contact, where f(x, 0) = 0 [m]."""
+        return root(self.k1, self.k3, self.preload) if self.preload else 0.0
+
+    def surface(self, x: float) -> float:
+        """Return the displacement [m] of the surface of the body when the slave is at x [m]."""
+        return x if self.glued else max(x, self.rest)
+
+    def force(self, x: float, v: float) -> float:
+        """Return the force [N] at displacement x [m] and velocity v [m/s]."""
+        force = (self.k1 + self.k3 * x * x) * x + self.b * v - self.preload
+        return force if self.glued or (force > 0.0 and x > self.rest) else 0.0
+
+    def stiffness(self, x: float) -> float:
+        """Return the slope of the spring force [N/m] at displacement x [m]."""
+        return self.k1 + 3.0 * self.k3 * x * x if self.glued or x > self.rest else 0.0
+
+    def compressed(self, x: float, compliance: float) -> float:
+        """Return the displacement y [m] of the body in series with a spring.
+
+        y is the solution of x = y + c f(y, 0), with the force f(y, 0) of the body at rest.
+
+        Parameters
+        ----------
+        x
+            Displacement of body and spring together [m].
+        compliance
+            Compliance c of the spring [m/N], >= 0.
+        """
+        if not (self.glued or x > self.rest):
+            return x
+        return root(1.0 + compliance * self.k1, compliance * self.k3, x + compliance * self.preload)
+
+
+def root(linear: float, cubic: float, value: float) -> float:
+    """Return the solution y of linear y + cubic y^3 = value, for linear > 0 and cubic >= 0."""
+    alone = value / linear
+    r = 1.5 * alone * math.sqrt(3.0 * cubic / linear)
+    return alone * 3.0 * math.sinh(math.asinh(r) / 3.0) / r if abs(r) > 1e-9 else alone
+
+
+class Body(ABC):
+    """A body: the law of its force at each time depends on its deformation in the past.
+
+    The past is summarised by a state. A body has constant parameters and no state of its own.
+    `initial` is its state before the first contact, and `advanced` returns the next state, so that
+    any number of simulations can use one body. A state is a value that only the body can read.
+    """
+
+    @property
+    def initial(self) -> Any:
+        """State before the first contact."""
+        return None
+
+    @abstractmethod
+    def law(self, state: Any) -> Law:
+        """Return the law of the force in a state."""
+
+    @abstractmethod
+    def advanced(self, state: Any, surface: float, dt: float) -> Any:
+        """Return the state after `dt` [s], in which the surface moves linearly to `surface` [m]."""
+
+    @property
+    @abstractmethod
+    def glued(self) -> bool:
+        """Whether the body is glued to the slave's plate."""
+
+    @property
+    @abstractmethod
+    def slow(self) -> Law:
+        """Law of the force in slow motion, before any change of the body."""
+
+    @property
+    def fast(self) -> Law:
+        """Law of the force in fast motion, before any change of the body."""
+        return self.law(self.initial)
+
+    @property
+    @abstractmethod
+    def further_laws(self) -> dict[str, Law]:
+        """Other laws than `slow` that are valid at some time or at some speed, by name."""

@@ -1,0 +1,159 @@
+"""Communication channel between master and slave: delay, jitter and loss of packets.
+
+The channel has two directions. Each packet has a sequence number and the time at which it was
+sent. It arrives after the one-way delay plus a random time between 0 and the jitter, or is lost.
+The receiver uses the newest packet that has arrived, by sequence number, and keeps its value until
+a newer one arrives. A packet that arrives after a newer one is not used.
+"""
+
+from __future__ import annotations
+
+import random
+from dataclasses import dataclass, fields
+from heapq import heappop, heappush
+from typing import Generic, TypeVar
+
+T = TypeVar("T")
+UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "%": 1e-2}
+"""Factors to SI units of the units in the text of a channel."""
+ROUNDING = 1e-9
+"""Tolerance for rounding errors of times [s]."""
+TIMES = ("delay", "jitter", "max_silence")
+EXAMPLE = "expected a text such as delay=100ms,jitter=20ms,loss=5%"
+
+
+@dataclass(frozen=True)
+class ChannelSettings:
+    """Settings of a communication channel. They are the same in both directions.
+
+    Raises
+    ------
+    ValueError
+        A value is out of its range.
+    """
+
+    delay: float = 0.0
+    """One-way delay of each direction [s]. The round trip is twice the delay, plus the jitter."""
+    jitter: float = 0.0
+    """Greatest random time that is added to the delay of a packet [s]; uniformly distributed."""
+    loss: float = 0.0
+    """Probability that a packet is lost, 0 <= loss < 1."""
+    max_silence: float = 0.1
+    """Longest time without a new packet, after which the drives are stopped [s]."""
+
+    def __post_init__(self) -> None:
+        for name in ("delay", "jitter"):
+            value = getattr(self, name)
+            if not 0.0 <= value <= 2.0:
+                raise ValueError(f"{name} of the channel must be 0 to 2 s, got {value:g} s")
+        if not 0.0 <= self.loss < 1.0:
+            raise ValueError(f"loss of the channel must be at least 0 and below 1, got {self.loss}")
+        if not 0.0 < self.max_silence <= 1.0:
+            raise ValueError(
+                "max_silence of the channel must be more than 0 and at most 1 s, "
+                f"got {self.max_silence:g} s"
+            )
+
+    @property
+    def text(self) -> str:
+        """The settings as `parse_channel` reads them, for example `delay=100ms,loss=5%`."""
+        loss = f",loss={self.loss * 100.0:g}%" if self.loss else ""
+        jitter = f",jitter={self.jitter * 1e3:g}ms" if self.jitter else ""
+        silence = "" if self.max_silence == 0.1 else f",max_silence={self.max_silence * 1e3:g}ms"
+        return f"delay={self.delay * 1e3:g}ms{jitter}{loss}{silence}"
+
+
+def parse_channel(text: str) -> ChannelSettings:
+    """Return the settings in a text such as `delay=100ms,jitter=20ms,loss=5%`.
+
+    Raises
+    ------
+    ValueError
+        A part of the text is not a known name with a number and its unit, or a value is out of
+        range.
+    """
+    known = [field.name for field in fields(ChannelSettings)]
+    values: dict[str, float] = {}
+    for part in text.split(","):
+        name, equals, given = (piece.strip() for piece in part.partition("="))
+        if not equals or name not in known or name in values:
+            raise ValueError(
+                f"channel {text!r}: {part.strip()!r}: {EXAMPLE}, with {', '.join(known)}"
+            )
+        number = given.rstrip("%umµs ").strip()
+        unit = given[len(number) :].strip().replace("µ", "u")
+        allowed = ("s", "ms", "us") if name in TIMES else ("%", "")
+        try:
+            if unit not in allowed:
+                raise ValueError
+            values[name] = float(number) * UNITS.get(unit, 1.0)
+        except ValueError:
+            wanted = "a time in s, ms or us" if name in TIMES else "a fraction or a percentage"
+            raise ValueError(f"channel {text!r}: {name} {given!r}: expected {wanted}") from None
+    try:
+        return ChannelSettings(**values)
+    except ValueError as error:
+        raise ValueError(f"channel {text!r}: {error}") from error
+
+
+class Direction(Generic[T]):
+    """One direction of the channel.
+
+    Parameters
+    ----------
+    settings
+        Delay, jitter and loss.
+    seed
+        Seed of jitter and loss.
+    initial
+        Value that the receiver uses until the first packet arrives.
+    """
+
+    def __init__(self, settings: ChannelSettings, seed: str, initial: T) -> None:
+        self._delay, self._jitter, self._loss = settings.delay, settings.jitter, settings.loss
+        self._random = random.Random(seed).random
+        self._expected = settings.delay + settings.jitter
+        self.reset(0.0, initial)
+
+    def reset(self, now: float, initial: T) -> None:
+        """Discard all packets, and use an initial value from the time `now` [s] on."""
+        self.value = initial
+        """Value of the newest packet that has arrived."""
+        self.sent = now
+        """Time at which this packet was sent [s]."""
+        self.cut = False
+        """Whether the connection is interrupted; all packets are then lost."""
+        self._due = now + self._expected
+        self._sequence = self._newest = 0
+        self._queue: list[tuple[float, int, float, T]] = []
+
+    def send(self, now: float, value: T) -> None:
+        """Send a value at the time `now` [s]."""
+        self._sequence += 1
+        if self.cut or (self._loss and self._random() < self._loss):
+            return
+        arrival = now + self._delay
+        if self._jitter:
+            arrival += self._jitter * self._random()
+        heappush(self._queue, (arrival, self._sequence, now, value))
+
+    def receive(self, now: float) -> T:
+        """Return the value of the newest packet that has arrived until `now` [s]."""
+        queue = self._queue
+        while queue and queue[0][0] <= now + ROUNDING:
+            _, sequence, sent, value = heappop(queue)
+            self._due = now
+            if sequence > self._newest:
+                self._newest, self.sent, self.value = sequence, sent, value
+        return self.value
+
+    def age(self, now: float) -> float:
+        """Return the time since the newest packet that has arrived was sent [s]."""
+        return now - self.sent
+
+    def silence(self, now: float) -> float:
+        """Return the time since a packet arrived, or since the first one was expected [s].
+
+        It is negative before the first packet is expected.
+        """
+        return now - self._due

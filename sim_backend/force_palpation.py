@@ -1,0 +1,153 @@
+"""A simulated operator who pokes until the felt force, or the depth, reaches an aim.
+
+The hand has an intended position p, and the arm is a spring of stiffness K between p and the
+handle [1]. A person chooses p before a movement from an internal model of the object, and corrects
+this model from one contact to the next by the error of the last one [2, 3]. The internal model is
+here the stiffness s of the object at the handle. For the displacement x = min(F / s, depth), with
+the aim F of the force, the intended position is
+
+    p = x + s x / K
+
+After each poke, s moves by a part of the difference to the ratio of force and displacement that was
+felt. In the first poke s = 0, so that the aim is the depth.
+
+During a movement, a person reacts to a felt force after a simple reaction time [4], here 175 ms.
+The planned movement continues, and a second minimum-jerk movement is added to it [5]. Here it
+brings the hand back to where it was when the force, or the depth, reached its aim.
+
+The part by which s is corrected, and the duration of the correction, are assumptions without a
+source.
+
+[1] N. Hogan, ASME J. Dyn. Sys. Meas. Control 107(1), 1985.
+[2] M. Casadio, A. Pressman, F. A. Mussa-Ivaldi, Front. Comput. Neurosci. 9:118, 2015.
+[3] R. A. Scheidt, J. B. Dingwell, F. A. Mussa-Ivaldi, J. Neurophysiol. 86(2), 2001.
+[4] R. Chernikoff, F. V. Taylor, J. Exp. Psychol. 43(1), 1952.
+[5] T. Flash, E. Henis, J. Cogn. Neurosci. 3(3), 1991.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from typing import NamedTuple
+
+from sim_backend.operators import (
+    REACTION,
+    TREMOR_AMPLITUDE,
+    WITHDRAWAL,
+    FreePalpation,
+    Stroke,
+)
+from sim_backend.plant import Intention
+
+PERCEPTION = 0.175
+"""Time from a felt force to the movement that it causes [s]."""
+CORRECTION = 0.25
+"""Duration of this movement [s]."""
+LEARNING = 0.5
+"""Part of the error of the expected stiffness that one poke corrects."""
+
+
+class Felt(NamedTuple):
+    """What the operator feels at one time."""
+
+    time: float
+    """Time after the first movement began [s]."""
+    intended: float
+    """Intended position [m]."""
+    position: float
+    """Position of the handle [m]."""
+    force: float
+    """Force of the hand on the handle [N]."""
+
+
+class ForcePalpation(FreePalpation):
+    """Free palpation by pokes to a force or to a depth, whichever is reached first.
+
+    Parameters
+    ----------
+    depth
+        Largest intended depth of the handle [m], > 0.
+    seed
+        Seed of the random variations of the motion.
+    force
+        Intended force [N], > 0.
+    arm_stiffness
+        Stiffness of the operator's arm [N/m], > 0.
+    withdrawal
+        Mean intended position between two pokes, divided by the depth.
+
+    Raises
+    ------
+    ValueError
+        The depth, the force or the stiffness is not positive.
+    """
+
+    def __init__(
+        self,
+        depth: float,
+        seed: int,
+        force: float,
+        arm_stiffness: float,
+        withdrawal: float = WITHDRAWAL,
+    ) -> None:
+        super().__init__(depth, seed, withdrawal)
+        for name, value in (("force", force), ("arm stiffness", arm_stiffness)):
+            if not 0.0 < value < math.inf:
+                raise ValueError(f"palpation {name} must be positive, got {value:g}")
+        self._aim = force
+        self._arm_stiffness = arm_stiffness
+        self.expected_stiffness = 0.0
+        """Stiffness at the handle that the operator expects [N/m]."""
+        self._held: list[tuple[float, float]] = []
+        self._felt: deque[Felt] = deque()
+        self._intended = 0.0
+        self._correction: Stroke | None = None
+
+    def movement(self, t: float) -> Intention:
+        """Return the planned movement, with its correction if force or depth reached the aim."""
+        position, velocity = super().movement(t)
+        if not self._correction:
+            self._perceive(t)
+        if self._correction:
+            change, rate = self._correction.at(t)
+            position, velocity = position + change, velocity + rate
+        self._intended = position
+        return Intention(position, velocity)
+
+    def feel(self, t: float, position: float, force: float) -> None:
+        """Feel the position of the handle [m] and the force on it [N] at t [s] in the trial."""
+        t -= REACTION
+        if not self._inwards:
+            return
+        self._felt.append(Felt(t, self._intended, position, force))
+        if t >= self._stroke.end:
+            self._held.append((position, force))
+
+    def _perceive(self, t: float) -> None:
+        """Begin a correction if force or depth had reached its aim before the reaction time."""
+        while self._inwards and self._felt and self._felt[0].time <= t - PERCEPTION:
+            felt = self._felt.popleft()
+            if felt.force >= self._aim or felt.position >= self.depth:
+                self._correction = Stroke(t, CORRECTION, felt.intended - self._to)
+                self._to = felt.intended
+                self._end = max(self._end, t + CORRECTION + self._dwell)
+                return
+
+    def _next(self, start: float) -> None:
+        self._felt.clear()
+        self._correction = None
+        super()._next(start)
+
+    def _reach(self) -> float:
+        """Return the intended position of the next poke [m], from the force of the last one."""
+        if self._held:
+            position, force = (
+                sum(values) / len(values) for values in zip(*self._held, strict=True)
+            )
+            felt = max(force, 0.0) / max(position, TREMOR_AMPLITUDE)
+            self.expected_stiffness += LEARNING * (felt - self.expected_stiffness)
+            self._held.clear()
+        stiffness = self.expected_stiffness
+        x = min(self._aim / stiffness, self.depth) if stiffness else self.depth
+        return x + stiffness * x / self._arm_stiffness

@@ -1,0 +1,61 @@
+"""Parameters of the simulated operator.
+
+The stiffness of the hand depends on posture and on muscle activation; measured values are some
+hundred N/m [1, 2]. 150 N/m stands for a relaxed arm and 1500 N/m for a tense one. The damping of
+the arm depends on its stiffness and inertia [3]. Here the damping ratio D / (2 sqrt(K m)) of an arm
+of constant mass m is the same for each stiffness K, so that D is proportional to sqrt(K). At
+400 N/m it is 12 N s/m, a damping ratio of 0.3 for 1 kg.
+
+[1] F. A. Mussa-Ivaldi, N. Hogan, E. Bizzi, J. Neurosci. 5(10), 1985.
+[2] T. Tsuji, P. G. Morasso, K. Goto, K. Ito, Biol. Cybern. 72, 1995.
+[3] J. M. Dolan, M. B. Friedman, M. L. Nagurka, IEEE Trans. Syst. Man Cybern. 23(3), 1993.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from sim_backend.operators import ARM, WITHDRAWAL
+from sim_backend.plant import Arm
+
+STIFFNESS = (50.0, 2000.0)
+"""Lowest and highest stiffness of the arm [N/m]."""
+WITHDRAWN = (-0.3, 0.8)
+"""Lowest and highest withdrawal, as multiples of the depth."""
+
+
+@dataclass(frozen=True)
+class OperatorModel:
+    """Arm and intention of the simulated operator.
+
+    Raises
+    ------
+    ValueError
+        A value is out of range.
+    """
+
+    arm_stiffness: float = ARM.stiffness
+    """Stiffness of the arm [N/m], 50 to 2000. The damping follows from it."""
+    aim_force: float | None = None
+    """Force at the hand at which a poke ends if the depth is not reached before [N]. Default: the
+    operator pokes to the depth, whatever the force. Only in the condition free."""
+    withdrawal: float = WITHDRAWAL
+    """Mean intended position between two pokes divided by the depth, -0.3 to 0.8. Negative: the
+    hand leaves a body that is not glued. Only in the condition free."""
+
+    def __post_init__(self) -> None:
+        for name, value, (low, high), unit in (
+            ("arm_stiffness", self.arm_stiffness, STIFFNESS, " N/m"),
+            ("withdrawal", self.withdrawal, WITHDRAWN, ""),
+        ):
+            if not low <= value <= high:
+                raise ValueError(f"{name} {value:g}{unit}: expected {low:g} to {high:g}{unit}")
+        if self.aim_force is not None and not 0.0 < self.aim_force < math.inf:
+            raise ValueError(f"aim_force {self.aim_force:g} N: expected more than 0")
+
+    @property
+    def arm(self) -> Arm:
+        """Impedance of the arm, with the damping ratio of `ARM`."""
+        ratio = self.arm_stiffness / ARM.stiffness
+        return Arm(self.arm_stiffness, ARM.damping * math.sqrt(ratio))

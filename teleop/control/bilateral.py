@@ -1,0 +1,149 @@
+"""A link with a communication channel and a force-feedback law.
+
+No information passes between the two halves of the law except through the channel.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from drivers import Command, Measurement
+from sim_backend.channel import ChannelSettings, Direction
+from teleop.control.admittance import Admittance
+from teleop.control.alignment import Pair
+from teleop.control.coupling import Coupling
+from teleop.control.feedback.law import Master, Motion, Report, Slave
+from teleop.control.feedback.port_energy import PortEnergy
+from teleop.control.link import Link
+from teleop.safety import Fault, Verdict
+from teleop.safety.channels import DetectedFault
+
+
+class LinkValues(NamedTuple):
+    """Values of the link at a tick, as they are recorded."""
+
+    displayed_force: float
+    model_stiffness: float
+    model_stiffening: float
+    model_damping: float
+    tank: float
+    port_energy: float
+    master_energy: float
+    slave_energy: float
+    report_age: float
+    motion_age: float
+
+
+NO_VALUES = LinkValues(*[math.nan] * len(LinkValues._fields))
+
+
+class BilateralLink(Link):
+    """Master and slave with a channel between them, and the two halves of a law.
+
+    Parameters
+    ----------
+    admittance, coupling
+        Virtual mass of the master, and map from its motion to that of the slave.
+    master, slave
+        The two halves of the law.
+    channel
+        Settings of the channel.
+    seed
+        Seed of jitter and loss.
+    """
+
+    def __init__(
+        self,
+        admittance: Admittance,
+        coupling: Coupling,
+        master: Master,
+        slave: Slave,
+        channel: ChannelSettings,
+        seed: int = 0,
+    ) -> None:
+        self._admittance = admittance
+        self._coupling = coupling
+        self._master, self._slave = master, slave
+        self._max_silence = channel.max_silence
+        self.reports = Direction(channel, f"reports {seed}", Report())
+        self.motions = Direction(channel, f"motions {seed}", Motion(0.0))
+        self._energy = PortEnergy(admittance)
+        self.values = NO_VALUES
+
+    def align(self, measurement: Measurement) -> None:
+        """Put the virtual mass at rest at the position of the slave, and start both halves."""
+        self._coupling.align(self._admittance, measurement)
+        self._master.align()
+        self._slave.align()
+        self._energy.reset()
+        now = measurement.time
+        self.reports.reset(now, Report())
+        self.motions.reset(now, Motion(self._admittance.position))
+        self._start = self._admittance.position
+        self._started = self._dt = 0.0
+        self.faults, self.values = (), NO_VALUES
+
+    def step(self, force: float, measurement: Measurement, dt: float) -> Command:
+        """Return the desired velocities [m/s] after `force` [N] acted for `dt` [s]."""
+        now = measurement.time
+        reports, motions = self.reports, self.motions
+        reports.send(now, self._slave.report(measurement, dt))
+        report = reports.receive(now)
+        master = self._master
+        energy = self._energy.update(
+            self._started, master.state.displayed, self._dt, master.reserve
+        )
+        self._start = self._admittance.position
+        motions.send(now, master.step(force, report, dt))
+        motion = motions.receive(now)
+        slave = self._slave.velocity(motion, measurement, dt)
+        displayed, model, tank = master.state
+        self._started, self._dt = master.started, dt
+        silence = max(reports.silence(now), motions.silence(now))
+        if silence > self._max_silence or energy < -master.allowance:
+            self.faults = self._detected(now, silence, energy)
+        self.values = LinkValues(
+            displayed,
+            model.k,
+            model.k3,
+            model.b,
+            tank,
+            energy,
+            motion.energy,
+            report.energy,
+            reports.age(now),
+            motions.age(now),
+        )
+        return Command(self._admittance.velocity, slave)
+
+    def follow(self, verdict: Verdict, desired: Command, applied: Command, dt: float) -> None:
+        """Let the virtual mass move like the handle if a limit of the master reduced its command.
+
+        A limit of the slave acts at the slave only: the hand feels it through the law and channel.
+        """
+        if verdict.command.master_velocity != desired.master_velocity:
+            admittance, velocity = self._admittance, applied.master_velocity
+            admittance.position, admittance.velocity = self._start + velocity * dt, velocity
+
+    def observe(self, pair: Pair) -> None:
+        """Process a pair of slave position and contact force at the slave."""
+        self._slave.observe(pair)
+
+    def stiffness(self, position: float) -> float:
+        """Return the expected slope of the contact force [N/m] at a position of the slave [m]."""
+        return self._slave.stiffness(position)
+
+    def _detected(self, now: float, silence: float, energy: float) -> tuple[DetectedFault, ...]:
+        """Return the faults of the channel and of the port of the hand."""
+        faults = []
+        if silence > (most := self._max_silence):
+            source = f"silent for {silence * 1e3:.0f} ms, at most {most * 1e3:g} ms"
+            faults.append(DetectedFault(Fault.CHANNEL_SILENT, source, silence, most, now - silence))
+        if energy < -(allowed := self._master.allowance):
+            source = (
+                f"the handle has given {-energy * 1e3:.1f} mJ to the hand, at most "
+                f"{allowed * 1e3:g} mJ"
+            )
+            faults.append(DetectedFault(Fault.PORT_ENERGY, source, energy, -allowed, now))
+        return tuple(faults)

@@ -1,0 +1,1 @@
+"""Force-feedback laws, one file each, with their energy tank, observers and predictions."""

@@ -1,0 +1,56 @@
+"""Energy tank: a store that pays for the energy that a change of the displayed model adds.
+
+The damping of the admittance fills the tank with the energy that it dissipates. A change of the
+model may add at most the energy in the tank. So the hand can never extract more than it has put in,
+plus the energy in the tank at the start (F. Ferraguti, C. Secchi, C. Fantuzzi, "A tank-based
+approach to impedance control with variable stiffness", ICRA 2013).
+"""
+
+from __future__ import annotations
+
+TANK_START = 5e-3
+"""Energy in the tank at the start [J]."""
+TANK_MAX = 50e-3
+"""Greatest energy in the tank [J]; more is dissipated."""
+
+
+class EnergyTank:
+    """A store of energy with a greatest content.
+
+    Parameters
+    ----------
+    start, capacity
+        Energy at the start, and greatest energy [J].
+
+    Raises
+    ------
+    ValueError
+        The start is negative or more than the capacity.
+    """
+
+    def __init__(self, start: float = TANK_START, capacity: float = TANK_MAX) -> None:
+        if not 0.0 <= start <= capacity:
+            raise ValueError(f"start of the tank must be 0 to {capacity:g} J, got {start:g} J")
+        self._capacity = capacity
+        self.energy = start
+        """Energy in the tank [J]."""
+
+    def fill(self, energy: float) -> None:
+        """Add dissipated energy [J], >= 0, up to the capacity."""
+        self.energy = min(self.energy + energy, self._capacity)
+
+    def affordable(self, cost: float) -> float:
+        """Return the greatest fraction, 0 to 1, of a change of this cost [J] that can be paid."""
+        return 1.0 if cost <= self.energy else self.energy / cost
+
+    def pay(self, cost: float) -> None:
+        """Take the cost [J] of a change; a negative cost does not fill the tank.
+
+        Raises
+        ------
+        ValueError
+            The cost is more than the energy in the tank, by more than rounding.
+        """
+        if cost > self.energy * (1.0 + 1e-9) + 1e-15:
+            raise ValueError(f"a tank with {self.energy:g} J cannot pay {cost:g} J")
+        self.energy = max(self.energy - max(cost, 0.0), 0.0)

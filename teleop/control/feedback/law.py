@@ -1,0 +1,129 @@
+"""The two halves of a force-feedback law, and what crosses the channel between them.
+
+The slave half turns measurements into a `Report` for the master, and the `Motion` of the master
+into the velocity of the slave. The master half turns the report and the force of the hand into the
+motion of the virtual mass. The halves share no variable. The classes here are the law `none`: the
+hand feels the virtual mass only.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from drivers import Measurement
+from teleop.control.admittance import Admittance, Environment
+from teleop.control.alignment import Pair
+from teleop.control.coupling import Coupling
+
+STIFF_PRIOR = 20e3
+"""Stiffness that is assumed for an unknown environment [N/m], stiffer than soft tissue."""
+
+PASSIVE = 6e-3
+"""Energy that a passive law may generate [J]: that of the tank at the start, and 1 mJ."""
+
+
+class Report(NamedTuple):
+    """Packet from the slave to the master."""
+
+    force: float = 0.0
+    """Contact force [N]."""
+    model: Environment = Environment(STIFF_PRIOR)
+    """Estimated environment, in the displacement of the slave."""
+    energy: float = 0.0
+    """Energy that the environment has given to the channel so far [J]."""
+
+
+class Motion(NamedTuple):
+    """Packet from the master to the slave."""
+
+    position: float
+    """Position of the virtual mass [m]."""
+    velocity: float = 0.0
+    """Velocity of the virtual mass [m/s]."""
+    energy: float = 0.0
+    """Energy that the hand has given to the channel so far [J]."""
+
+
+class MasterState(NamedTuple):
+    """Quantities of the master half after a tick, as they are recorded."""
+
+    displayed: float = 0.0
+    """Force that the hand feels from the environment [N], positive against compression."""
+    model: Environment = Environment(math.nan, math.nan, math.nan)
+    """Environment that is rendered, in the displacement of the master; NaN for none."""
+    tank: float = math.nan
+    """Energy in the tank [J]; NaN for no tank."""
+
+
+class Master:
+    """Master half of the law `none`, and base of the others.
+
+    Parameters
+    ----------
+    admittance
+        Virtual mass of the master.
+    scale
+        Ratio of the motion of the slave to the motion of the master.
+    gain
+        Ratio alpha of the displayed force to the contact force.
+    """
+
+    allowance = PASSIVE
+    """Energy that the port of the hand may generate before the drives are stopped [J]."""
+
+    def __init__(self, admittance: Admittance, scale: float = 1.0, gain: float = 1.0) -> None:
+        self.admittance = admittance
+        self.scale = scale
+        self.gain = gain
+        self.state = MasterState()
+        self.started = 0.0
+        """Displayed force at the start of the last tick [N]."""
+        self.reserve = 0.0
+        """Energy that the law may give back [J]."""
+
+    def align(self) -> None:
+        """Start anew, after the drives were armed."""
+        self.state = MasterState()
+
+    def step(self, force: float, report: Report, dt: float) -> Motion:
+        """Advance the virtual mass by dt [s] under the force of the hand [N]."""
+        displayed = self.started = self.display(report, dt)
+        self.admittance.step(force - displayed, dt)
+        self.state = MasterState(displayed)
+        return Motion(self.admittance.position, self.admittance.velocity)
+
+    def display(self, report: Report, dt: float) -> float:
+        """Return the force [N] that is subtracted from the force of the hand."""
+        return 0.0
+
+
+class Slave:
+    """Slave half of the law `none`, and base of the others.
+
+    Parameters
+    ----------
+    coupling
+        Maps the motion of the master to that of the slave.
+    """
+
+    def __init__(self, coupling: Coupling) -> None:
+        self._coupling = coupling
+
+    def align(self) -> None:
+        """Start anew, after the drives were armed."""
+
+    def observe(self, pair: Pair) -> None:
+        """Process a pair of position and contact force."""
+
+    def report(self, measurement: Measurement, dt: float) -> Report:
+        """Return the packet for the master from the measurement of the slave."""
+        return Report(measurement.contact_force)
+
+    def velocity(self, motion: Motion, measurement: Measurement, dt: float) -> float:
+        """Return the desired velocity of the slave [m/s]."""
+        return self._coupling.command(motion, measurement)[1]
+
+    def stiffness(self, position: float) -> float:
+        """Return the expected slope of the contact force [N/m] at a position of the slave [m]."""
+        return STIFF_PRIOR

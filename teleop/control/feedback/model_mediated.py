@@ -1,0 +1,97 @@
+"""Model-mediated feedback: the hand feels a local model of the environment, without delay.
+
+m v' + (d + b) v + k x + k3 x^3 = f_h at the master. The slave estimates k, k3 and b
+(`local_model`), and only these cross the channel, so that a delay cannot cause an oscillation. A
+passive model stays passive while it changes, if the energy of each change,
+
+    dU = 1/2 dk x^2 + 1/4 dk3 x^4,
+
+is paid from an energy tank, which the damping d of the admittance fills. Softening needs no energy
+but stiffening does, so the model begins with a stiff prior. The model moves along the straight line
+from the present to the estimated parameters, because both dU and the change of the force,
+dk x + dk3 x^3, are linear in the fraction of this line that is moved in a tick.
+
+Sources: P. Mitra, G. Niemeyer, "Model-mediated telemanipulation", Int. J. Robotics Research 27(2),
+2008; X. Xu, B. Cizmeci, C. Schuwerk, E. Steinbach, "Model-mediated teleoperation: toward stable and
+transparent teleoperation systems", IEEE Access 4, 2016.
+"""
+
+from __future__ import annotations
+
+from teleop.control.admittance import Admittance, Environment
+from teleop.control.feedback.energy_tank import EnergyTank
+from teleop.control.feedback.law import STIFF_PRIOR, Master, MasterState, Motion, Report
+
+FORCE_RATE = 50.0
+"""Greatest rate of the displayed force due to changes of the model [N/s]."""
+
+
+class ModelMediatedMaster(Master):
+    """Master half of model-mediated feedback.
+
+    Parameters
+    ----------
+    admittance, scale, gain
+        As of `Master`.
+    glued
+        Whether the specimen is glued, so that it also pulls.
+    """
+
+    def __init__(
+        self, admittance: Admittance, scale: float = 1.0, gain: float = 1.0, glued: bool = True
+    ) -> None:
+        super().__init__(admittance, scale, gain)
+        self._glued = glued
+        self.align()
+
+    def align(self) -> None:
+        """Start anew with the stiff prior and the energy of the tank at the start."""
+        self._tank = EnergyTank()
+        self._reached: Environment | None = None
+        self._before = self._dt = 0.0
+        self._model = Environment(self.gain * self.scale * STIFF_PRIOR, 0.0, 0.0, self._glued)
+        self.state = MasterState(0.0, self._model, self._tank.energy)
+
+    def step(self, force: float, report: Report, dt: float) -> Motion:
+        """Update the model towards the estimate, and advance the virtual mass against it."""
+        admittance = self.admittance
+        before = admittance.velocity
+        # the mean square of a velocity that changes linearly is at least its mean squared; the
+        # motion of the last tick is known only now, because a limit may have reduced it
+        mean = 0.5 * (self._before + before)
+        self._tank.fill(admittance.parameters.damping * mean * mean * self._dt)
+        self._before, self._dt = before, dt
+        if report.model is not self._reached:
+            self._approach(report.model, admittance.position, dt)
+        model = self._model
+        self.started = model.force(admittance.position, before)
+        velocity = admittance.step_against(force, model, dt)
+        position = admittance.position
+        displayed = model.force(position, velocity)
+        self.reserve = self._tank.energy
+        self.state = MasterState(displayed, model, self.reserve)
+        return Motion(position, velocity)
+
+    def _approach(self, estimate: Environment, x: float, dt: float) -> None:
+        """Move the model towards an estimate in the slave's frame, as far as is allowed."""
+        model, s = self._model, self.scale
+        dk = self.gain * s * estimate.k - model.k
+        dk3 = self.gain * s * s * s * estimate.k3 - model.k3
+        db = self.gain * s * estimate.b - model.b
+        share = 1.0
+        if x > 0.0 or self._glued:
+            square = x * x
+            cost = (0.5 * dk + 0.25 * dk3 * square) * square
+            step = abs((dk + dk3 * square) * x) + abs(db * self.admittance.velocity)
+            most = FORCE_RATE * dt
+            share = most / step if step > most else 1.0
+            share *= self._tank.affordable(cost * share)
+            self._tank.pay(cost * share)
+        if share == 1.0:
+            self._reached = estimate
+        self._model = Environment(
+            max(model.k + share * dk, 0.0),
+            max(model.k3 + share * dk3, 0.0),
+            max(model.b + share * db, 0.0),
+            self._glued,
+        )

@@ -1,0 +1,110 @@
+"""Time-domain passivity observer and controller around position-force feedback.
+
+The power at each port is divided by its sign into energy that enters the channel and energy that
+leaves it. Each side sends the energy that has entered. At each port, the energy that has left must
+not exceed the energy that had entered at the other port, as far as is known there:
+
+    E_out at the master(t) <= E_in at the slave(t - T),    E_out at the slave <= E_in at the master
+
+Otherwise the passivity controller dissipates the difference: at the master by a damping force
+proportional to the velocity, at the slave by a velocity proportional to the contact force.
+
+Source: J.-H. Ryu, J. Artigas, C. Preusche, "A passive bilateral control scheme for a teleoperator
+with time-varying communication delay", Mechatronics 20(7), 2010.
+"""
+
+from __future__ import annotations
+
+import math
+
+from drivers import Measurement
+from teleop.control.admittance import Admittance, Environment
+from teleop.control.coupling import Coupling
+from teleop.control.feedback.energy_tank import TANK_MAX
+from teleop.control.feedback.law import Master, MasterState, Motion, Report, Slave
+
+MOST_DAMPING = 2000.0
+"""Greatest damping of the controller at the master [N s/m]. It is part of the admittance, whose
+discretisation is exact, so that it cannot make the loop unstable at its rate."""
+MOST_ADMITTANCE = 5e-3
+"""Greatest admittance of the controller at the slave [m/(s N)]; it can always stop the slave."""
+LEAST_SPEED = 1e-5
+"""Speed below which the controller at the master does not act [m/s]."""
+LEAST_FORCE = 0.05
+"""Contact force below which the controller at the slave does not act [N]."""
+
+
+class PassivityMaster(Master):
+    """Master half: observes the energy at the hand's side, and damps."""
+
+    allowance = TANK_MAX
+    """Lag of sensor and servo, and lost motion, make the port of the slave active: the observer
+    there counts more energy than the environment gives. So the law may generate some energy [J]."""
+
+    def __init__(self, admittance: Admittance, scale: float = 1.0, gain: float = 1.0) -> None:
+        super().__init__(admittance, scale, gain)
+        self.align()
+
+    def align(self) -> None:
+        """Start with no energy."""
+        super().align()
+        self._in = self._out = 0.0
+
+    def step(self, force: float, report: Report, dt: float) -> Motion:
+        """Advance the virtual mass under the force of the hand and the passive displayed force."""
+        admittance = self.admittance
+        displayed, v, d = self.gain * report.force, admittance.velocity, 0.0
+        excess = self._out - min(displayed * v, 0.0) * dt - self.gain / self.scale * report.energy
+        if excess > 0.0 and abs(v) > LEAST_SPEED:
+            d = min(excess / (v * v * dt), MOST_DAMPING)
+        before = admittance.position
+        end = admittance.step_against(force - displayed, Environment(0.0, 0.0, d), dt)
+        work = displayed * (admittance.position - before)
+        work += d * (v * v + v * end + end * end) / 3.0 * dt
+        if work > 0.0:
+            self._in += work
+        else:
+            self._out -= work
+        self.started = displayed + d * v
+        self.state = MasterState(displayed + d * end)
+        return Motion(admittance.position, admittance.velocity, self._in)
+
+
+class PassivitySlave(Slave):
+    """Slave half: observes the energy at the environment's side, and yields.
+
+    Parameters
+    ----------
+    coupling
+        Maps the motion of the master to that of the slave.
+    gain
+        Ratio alpha of the displayed force to the contact force.
+    """
+
+    def __init__(self, coupling: Coupling, gain: float = 1.0) -> None:
+        super().__init__(coupling)
+        self._share = coupling.scale / gain if gain else 0.0
+        self.align()
+
+    def align(self) -> None:
+        """Start with no energy."""
+        self._in = self._out = self._velocity = 0.0
+
+    def report(self, measurement: Measurement, dt: float) -> Report:
+        """Return the contact force, and the energy that the environment has given so far."""
+        work = measurement.contact_force * self._velocity * dt
+        if work > 0.0:
+            self._out += work
+        else:
+            self._in -= work
+        return Report(measurement.contact_force, energy=self._in)
+
+    def velocity(self, motion: Motion, measurement: Measurement, dt: float) -> float:
+        """Return the desired velocity, reduced so that no more energy leaves than was given."""
+        wanted, f = super().velocity(motion, measurement, dt), measurement.contact_force
+        excess = self._out + max(f * wanted, 0.0) * dt - self._share * motion.energy
+        if excess > 0.0 and abs(f) > LEAST_FORCE:
+            most = max(abs(wanted), MOST_ADMITTANCE * abs(f))
+            wanted -= math.copysign(min(excess / (abs(f) * dt), most), f)
+        self._velocity = wanted
+        return wanted

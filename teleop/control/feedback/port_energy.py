@@ -1,0 +1,78 @@
+"""Energy at the port of the hand, observed while a trial runs.
+
+The hand gives energy to the displayed dynamics: to the environment, to the damping d and to the
+virtual mass m. The sum is
+
+    E = integral of (f_d + d v) v dt + 1/2 m v^2,
+
+which is the integral of f_h v dt while no limit acts. When a limit of the master acts, it differs
+by the work of this limit, so that an oscillation within the limits is observed too. If what is
+displayed is passive, E never falls by more than the energy that can be stored. An observer that
+only sums the power finds an oscillation late, because E is then large after some seconds of damped
+motion. So E is limited here to an upper bound of the stored energy,
+
+    E <- min(E + dE, 1/2 m max v^2 + max |f_d| max |x| + tank).
+
+The energy in the tank, which the damping has filled, may be given back by a change of the model.
+
+For a passive system this E is never negative: by induction it is at least the stored energy. A
+negative value is energy that was generated.
+
+Source of the observer: J.-H. Ryu, D.-S. Kwon, B. Hannaford, "Stable teleoperation with time-domain
+passivity control", IEEE Trans. Robotics and Automation 20(2), 2004.
+"""
+
+from __future__ import annotations
+
+from teleop.control.admittance import Admittance
+
+
+class PortEnergy:
+    """Observer of the energy at the port of the hand.
+
+    Parameters
+    ----------
+    admittance
+        Virtual mass of the master.
+    """
+
+    def __init__(self, admittance: Admittance) -> None:
+        self._admittance = admittance
+        self.reset()
+
+    def reset(self) -> None:
+        """Start at the present state with no energy."""
+        self.energy = 0.0
+        """Energy that the hand has given, limited to what can be stored [J]."""
+        self._position, self._velocity = self._admittance.position, self._admittance.velocity
+        self._displayed = self._force = self._reach = self._square = 0.0
+
+    def update(self, start: float, end: float, dt: float, tank: float = 0.0) -> float:
+        """Return the energy [J] after the motion since the last update.
+
+        Parameters
+        ----------
+        start, end
+            Displayed force at the start and at the end of the motion [N].
+        dt
+            Duration of the motion [s].
+        tank
+            Energy in the tank of the law [J].
+        """
+        x, v = self._admittance.position, self._admittance.velocity
+        mass, damping = self._admittance.parameters.mass, self._admittance.parameters.damping
+        last_x, last_v = self._position, self._velocity
+        self._position, self._velocity = x, v
+        square, reach, force = v * v, abs(x), abs(end)
+        if square > self._square:
+            self._square = square
+        if reach > self._reach:
+            self._reach = reach
+        if force > self._force:
+            self._force = force
+        energy = self.energy + 0.5 * (start + end) * (x - last_x)
+        energy += damping * (square + v * last_v + last_v * last_v) / 3.0 * dt
+        energy += 0.5 * mass * (square - last_v * last_v)
+        most = 0.5 * mass * self._square + self._force * self._reach + tank
+        self.energy = energy if energy < most else most
+        return self.energy

@@ -1,0 +1,95 @@
+"""Settings of the force feedback, and the two halves of each law."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from drivers.rig_file import RigFile
+from teleop.control.admittance import Admittance
+from teleop.control.coupling import Coupling
+from teleop.control.feedback.law import Master, Slave
+from teleop.control.feedback.local_model import LocalModel, ModelMediatedSlave
+from teleop.control.feedback.model_mediated import ModelMediatedMaster
+from teleop.control.feedback.passivity import PassivityMaster, PassivitySlave
+from teleop.control.feedback.position_force import PositionForceMaster
+from teleop.names import ConditionName, FeedbackName
+
+
+@dataclass(frozen=True)
+class FeedbackSettings:
+    """Settings of the force feedback.
+
+    Raises
+    ------
+    ValueError
+        A value is out of its range.
+    """
+
+    law: FeedbackName = "none"
+    """Law: none, position-force, model-mediated or passivity."""
+    gain: float = 1.0
+    """Ratio of the displayed force to the contact force, > 0."""
+    glued: bool | None = None
+    """Whether the specimen is glued to the slave's plate, so that it also pulls. Default: as the
+    body of the simulated rig; glued on a rig of devices."""
+
+    stiffness: float | None = None
+    """Largest expected stiffness of the specimen [N/m], for the estimate of the stability of
+    position-force. Default: that of the simulated rig; unknown on a rig of devices."""
+
+    def __post_init__(self) -> None:
+        if self.stiffness is not None and not 0.0 < self.stiffness < math.inf:
+            raise ValueError(f"stiffness of the feedback must be positive, got {self.stiffness}")
+        if not 0.0 < self.gain < math.inf:
+            raise ValueError(f"gain of the feedback must be positive, got {self.gain}")
+
+    def problems(self, condition: ConditionName, rig: RigFile | None) -> Iterator[str]:
+        """Yield the reasons why a trial cannot have this feedback.
+
+        Parameters
+        ----------
+        condition
+            Control condition.
+        rig
+            Rig of devices; None for the simulated rig.
+        """
+        if self.law != "none" and condition == "autonomous":
+            yield (
+                f"feedback {self.law}: nobody holds the handle in the condition autonomous: "
+                "expected free or mimic"
+            )
+        if self.law != "none" and rig and not rig.sections.drives.master:
+            yield (
+                f"feedback {self.law}: the handle of the rig {rig.sections.name!r} is passive: "
+                "expected a rig file with [drives.master]"
+            )
+
+    def halves(
+        self, admittance: Admittance, coupling: Coupling, force_lag: float, glued: bool
+    ) -> tuple[Master, Slave]:
+        """Return the master half and the slave half of the law.
+
+        Parameters
+        ----------
+        admittance, coupling
+            Virtual mass of the master, and map from its motion to that of the slave.
+        force_lag
+            Lag of the force channel that the estimator compensates [s].
+        glued
+            Whether the specimen is glued.
+        """
+        master = admittance, coupling.scale, self.gain
+        match self.law:
+            case "none":
+                return Master(*master), Slave(coupling)
+            case "position-force":
+                return PositionForceMaster(*master), Slave(coupling)
+            case "passivity":
+                return PassivityMaster(*master), PassivitySlave(coupling, self.gain)
+            case "model-mediated":
+                return (
+                    ModelMediatedMaster(*master, glued),
+                    ModelMediatedSlave(coupling, LocalModel(force_lag, glued)),
+                )

@@ -1,0 +1,71 @@
+"""The link between master and slave: from the force of the hand to both desired velocities."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+
+from drivers import Command, Measurement
+from teleop.control.admittance import Admittance
+from teleop.control.alignment import Pair
+from teleop.control.coupling import Coupling
+from teleop.safety import Verdict
+from teleop.safety.channels import DetectedFault
+
+
+class Link(ABC):
+    """Computes the desired velocities of master and slave at each tick."""
+
+    faults: tuple[DetectedFault, ...] = ()
+    """Faults of the link that were detected in the last step."""
+    values: tuple[float, ...] = ()
+    """Values of the columns that the link adds to the recording of a tick."""
+
+    @abstractmethod
+    def align(self, measurement: Measurement) -> None:
+        """Put the virtual mass at rest at the position that corresponds to that of the slave."""
+
+    @abstractmethod
+    def step(self, force: float, measurement: Measurement, dt: float) -> Command:
+        """Return the desired velocities [m/s] after `force` [N] acted for `dt` [s]."""
+
+    @abstractmethod
+    def follow(self, verdict: Verdict, desired: Command, applied: Command, dt: float) -> None:
+        """Let the virtual mass move like the handle if the supervisor reduced its command."""
+
+    def observe(self, pair: Pair) -> None:  # noqa: B027
+        """Process a pair of slave position and contact force."""
+
+    def stiffness(self, position: float) -> float | None:
+        """Return the expected slope of the contact force [N/m] at a position of the slave [m].
+
+        None: master and slave are at one place, and the soft limits act on both together.
+        """
+        return None
+
+
+class DirectLink(Link):
+    """Master and slave at the same place, without force feedback.
+
+    Parameters
+    ----------
+    admittance, coupling
+        Convert the force to the velocities of master and slave.
+    """
+
+    def __init__(self, admittance: Admittance, coupling: Coupling) -> None:
+        self._admittance = admittance
+        self._coupling = coupling
+
+    def align(self, measurement: Measurement) -> None:
+        """Put the virtual mass at rest at the position that corresponds to that of the slave."""
+        self._coupling.align(self._admittance, measurement)
+
+    def step(self, force: float, measurement: Measurement, dt: float) -> Command:
+        """Return the desired velocities [m/s] after `force` [N] acted for `dt` [s]."""
+        self._admittance.step(force, dt)
+        return self._coupling.command(self._admittance, measurement)
+
+    def follow(self, verdict: Verdict, desired: Command, applied: Command, dt: float) -> None:
+        """Let the virtual mass move like the handle if any soft limit reduced the command."""
+        if verdict.limited:
+            self._admittance.follow(applied.master_velocity, dt)

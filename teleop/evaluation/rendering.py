@@ -1,0 +1,125 @@
+"""What the hand felt in a recorded trial with force feedback, beside what the slave touched."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimation.compiled import Floats
+from teleop.recording.recording import Recording
+
+SETTLING = 4.0
+"""Time at the start that is left out, in which the local model converges [s]; at most one half of
+the trial."""
+LEAST_FORCE = 0.5
+"""Contact force above which a tick is evaluated [N]."""
+FASTEST = 4.0
+"""Frequency above which motion is not voluntary: tremor or an oscillation of the loop [Hz]."""
+MOST_FAST = 0.8
+"""Greatest share of the power of the velocity above this frequency in a stable trial. The tremor of
+a stiff arm has up to 0.65."""
+
+
+class Rendering(NamedTuple):
+    """What the hand felt in a trial. A value is NaN if there was no contact after `SETTLING`."""
+
+    rendered_k: float
+    """Secant stiffness at the hand [N/m]: sum of f x divided by the sum of x^2."""
+    rendered_k_error: float
+    """Relative difference to the same quantity at the slave, times the gains of both."""
+    felt_force_error: float
+    """Root mean square difference of the felt force to the contact force of the same motion,
+    relative to the root mean square contact force."""
+    energy_min_j: float
+    """Lowest energy that the hand had given to the environment; negative if it was generated [J].
+    The energy in the virtual damping and mass is not included."""
+    stable: bool
+    """Whether the trial had no safety stop, and no oscillation above `FASTEST`."""
+
+
+class Hand(NamedTuple):
+    """Quantities at the hand, each an array of shape (ticks,)."""
+
+    position: Floats
+    """Position of the virtual mass from the contact point [m]."""
+    force: Floats
+    """Force of the environment as the hand felt it [N]."""
+    velocity: Floats
+    """Velocity of the virtual mass [m/s]."""
+
+
+def hand(recording: Recording, mass: float, damping: float, scale: float = 1.0) -> Hand:
+    """Return what the hand felt at each tick in mode active.
+
+    The force of the environment is the measured force of the hand minus m a + d v of the virtual
+    mass. Where a limit acted, it is the displayed force that the controller recorded.
+
+    Parameters
+    ----------
+    recording
+        A trial with force feedback or a channel, in mode active.
+    mass, damping
+        Virtual mass [kg] and damping [N s/m] of the admittance.
+    scale
+        Ratio of slave motion to master motion.
+    """
+    v, dt = recording["commanded_master_velocity"], recording["dt"]
+    before = np.concatenate(([0.0], v[:-1]))
+    mean = 0.5 * (v + before)
+    force = recording["drive_force"] - mass * (v - before) / dt - damping * mean
+    limited = recording["limited"] != 0
+    force = np.where(limited, recording["displayed_force"], force)
+    start = recording["slave_position"][0] / scale if len(v) else 0.0
+    return Hand(start + np.cumsum(mean * dt), force, mean)
+
+
+def rendering(
+    active: Recording, mass: float, damping: float, scale: float = 1.0, gain: float = 1.0
+) -> Rendering:
+    """Return what the hand felt in a trial with force feedback or a channel.
+
+    Parameters
+    ----------
+    active
+        The ticks of the trial in mode active, and its events.
+    mass, damping
+        Virtual mass [kg] and damping [N s/m] of the admittance.
+    scale
+        Ratio of slave motion to master motion.
+    gain
+        Ratio of the displayed force to the contact force.
+    """
+    if not len(active):
+        return Rendering(math.nan, math.nan, math.nan, math.nan, stable=False)
+    t, x, f = active["time"], active["slave_position"], gain * active["contact_force"]
+    felt = hand(active, mass, damping, scale)
+    energy = np.cumsum(felt.force * felt.velocity * active["dt"])
+    settled = t > min(SETTLING, 0.5 * t[-1])
+    fast = fast_share(felt.velocity[settled], active["dt"][settled])
+    stable = active.fault is None and fast < MOST_FAST
+    part = settled & (np.abs(f) > LEAST_FORCE)
+    lowest = min(float(energy.min()), 0.0)
+    if part.sum() < 100:
+        return Rendering(math.nan, math.nan, math.nan, lowest, stable)
+    rendered = secant(felt.position[part], felt.force[part])
+    touched = scale * secant(x[part], f[part])
+    sent = t - active["motion_age"]
+    same_motion = np.interp(sent[part], t, felt.force)
+    error = math.sqrt(np.mean((same_motion - f[part]) ** 2) / np.mean(f[part] ** 2))
+    return Rendering(rendered, rendered / touched - 1.0, error, lowest, stable)
+
+
+def secant(x: Floats, f: Floats) -> float:
+    """Return the stiffness of the line through the contact point that fits best [N/m]."""
+    return float(np.dot(f, x) / np.dot(x, x))
+
+
+def fast_share(velocity: Floats, dt: Floats) -> float:
+    """Return the share of the power of a velocity above `FASTEST`."""
+    power: NDArray[np.float64] = np.abs(np.fft.rfft(velocity * np.hanning(len(velocity)))) ** 2
+    frequency = np.fft.rfftfreq(len(velocity), float(np.mean(dt)))
+    total = float(power.sum())
+    return float(power[frequency > FASTEST].sum()) / total if total > 0.0 else 0.0

@@ -1,0 +1,36 @@
+"""Figure of force over position at the hand, beside that at the slave."""
+
+from __future__ import annotations
+
+from matplotlib.figure import Figure
+
+from estimation.figure_style import BLUE, ORANGE, draw, new_figure, tidy
+from teleop.evaluation.rendering import hand
+from teleop.recording.recording import Recording
+from teleop.safety.events import ACTIVE
+
+
+def feedback_figure(recording: Recording) -> Figure:
+    """Return a figure of force over position at the hand and at the slave.
+
+    Parameters
+    ----------
+    recording
+        A trial with force feedback or a channel, with its settings.
+    """
+    settings = recording.settings
+    admittance, scale = settings["admittance"], settings["coupling"]["scale"]
+    active = recording.where(recording["mode"] == ACTIVE)
+    felt = hand(active, admittance["mass"], admittance["damping"], scale)
+    figure = new_figure(0.5)
+    left, right = figure.subplots(1, 2, sharey=True)
+    draw(left, felt.position * 1e3, felt.force, color=ORANGE, linewidth=0.7)
+    draw(right, active["slave_position"] * 1e3, active["contact_force"], color=BLUE, linewidth=0.7)
+    left.set_title("the hand feels", loc="left")
+    right.set_title("the slave touches", loc="left")
+    left.set_ylabel("force [N]")
+    left.set_xlabel("position of the master [mm]")
+    right.set_xlabel("position of the slave [mm]")
+    for axes in (left, right):
+        tidy(axes)
+    return figure

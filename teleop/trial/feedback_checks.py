@@ -1,0 +1,108 @@
+"""Checks of the force feedback of a trial before it begins."""
+
+from __future__ import annotations
+
+from scipy.optimize import brentq
+
+from sim_backend.channel import ChannelSettings
+from teleop.control.feedback.stability import DelayedLoop
+from teleop.errors import InputError
+from teleop.trial.settings import TrialSettings
+
+LOOP_DELAY = 1.5
+"""Delay of the loop in periods: a command is computed from the last sample, and then held."""
+PASSIVITY_OFFERED = {"soft": (0.05, 0.5)}
+"""Shortest and longest round trip [s] with which passivity control is offered, by cube.
+
+In between, 20 of 20 trials were stable (`benchmarks/results/feedback-passivity.csv`).
+"""
+
+
+def check_feedback(settings: TrialSettings) -> str:
+    """Refuse feedback that is expected to be unstable, and return a warning or an empty text.
+
+    Raises
+    ------
+    InputError
+        The law position-force is expected to be unstable, or passivity control is not offered for
+        the cube and the round trip.
+    """
+    law, trip = settings.feedback.law, round_trip(settings)
+    if law == "passivity":
+        check_offered(settings, trip)
+    if law != "position-force":
+        return ""
+    if settings.rig and settings.feedback.stiffness is None:
+        return (
+            "feedback position-force: whether it is stable is not known: expected "
+            "feedback.stiffness, the largest stiffness of the specimen, in the configuration"
+        )
+    loop = delayed_loop(settings)
+    delay = trip + lag(settings)
+    if delay < loop.safe_delay:
+        return ""
+    raise InputError(
+        f"feedback position-force: unstable with k = {loop.k:.0f} N/m and a delay of "
+        f"{delay * 1e3:.1f} ms, of which {trip * 1e3:.1f} ms are the round trip: expected a delay "
+        f"below {loop.safe_delay * 1e3:.1f} ms, or --feedback model-mediated"
+    )
+
+
+def lag(settings: TrialSettings) -> float:
+    """Return the delay of the force at the master without the channel [s]."""
+    return settings.plant_parameters.contact_force_lag + LOOP_DELAY / settings.rate
+
+
+def round_trip(settings: TrialSettings) -> float:
+    """Return the longest round trip of the channel [s]."""
+    channel = settings.channel or ChannelSettings()
+    return 2.0 * (channel.delay + channel.jitter)
+
+
+def delayed_loop(settings: TrialSettings) -> DelayedLoop:
+    """Return the loop of hand, virtual mass and delayed environment.
+
+    On the simulated rig, the stiffness is the slope of the force where the operator ends a poke.
+    """
+    feedback, arm = settings.feedback, settings.operator_model.arm
+    k = feedback.stiffness
+    return DelayedLoop(
+        settings.admittance.mass,
+        settings.admittance.damping,
+        settings.admittance.stiffness + arm.stiffness,
+        arm.damping,
+        settings.coupling.scale * (present_stiffness(settings) if k is None else k),
+        gain=feedback.gain,
+    )
+
+
+def present_stiffness(settings: TrialSettings) -> float:
+    """Return the slope of the contact force of the simulated rig at the end of a poke [N/m]."""
+    setup, aim = settings.setup, settings.operator_model.aim_force
+    deepest = setup.depth
+    if aim and setup.force(deepest) > aim:
+        deepest = brentq(lambda x: setup.force(x) - aim, 0.0, deepest)
+    step = 1e-3 * deepest
+    return (setup.force(deepest) - setup.force(deepest - step)) / step
+
+
+def check_offered(settings: TrialSettings, trip: float) -> None:
+    """Refuse passivity control unless it was stable in all trials of the benchmark.
+
+    Raises
+    ------
+    InputError
+        Passivity control is not offered for this cube and this round trip.
+    """
+    shortest, longest = PASSIVITY_OFFERED.get("" if settings.rig else settings.cube, (1.0, 0.0))
+    if shortest <= trip <= longest:
+        return
+    offered = " or ".join(
+        f"the {cube} cube of the simulated rig with a round trip of {low * 1e3:g} to "
+        f"{high * 1e3:g} ms"
+        for cube, (low, high) in PASSIVITY_OFFERED.items()
+    )
+    raise InputError(
+        f"feedback passivity: not stable in all tests with a round trip of {trip * 1e3:g} ms on "
+        f"the {settings.palpated}: expected {offered}, or --feedback model-mediated"
+    )

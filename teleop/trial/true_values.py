@@ -1,0 +1,67 @@
+"""True stiffness, damping, lag and lost motion of a simulated rig."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from sim_backend import Law, Setup
+from teleop.errors import InputError
+from teleop.recording.recording import Recording
+from teleop.trial.settings import TrialSettings
+from teleop.trial.settings_json import from_document
+
+
+def truth(settings: TrialSettings, depth: float) -> dict[str, Any]:
+    """Return the true damping, stiffness, lag and lost motion of the simulated rig.
+
+    The stiffness is that of the cube and the transmission in series, because the encoder measures
+    the position before the transmission. Damping and stiffness are those in slow motion and before
+    any change of the body. If the body has other laws, `further_laws` has their values by name.
+
+    Parameters
+    ----------
+    settings
+        Settings of the trial.
+    depth
+        Greatest displacement in the trial [m], for the stiffness at this depth.
+    """
+    setup = settings.setup
+    further = {name: known(setup, law, depth) for name, law in setup.cube.further_laws.items()}
+    return {
+        **known(setup, setup.cube.slow, depth),
+        "force_lag_s": setup.force_lag,
+        "lost_motion_m": setup.transmission.lost_motion,
+        **({"further_laws": further} if further else {}),
+    }
+
+
+def known(setup: Setup, law: Law, depth: float) -> dict[str, float]:
+    """Return damping and stiffness of body and transmission, for a law of the body.
+
+    Parameters
+    ----------
+    setup
+        Body and transmission.
+    law
+        Law of the body.
+    depth
+        Greatest displacement [m].
+    """
+    return {
+        "b": law.b,
+        "k_surface": law.k1 / (1.0 + setup.transmission.compliance * law.k1),
+        "k_deepest": setup.static_force(law, depth) / depth if depth else law.k1,
+    }
+
+
+def recorded_truth(recording: Recording) -> dict[str, Any] | None:
+    """Return the true values of a recorded trial on the simulated rig; None for other rigs."""
+    if not recording.settings or recording.session.get("rig") != "simulated":
+        return None
+    try:
+        settings = from_document(recording.settings)
+    except InputError:
+        return None
+    return truth(settings, float(np.max(np.abs(recording["slave_position"]), initial=0.0)))

@@ -1,0 +1,156 @@
+"""The model that the hand feels: passive while it changes, in bounded steps, and not negative."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drivers import Ages, Measurement
+from sim_backend import CUBES
+from teleop.control.admittance import Admittance, AdmittanceParameters, Environment
+from teleop.control.alignment import Pair
+from teleop.control.coupling import Coupling
+from teleop.control.feedback.energy_tank import TANK_START
+from teleop.control.feedback.law import STIFF_PRIOR, Report
+from teleop.control.feedback.local_model import LocalModel, ModelMediatedSlave
+from teleop.control.feedback.model_mediated import FORCE_RATE, ModelMediatedMaster
+
+DT = 1e-3
+MODELS = st.builds(
+    Environment,
+    k=st.floats(0.0, 60e3),
+    k3=st.floats(0.0, 1e10),
+    b=st.floats(0.0, 20.0),
+)
+INPUTS = st.lists(st.tuples(st.floats(-15.0, 15.0), MODELS), min_size=3, max_size=25)
+
+
+def run(master, inputs, ticks=40):
+    """Apply each force with each estimate for some ticks; yield the states before and after."""
+    for force, model in inputs:
+        for _ in range(ticks):
+            admittance = master.admittance
+            before = admittance.position, admittance.velocity, master.state
+            master.step(force, Report(0.0, model), DT)
+            yield before, (admittance.position, admittance.velocity, master.state), force
+
+
+@given(INPUTS)
+def test_the_hand_never_extracts_more_than_the_tank_and_the_damping_gave(inputs):
+    master = ModelMediatedMaster(Admittance(AdmittanceParameters()))
+    given_energy = dissipated = 0.0
+    for (x, v, _), (end, fast, state), force in run(master, inputs):
+        given_energy += force * (end - x)
+        dissipated += 15.0 * (v * v + v * fast + fast * fast) / 3.0 * DT
+        stored = 0.5 * 0.5 * fast * fast + state.model.energy(end)
+        # rounding and the linearisation of k3 within a tick
+        slack = 1e-5 + 0.02 * (stored + abs(given_energy))
+        assert stored <= given_energy + TANK_START + slack
+    assert dissipated >= 0.0
+
+
+@given(INPUTS)
+def test_a_change_of_the_model_changes_the_displayed_force_slowly(inputs):
+    master = ModelMediatedMaster(Admittance(AdmittanceParameters()))
+    for (x, v, before), (_, _, after), _ in run(master, inputs):
+        jump = abs(after.model.force(x, v) - before.model.force(x, v))
+        assert jump <= FORCE_RATE * DT * (1.0 + 1e-6) + 1e-9
+        assert min(after.model.k, after.model.k3, after.model.b) >= 0.0
+        assert after.tank >= 0.0
+
+
+def test_the_model_begins_stiff_and_softening_is_free():
+    master = ModelMediatedMaster(Admittance(AdmittanceParameters()))
+    assert master.state.model.k == STIFF_PRIOR
+    master.admittance.position = 1e-3
+    tank = master.state.tank
+    master.step(0.0, Report(0.0, Environment(2000.0)), DT)
+    assert master.state.model.k < STIFF_PRIOR
+    assert master.state.tank >= tank
+
+
+def test_stiffening_in_contact_stops_when_the_tank_is_empty():
+    master = ModelMediatedMaster(Admittance(AdmittanceParameters()))
+    master.step(0.0, Report(0.0, Environment(1000.0)), DT)
+    stiff = Environment(100e3)
+    for _ in range(3000):  # the hand holds the handle still, so that nothing fills the tank
+        master.admittance.position, master.admittance.velocity = 5e-3, 0.0
+        master.step(master.state.model.k * 5e-3, Report(0.0, stiff), DT)
+    assert master.state.model.k == pytest.approx(1000.0 + 2.0 * TANK_START / 5e-3**2, rel=0.05)
+
+
+def test_a_specimen_that_is_not_glued_does_not_pull():
+    master = ModelMediatedMaster(Admittance(AdmittanceParameters()), glued=False)
+    master.admittance.position = -1e-3
+    master.step(0.0, Report(0.0, Environment(2000.0, glued=False)), DT)
+    assert master.state.displayed == 0.0
+
+
+def test_the_model_is_scaled_to_the_motion_of_the_master():
+    master = ModelMediatedMaster(Admittance(AdmittanceParameters()), scale=0.5, gain=2.0)
+    for _ in range(100):
+        master.step(0.0, Report(0.0, Environment(3000.0, 4e6, 2.0)), DT)
+    model = master.state.model
+    x, v = 4e-3, 0.02
+    contact = Environment(3000.0, 4e6, 2.0).force(0.5 * x, 0.5 * v)
+    assert model.force(x, v) == pytest.approx(2.0 * contact)
+
+
+def palpate(model, cube, seconds=3.0, depth=4e-3, bias=0.0):
+    for n in range(round(seconds / DT)):
+        t = n * DT
+        x = 0.5 * depth * (1.0 - math.cos(2.0 * math.pi * t))
+        v = 0.5 * depth * 2.0 * math.pi * math.sin(2.0 * math.pi * t)
+        model.update(Pair(x, cube.force(x, v) + bias * math.sin(40.0 * t), DT))
+
+
+@pytest.mark.parametrize("name", ["soft", "medium", "hard"])
+def test_the_local_model_has_the_stiffness_of_the_cube(name):
+    model, cube = LocalModel(), CUBES[name]
+    assert model.model.k == STIFF_PRIOR
+    depth = {"soft": 4e-3, "medium": 2e-3, "hard": 0.4e-3}[name]
+    palpate(model, cube, depth=depth)
+    assert model.model.force(depth, 0.0) == pytest.approx(cube.force(depth, 0.0), rel=0.02)
+
+
+def test_on_misfit_the_model_is_the_stiff_prior_again():
+    model = LocalModel()
+    palpate(model, CUBES["soft"])
+    assert model.model.k < 3000.0
+    palpate(model, CUBES["soft"], bias=15.0)
+    assert model.model.k == STIFF_PRIOR
+
+
+def test_the_slave_expects_the_slope_of_its_model_once_the_force_confirms_it():
+    model, cube = LocalModel(), CUBES["soft"]
+    slave = ModelMediatedSlave(Coupling(), model)
+    assert slave.stiffness(1e-3) == STIFF_PRIOR
+    palpate(model, cube)
+    slave.observe(Pair(2e-3, cube.force(2e-3, 0.0), DT))
+    assert slave.stiffness(2e-3) == pytest.approx(cube.stiffness(2e-3), rel=0.05)
+    slave.observe(Pair(2e-3, 2.0 * cube.force(2e-3, 0.0), DT))  # a stiffer specimen
+    assert slave.stiffness(2e-3) == STIFF_PRIOR
+    slave.observe(Pair(1e-4, cube.force(1e-4, 0.0), DT))  # the beginning of a contact
+    assert slave.stiffness(1e-4) == STIFF_PRIOR
+    at_rest = Measurement(0.0, 0.0, 0.0, 1e-3, 2.5, 0.0, Ages(*[0.0] * 5))
+    assert slave.report(at_rest, DT) == Report(2.5, model.model)
+
+
+@given(INPUTS, st.floats(0.002, 0.05))
+def test_a_limit_of_the_master_does_not_fill_the_tank(inputs, fastest):
+    admittance = Admittance(AdmittanceParameters())
+    master = ModelMediatedMaster(admittance)
+    dissipated = 0.0
+    for force, model in inputs:
+        for _ in range(40):
+            start, before = admittance.position, admittance.velocity
+            master.step(force, Report(0.0, model), DT)
+            assert master.reserve <= TANK_START + dissipated * (1.0 + 1e-9) + 1e-12
+            if abs(admittance.velocity) > fastest:
+                admittance.velocity = math.copysign(fastest, admittance.velocity)
+                admittance.position = start + admittance.velocity * DT
+            now = admittance.velocity
+            dissipated += 15.0 * (before * before + before * now + now * now) / 3.0 * DT

@@ -1,0 +1,62 @@
+"""The figure of the force at the hand beside that at the slave, and its place in the report."""
+
+from __future__ import annotations
+
+import pytest
+
+from sim_backend import OperatorModel
+from teleop.cli import main
+from teleop.control.feedback.settings import FeedbackSettings
+from teleop.evaluation.rendering import hand
+from teleop.output.feedback_figure import feedback_figure
+from teleop.recording.recording import load
+from teleop.safety.events import ACTIVE
+from teleop.trial.run import run_trial
+from teleop.trial.settings import TrialSettings
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    path = tmp_path_factory.mktemp("feedback") / "trial.mcap"
+    run_trial(
+        TrialSettings(
+            clock="virtual",
+            duration=3.0,
+            estimators=("rls",),
+            feedback=FeedbackSettings("model-mediated"),
+            operator_model=OperatorModel(aim_force=10.0),
+        ),
+        path,
+    )
+    return path
+
+
+def test_both_panels_have_the_same_force_axis_and_the_recorded_curves(recorded):
+    recording = load(recorded)
+    left, right = feedback_figure(recording).axes
+    assert left.get_ylim() == right.get_ylim()
+    active = recording.where(recording["mode"] == ACTIVE)
+    x, f = right.lines[0].get_data()
+    assert set(x) <= set(active["slave_position"] * 1e3)
+    assert set(f) <= set(active["contact_force"])
+    assert len(left.lines[0].get_xdata()) > 100
+
+
+def test_the_felt_force_is_the_displayed_force(recorded):
+    recording = load(recorded)
+    active = recording.where(recording["mode"] == ACTIVE)
+    felt = hand(active, 0.5, 15.0).force
+    shown = active["displayed_force"]
+    difference = (felt - shown)[10:]
+    assert abs(difference).mean() < 0.02 * abs(shown[1:]).max()
+
+
+def test_the_report_has_the_figure_only_with_force_feedback(recorded, tmp_path):
+    page = tmp_path / "a.html"
+    assert main(["report", str(recorded), "--out", str(page)]) == 0
+    assert "<h2>Force feedback</h2>" in page.read_text()
+    plain = tmp_path / "plain.mcap"
+    run_trial(TrialSettings(clock="virtual", duration=3.0, estimators=("rls",)), plain)
+    other = tmp_path / "b.html"
+    assert main(["report", str(plain), "--out", str(other)]) == 0
+    assert "<h2>Force feedback</h2>" not in other.read_text()

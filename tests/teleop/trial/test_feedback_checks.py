@@ -1,0 +1,166 @@
+"""Force feedback in the settings, the configuration file, the command line and the summary."""
+
+from __future__ import annotations
+
+import csv
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from sim_backend import OperatorModel
+from sim_backend.channel import ChannelSettings
+from teleop.cli import main
+from teleop.control.admittance import AdmittanceParameters
+from teleop.control.feedback.settings import FeedbackSettings
+from teleop.errors import InputError
+from teleop.trial.configuration import read_configuration, write_configuration
+from teleop.trial.feedback_checks import PASSIVITY_OFFERED, check_feedback, delayed_loop
+from teleop.trial.rehearsal import tick_cost
+from teleop.trial.rig_loading import load_rig_file
+from teleop.trial.settings import TrialSettings
+
+ROOT = Path(__file__).parents[3]
+RUN = ("run", "--clock", "virtual", "--no-record", "--duration", "1.5")
+
+
+def settings(law, channel=None, damping=15.0, **changes):
+    return TrialSettings(
+        feedback=FeedbackSettings(law),
+        channel=channel,
+        admittance=AdmittanceParameters(damping=damping),
+        operator_model=OperatorModel(aim_force=10.0),
+        **changes,
+    )
+
+
+def test_feedback_is_refused_where_nobody_holds_the_handle(refused):
+    line = refused(*RUN, "--condition", "autonomous", "--feedback", "model-mediated")
+    assert "nobody holds the handle" in line
+    assert "expected free or mimic" in line
+
+
+def test_feedback_is_refused_on_a_rig_whose_master_has_no_drive(tmp_path):
+    text = (ROOT / "rigs" / "serial-board.toml").read_text()
+    start = text.index("[drives.master]")
+    end = text.index("\n[", start + 1)
+    file = tmp_path / "passive.toml"
+    file.write_text(text[:start] + text[end + 1 :])
+    rig = load_rig_file(file)
+    with pytest.raises(InputError, match=r"handle of the rig .* is passive"):
+        TrialSettings(rig=rig, feedback=FeedbackSettings("position-force"))
+    assert TrialSettings(rig=rig, channel=ChannelSettings(0.01)).has_link
+
+
+def test_position_force_is_refused_over_a_delay_that_makes_it_unstable(refused):
+    line = refused(*RUN, "--feedback", "position-force", "--channel", "delay=50ms")
+    assert "100.0 ms are the round trip" in line
+    assert "model-mediated" in line
+
+
+def test_position_force_is_permitted_below_the_predicted_delay():
+    stable = settings("position-force", damping=50.0)
+    assert check_feedback(stable) == ""
+    loop = delayed_loop(stable)
+    with pytest.raises(InputError, match="unstable"):
+        check_feedback(replace(stable, channel=ChannelSettings(0.5 * loop.safe_delay)))
+
+
+def test_on_a_rig_the_stiffness_is_stated_or_there_is_a_warning():
+    rig = load_rig_file(ROOT / "rigs" / "serial-board.toml")
+    unknown = settings("position-force", rig=rig, depth=2e-3)
+    assert "feedback.stiffness" in check_feedback(replace(unknown, operator_model=OperatorModel()))
+    stated = replace(unknown, feedback=FeedbackSettings("position-force", stiffness=500.0))
+    assert check_feedback(stated) == ""
+    stiff = replace(stated, feedback=FeedbackSettings("position-force", stiffness=50e3))
+    with pytest.raises(InputError, match="k = 50000 N/m"):
+        check_feedback(stiff)
+
+
+def test_the_rehearsal_does_not_refuse_a_delay_that_is_stable_on_the_specimen():
+    rig = load_rig_file(ROOT / "rigs" / "serial-board.toml")
+    soft = FeedbackSettings("position-force", stiffness=100.0)
+    delayed = TrialSettings(rig=rig, depth=2e-3, feedback=soft, channel=ChannelSettings(0.05))
+    assert check_feedback(delayed) == ""
+    assert tick_cost(delayed) > 0.0
+
+
+def test_a_configuration_with_unstable_feedback_is_refused(tmp_path, refused):
+    file = tmp_path / "trial.toml"
+    file.write_text(write_configuration(settings("position-force", ChannelSettings(0.05))))
+    assert "unstable" in refused("config", "check", file)
+
+
+def test_passivity_control_is_offered_only_where_all_trials_were_stable(refused):
+    line = refused(*RUN, "--cube", "hard", "--feedback", "passivity")
+    assert "not stable in all tests" in line
+    with (ROOT / "benchmarks" / "results" / "feedback-passivity.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    for cube, (shortest, longest) in PASSIVITY_OFFERED.items():
+        offered = [
+            row
+            for row in rows
+            if row["cube"] == cube and shortest <= float(row["round_trip"]) <= longest
+        ]
+        assert len(offered) >= 20
+        assert all(row["stable"] == "True" for row in offered)
+        check_feedback(settings("passivity", ChannelSettings(0.5 * longest), cube=cube))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [
+        (("--channel", "delay=50"), "expected a time in s, ms or us"),
+        (("--channel", "banana"), "expected a text such as delay=100ms"),
+        (("--feedback", "magic"), "magic"),
+    ],
+)
+def test_a_bad_option_is_refused_in_one_line(refused, arguments, named):
+    assert named in refused(*RUN, *arguments)
+
+
+def test_feedback_and_channel_are_part_of_a_configuration_file(tmp_path):
+    first = settings("model-mediated", ChannelSettings(0.05, 0.02, 0.05))
+    first = replace(first, feedback=replace(first.feedback, gain=0.5, glued=False))
+    file = tmp_path / "trial.toml"
+    file.write_text(write_configuration(first))
+    assert read_configuration(file) == first
+
+
+def test_an_unknown_law_in_a_file_is_refused_with_the_known_ones(tmp_path):
+    file = tmp_path / "trial.toml"
+    file.write_text('[feedback]\nlaw = "magic"\n')
+    with pytest.raises(InputError, match=r"feedback\.law.*model-mediated"):
+        read_configuration(file)
+
+
+def test_the_summary_reports_what_the_hand_felt(capsys):
+    options = ("--feedback", "model-mediated", "--channel", "delay=10ms", "--estimators", "rls")
+    assert main([*RUN, *options, "--json"]) == 0
+    feedback = json.loads(capsys.readouterr().out)["feedback"]
+    assert set(feedback) == {
+        "law",
+        "channel",
+        "rendered_k",
+        "rendered_k_error",
+        "felt_force_error",
+        "energy_min_j",
+        "stable",
+    }
+    assert (feedback["law"], feedback["channel"]) == ("model-mediated", "delay=10ms")
+    assert main([*RUN, *options]) == 0
+    assert "feedback: model-mediated, channel delay=10ms" in capsys.readouterr().out
+
+
+def test_without_feedback_the_summary_has_none(capsys):
+    assert main([*RUN, "--estimators", "rls", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["feedback"] is None
+
+
+@pytest.mark.parametrize("value", [0.0, -1.0, float("nan"), float("inf")])
+def test_a_gain_or_stiffness_that_is_not_positive_is_refused(value):
+    with pytest.raises(ValueError, match="gain of the feedback"):
+        FeedbackSettings("none", gain=value)
+    with pytest.raises(ValueError, match="stiffness of the feedback"):
+        FeedbackSettings("none", stiffness=value)
