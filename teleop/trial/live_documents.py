@@ -14,7 +14,9 @@ from teleop.trial.result import recorded_truth, truth
 from teleop.trial.settings import TrialSettings
 from teleop.trial.settings_json import from_document
 
-MEANINGS = {column.name: column.meaning for column in (*COLUMNS, DROPPED, *POINTER)}
+MEANINGS = {column.name: column.meaning for column in COLUMNS} | {
+    column.name: column.meaning for column in (DROPPED, *POINTER)
+}
 OF_ESTIMATOR = {
     "b": "damping",
     "k": "stiffness",
