@@ -94,16 +94,26 @@ def chosen(settings: TrialSettings, request: dict[str, Any]) -> TrialSettings:
 
 
 class PageOfSeries:
-    """Asks the person at the live page before and after each trial of a series."""
+    """Asks the person at the live page before and after each trial of a series.
 
-    def __init__(self, link: LiveLink) -> None:
+    Parameters
+    ----------
+    link
+        Link to the live page.
+    count
+        Number of the trials of the series.
+    """
+
+    def __init__(self, link: LiveLink, count: int) -> None:
         self._link = link
+        self._count = count
         self._pending: dict[str, Any] | None = None
 
     def ask(self, trial: PlannedTrial, prompt: str) -> tuple[Answer, str]:
         """Return whether to run, skip or repeat a trial, or to quit, and a note."""
         from teleop.interruption import stop_signals
 
+        self._link.position, self._link.of = trial.number, self._count
         self._link.tell({"type": "prompt", "text": prompt})
         notes: list[str] = []
         answers: dict[str, Answer] = {"next": "run", "repeat": "repeat", "skip": "skip"}

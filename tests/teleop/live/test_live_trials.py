@@ -274,6 +274,51 @@ def test_the_loop_is_gone_if_the_command_is_killed(start):
     run(scenario(start("run", "--live", "--yes", "--duration", "20", "--no-record")))
 
 
+PLAN = """
+name = "two"
+order = "listed"
+[factors]
+cube = ["soft", "hard"]
+[settings]
+live = true
+duration_s = 0.5
+estimators = ["rls"]
+"""
+
+
+def test_a_series_is_run_from_the_page(start, tmp_path):
+    (tmp_path / "plan.toml").write_text(PLAN)
+
+    async def scenario(command):
+        async with command.page() as client, beating(client):
+            for number, last in ((1, "repeat"), (1, "skip"), (None, None)):
+                await client.until(client.is_in("idle" if number and last == "repeat" else "ended"))
+                if last is None:
+                    return
+                await client.send("next" if last == "repeat" else "repeat")
+                await arm(client)
+                assert client.latest["trial"]["series"] == {"position": number, "of": 2}
+                await client.until(client.is_in("ended"))
+                await client.until(lambda: "Note on trial" in client.latest["state"]["text"])
+                await client.send("notes", text="touched at an edge")
+                await client.until(lambda: "trial 2 of 2" in client.latest["state"]["text"])
+            await client.send("skip")
+
+    async def skip_last(command):
+        await scenario(command)
+        async with command.page() as client, beating(client):
+            await client.until(lambda: client.latest.get("state", {}).get("control") == "you")
+            await client.send("skip")
+
+    command = start("series", "plan.toml", "--out", "two")
+    run(skip_last(command))
+    code, out, err = command.end(None)
+    assert code == 0, err
+    assert "1 of 2 trials done, 1 skipped" in out
+    table = (tmp_path / "two" / "trials.csv").read_text()
+    assert "touched at an edge" in table
+
+
 def test_nothing_is_left_in_shared_memory(start):
     before = set(Path("/dev/shm").glob("teleop-live-*")) if Path("/dev/shm").exists() else set()
     command = start("run", "--live", "--yes", "--duration", "0.5", "--no-record")
