@@ -113,7 +113,6 @@ class PageOfSeries:
         """Return whether to run, skip or repeat a trial, or to quit, and a note."""
         from teleop.interruption import stop_signals
 
-        self._link.position, self._link.of = trial.number, self._count
         self._link.tell({"type": "prompt", "text": prompt})
         notes: list[str] = []
         answers: dict[str, Answer] = {"next": "run", "repeat": "repeat", "skip": "skip"}
@@ -121,7 +120,10 @@ class PageOfSeries:
             while request := self._pending or next_request(self._link, stopped):
                 self._pending = None
                 if request["type"] in answers:
-                    return answers[request["type"]], "; ".join(notes)
+                    answer = answers[request["type"]]
+                    if answer == "run" or not self._link.position:
+                        self._link.position, self._link.of = trial.number, self._count
+                    return answer, "; ".join(notes)
                 if request["type"] == "notes":
                     notes.append(request["text"])
         return "quit", "; ".join(notes)

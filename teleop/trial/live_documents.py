@@ -68,6 +68,11 @@ def trial_document(
         "condition": settings.condition,
         "specimen": settings.palpated,
         "duration": settings.duration,
+        "choice": {
+            "condition": settings.condition,
+            "specimen": settings.palpated if settings.rig else settings.cube,
+            "duration": settings.duration,
+        },
         "depth": settings.depth if settings.rig else settings.setup.depth,
         "rig": settings.rig_name,
         "simulated": settings.rig is None,
