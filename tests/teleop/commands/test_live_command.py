@@ -38,7 +38,20 @@ def recording(tmp_path_factory):
         (["--live", "--port", "70000"], "expected 0 to 65535"),
         (["--live", "--host", "192.0.2.1"], "192.0.2.1, port 0: cannot be used"),
         (
-            [*"--live --operator pointer --specimen a --depth 3mm --yes --rig".split(), RIG],
+            [
+                *[
+                    "--live",
+                    "--operator",
+                    "pointer",
+                    "--specimen",
+                    "a",
+                    "--depth",
+                    "3mm",
+                    "--yes",
+                    "--rig",
+                ],
+                RIG,
+            ],
             "expected the simulated rig",
         ),
     ],
