@@ -21,6 +21,10 @@ from .live_client import page
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="the live page needs POSIX")
 
 
+RATE = ("--rate", "250")
+"""Options with a low rate of the loop, so that a busy machine can run it."""
+
+
 class Command:
     """A running `teleop` command with a live page."""
 
@@ -48,7 +52,7 @@ class Command:
         """Send a signal, and return the exit code, standard output and standard error."""
         if number:
             self.process.send_signal(number)
-        out, err = self.process.communicate(timeout=30)
+        out, err = self.process.communicate(timeout=120)
         return self.process.returncode, out, err
 
 
@@ -59,7 +63,7 @@ def start(tmp_path):
 
     def run(*arguments):
         process = subprocess.Popen(
-            [sys.executable, "-m", "teleop", *arguments],
+            [sys.executable, "-m", "teleop", *arguments, *(RATE if "run" in arguments else ())],
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
@@ -105,7 +109,7 @@ async def arm(client):
 
 
 def run(scenario):
-    asyncio.run(asyncio.wait_for(scenario, 60.0))
+    asyncio.run(asyncio.wait_for(scenario, 120.0))
 
 
 def mode_of(client, mode):
@@ -167,7 +171,7 @@ def test_the_page_shows_the_values_of_the_recording(start):
         if name != "sent":
             assert np.array_equal(column, recording[name][at], equal_nan=True), name
     assert np.diff(shown["rows"][:, -1]).min() > 0.0
-    assert shown["summary"]["ticks"] > 1500
+    assert shown["summary"]["ticks"] > 400
     assert shown["health"]["skipped"] == recording["skipped"].sum()
     assert shown["health"]["overruns"] == recording["overrun"].sum()
 
@@ -289,6 +293,7 @@ order = "listed"
 cube = ["soft", "hard"]
 [settings]
 live = true
+rate_hz = 250.0
 duration_s = 0.5
 estimators = ["rls"]
 """
