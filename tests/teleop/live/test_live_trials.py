@@ -276,6 +276,43 @@ def test_the_live_process_may_hang_or_die_in_every_mode(start, number, mode):
         assert active[-1] == pytest.approx(3.0, abs=0.05)
 
 
+@pytest.mark.parametrize("number", [None, signal.SIGSTOP, signal.SIGKILL])
+def test_the_hand_lets_go_when_the_page_or_the_live_process_is_lost(start, number):
+    async def scenario(command):
+        async with command.page() as client:
+            await client.send("control")
+            await client.until(client.is_in("active"))
+            assert client.latest["welcome"]["pointer"]
+            async with beating(client):
+                for _ in range(30):
+                    await client.send("pointer", depth=0.008, grip=True)
+                    await asyncio.sleep(0.02)
+                if number:
+                    os.kill(command.live_process, number)
+                else:
+                    client.connection.transport.abort()
+                await asyncio.sleep(0.1)
+
+    command = start(
+        *("run", "--live", "--operator", "pointer", "--yes", "--duration", "3"),
+        *("--record", "one.mcap"),
+    )
+    with contextlib.suppress(Exception):  # the connection is lost
+        run(scenario(command))
+    code, _, err = command.end(None)
+    assert code == 0, err
+    recording = load(command.folder / "one.mcap")
+    grip = recording["pointer_grip"]
+    held = np.flatnonzero(grip == 1.0)
+    assert len(held)
+    assert recording["contact_force"][held[-1]] > 1.0
+    assert not grip[held[-1] + 1 :].any()
+    after = recording["master_force"][held[-1] + 10 :]
+    assert len(after) > 50
+    assert np.abs(after).max() < 0.3
+    assert len(recording.gaps) == 0
+
+
 def test_the_loop_is_gone_if_the_command_is_killed(start):
     async def scenario(command):
         async with command.page() as client:
