@@ -84,9 +84,6 @@ class Shove:
         self.before, self.start = case.sim._operator, case.clock.now() - case.sim._start
         self.depth, self.speed = 3.0 * case.settings.setup.depth, 0.5 * case.limits.max_velocity
 
-    def holds(self, t: float, handle: float) -> bool:
-        return True
-
     def intention(self, t: float) -> Intention:
         base = self.before.intention(t)
         push = min(self.speed * (t - self.start), self.depth)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -60,6 +60,22 @@ class Preset(MethodSettings):
                 f"model {self.model.name}: none of {', '.join(estimators)} supports it"
             )
         return Bank(estimators, Gate(self.gate) if self.gate else None)
+
+    def for_depth(self, depth: float, usual: float) -> Preset:
+        """Return the settings with the adaptation gain for another depth of palpation.
+
+        The rate of convergence is proportional to the gain and to the square of the depth.
+
+        Parameters
+        ----------
+        depth
+            Depth of the palpation [m].
+        usual
+            Depth for which the present gain was chosen [m].
+        """
+        scale = (usual / depth) ** 2
+        gain_b, gain_k = self.adaptation_gain
+        return replace(self, adaptation_gain=(scale * gain_b, scale * gain_k))
 
 
 def paper_preset(cube: str = "soft") -> Preset:

@@ -17,6 +17,7 @@ from sim_backend.paper_rig import (
     paper_setup,
 )
 from sim_backend.plant import Arm, Intention, Plant, PlantParameters
+from sim_backend.pointer import PointerOperator
 from sim_backend.sensors import Sensors
 from sim_backend.simulated_rig import SimulatedRig
 from sim_backend.transmission import RIGID, Transmission
@@ -45,6 +46,7 @@ __all__ = [
     "OperatorModel",
     "Plant",
     "PlantParameters",
+    "PointerOperator",
     "Relaxing",
     "Sensors",
     "Setup",

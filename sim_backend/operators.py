@@ -20,9 +20,10 @@ from __future__ import annotations
 
 import math
 import random
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from typing import NamedTuple
 
+from sim_backend.hand import Hand
 from sim_backend.plant import Arm, Intention
 
 ARM = Arm(stiffness=400.0, damping=12.0)
@@ -64,7 +65,7 @@ class Stroke(NamedTuple):
         )
 
 
-class Operator(ABC):
+class Operator(Hand):
     """Base class of simulated operators who palpate to a given depth.
 
     Parameters
@@ -97,29 +98,8 @@ class Operator(ABC):
         t must not decrease from one call to the next.
         """
 
-    def holds(self, t: float, handle: float) -> bool:
-        """Return whether the hand holds the handle. Once False, it stays False.
-
-        Parameters
-        ----------
-        t
-            Time since the start of the trial [s].
-        handle
-            Position of the handle [m].
-        """
-        return True
-
-    def feel(self, t: float, position: float, force: float) -> None:  # noqa: B027
-        """Feel the position of the handle [m] and the force on it [N] at t [s] in the trial.
-
-        Most operators do not react.
-        """
-
-    def intention(self, t: float) -> Intention:
-        """Return the intended motion, with tremor, at t [s] after the start of the trial.
-
-        t must not decrease from one call to the next.
-        """
+    def intention(self, t: float) -> Intention | None:
+        """Return the intended motion, with tremor, as `Hand.intention` does."""
         if t < REACTION:
             return Intention(0.0, 0.0)
         t -= REACTION
@@ -248,8 +228,9 @@ class AttentiveOperator(MimickedSine):
 
     _released = False
 
-    def holds(self, t: float, handle: float) -> bool:
-        """Return False after the handle has moved by itself while the operator waited."""
-        if t < REACTION + self._count_in and handle > MOVED * self.depth:
+    def intention(self, t: float) -> Intention | None:
+        """Return None after the handle has moved by itself while the operator waited."""
+        waits = t < REACTION + self._count_in
+        if waits and self.handle and self.handle.x > MOVED * self.depth:
             self._released = True
-        return not self._released
+        return None if self._released else super().intention(t)

@@ -8,8 +8,9 @@ from collections.abc import Callable
 
 from drivers import CHANNELS, STANDSTILL, Ages, Command, Measurement, Rig
 from sim_backend.body import Body
-from sim_backend.operators import ARM, Operator
-from sim_backend.plant import AT_REST, UNATTENDED, Arm, Plant, PlantParameters
+from sim_backend.hand import Hand
+from sim_backend.operators import ARM
+from sim_backend.plant import UNATTENDED, Arm, Plant, PlantParameters
 from sim_backend.sensors import Sensors
 
 FRESH = Ages(*(0.0 for _ in CHANNELS))
@@ -55,7 +56,7 @@ class SimulatedRig(Rig):
         self,
         body: Body,
         now: Callable[[], float],
-        operator: Operator | None = None,
+        operator: Hand | None = None,
         parameters: PlantParameters | None = None,
         sensors: Sensors | None = None,
         max_velocity: float = 0.5,
@@ -69,6 +70,8 @@ class SimulatedRig(Rig):
                 raise ValueError(f"{name} must be positive, got {value}")
         self.plant = Plant(body, parameters or PlantParameters(), arm if operator else UNATTENDED)
         self.plant.slave.move_to(start, 0.0)
+        if operator:
+            operator.handle = self.plant.handle
         self._now = now
         self._operator = operator
         self._sensors = sensors or Sensors()
@@ -90,10 +93,8 @@ class SimulatedRig(Rig):
         """Advance the plant to the time of the clock, and read every sensor."""
         now = self._now()
         if now > self._time:
-            intended = AT_REST
+            intended = None
             if self._operator and now >= self._start:
-                if not self._operator.holds(now - self._start, self.plant.handle.x):
-                    self.plant.let_go()
                 intended = self._operator.intention(now - self._start)
             silent = self._commanded + self._watchdog
             if self._enabled and now > silent:

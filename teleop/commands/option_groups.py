@@ -25,6 +25,7 @@ GROUPS = {
         "notes",
         "yes",
     ),
+    "Live page": ("live",),
     "Control": ("rate", "signal", "frequency", "coupling", "feedback", "channel", "realtime"),
     "Columns of a file": ("columns",),
     "Estimation": (

@@ -124,9 +124,8 @@ def draw_effect(
             means.append(float(np.mean(values)))
             halves.append(LEVEL_95 * spread / np.sqrt(len(values)))
     marker = "osD^v"[number % 5]
-    axes.errorbar(
-        places, means, halves, label=name, marker=marker, markersize=4, capsize=2, **line(number)
-    )
+    style = line(number) | {"marker": marker, "markersize": 4}
+    axes.errorbar(places, means, halves, label=name, capsize=2, **style)
 
 
 def label_axis(axes: Axes, factor: str, levels: Levels) -> None:

@@ -56,6 +56,7 @@ class Fault(StrEnum):
     PORT_ENERGY = "energy at the handle"
     CONTROL_FAILURE = "control failure"
     ESTIMATION_FAILURE = "estimation failure"
+    PAGE_LOST = "live page lost"
 
 
 SEVERITY = {fault: rank for rank, fault in enumerate(Fault)}

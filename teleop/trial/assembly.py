@@ -7,7 +7,14 @@ from dataclasses import replace
 
 from drivers import Rig
 from estimation import Bank, Estimator, Excitation
-from sim_backend import ForcePalpation, FreePalpation, MimickedSine, Operator, SimulatedRig
+from sim_backend import (
+    ForcePalpation,
+    FreePalpation,
+    MimickedSine,
+    Operator,
+    PointerOperator,
+    SimulatedRig,
+)
 from sim_backend.channel import ChannelSettings
 from teleop.control.admittance import Admittance
 from teleop.control.bilateral import BilateralLink
@@ -31,7 +38,9 @@ def make_clock(settings: TrialSettings) -> Clock:
     return RealClock(settings.rate) if settings.clock == "real" else VirtualClock(settings.rate)
 
 
-def make_rig(settings: TrialSettings, now: Callable[[], float]) -> Rig:
+def make_rig(
+    settings: TrialSettings, now: Callable[[], float], pointer: PointerOperator | None = None
+) -> Rig:
     """Return a new rig of devices, or a new simulated rig if the settings have no rig file.
 
     Parameters
@@ -40,9 +49,11 @@ def make_rig(settings: TrialSettings, now: Callable[[], float]) -> Rig:
         Settings of the trial.
     now
         Returns the time of the clock [s].
+    pointer
+        Operator of the simulated rig; None for that of the condition.
     """
     if settings.rig is None:
-        return make_simulated_rig(settings, now)
+        return make_simulated_rig(settings, now, pointer=pointer)
     from drivers.wired_rig import WiredRig  # imports python-can
 
     return WiredRig(settings.rig, now)
@@ -53,6 +64,7 @@ def make_simulated_rig(
     now: Callable[[], float],
     watchdog: float = 0.1,
     mimic: type[MimickedSine] = MimickedSine,
+    pointer: PointerOperator | None = None,
 ) -> SimulatedRig:
     """Return a new simulated rig, with a simulated operator if the condition needs one.
 
@@ -66,30 +78,43 @@ def make_simulated_rig(
         Timeout of the drives' watchdogs [s].
     mimic
         Class of the operator in the condition mimic.
+    pointer
+        Operator that replaces the simulated one.
     """
-    setup = settings.setup
-    depth = setup.depth / settings.coupling.scale
-    model = settings.operator_model
-    operator: Operator | None = None
-    if settings.condition == "free" and model.aim_force:
-        operator = ForcePalpation(
-            depth, settings.seed, model.aim_force, model.arm_stiffness, model.withdrawal
-        )
-    elif settings.condition == "free":
-        operator = FreePalpation(depth, settings.seed, model.withdrawal)
-    elif settings.condition == "mimic":
-        target = settings.target
-        operator = mimic(depth, settings.seed, target.frequency, target.count_in)
     return SimulatedRig(
-        setup.cube,
+        settings.setup.cube,
         now,
-        operator=operator,
+        operator=pointer or make_operator(settings, mimic),
         parameters=settings.plant_parameters,
         sensors=settings.sensors,
         watchdog=watchdog,
         seed=settings.seed,
-        arm=model.arm,
+        arm=settings.operator_model.arm,
     )
+
+
+def make_operator(
+    settings: TrialSettings, mimic: type[MimickedSine] = MimickedSine
+) -> Operator | None:
+    """Return the simulated operator of the condition, or None if it needs none.
+
+    Parameters
+    ----------
+    settings
+        Settings of the trial.
+    mimic
+        Class of the operator in the condition mimic.
+    """
+    depth = settings.setup.depth / settings.coupling.scale
+    seed, model = settings.seed, settings.operator_model
+    if settings.condition == "free" and model.aim_force:
+        return ForcePalpation(depth, seed, model.aim_force, model.arm_stiffness, model.withdrawal)
+    if settings.condition == "free":
+        return FreePalpation(depth, seed, model.withdrawal)
+    if settings.condition == "mimic":
+        target = settings.target
+        return mimic(depth, seed, target.frequency, target.count_in)
+    return None
 
 
 def make_condition(settings: TrialSettings) -> Condition:
@@ -128,9 +153,13 @@ def make_link(settings: TrialSettings) -> Link:
     return BilateralLink(admittance, coupling, *halves, channel, settings.seed)
 
 
-def make_layout(settings: TrialSettings, bank: Mapping[str, Estimator]) -> Layout:
+def make_layout(
+    settings: TrialSettings,
+    bank: Mapping[str, Estimator],
+    pointer: PointerOperator | None = None,
+) -> Layout:
     """Return the layout of the message of a tick."""
-    return Layout(bank, FEEDBACK_COLUMNS if settings.has_link else ())
+    return Layout(bank, FEEDBACK_COLUMNS if settings.has_link else (), pointer)
 
 
 def make_controller(

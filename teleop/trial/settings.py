@@ -53,6 +53,8 @@ class TrialSettings:
     """Name of the operator."""
     notes: str = ""
     """Notes."""
+    live: bool = False
+    """Whether to show the trial in a page of the browser."""
     duration: float = 10.0
     """Duration [s]."""
     clock: ClockName = "real"
@@ -107,8 +109,7 @@ class TrialSettings:
     rig: RigFile | None = None
     """The rig of devices. Default: the simulated rig."""
     depth: float | None = None
-    """Depth of palpation [m]. Default: the depth of the paper on this cube. A rig of devices
-    needs a depth."""
+    """Depth of palpation [m], needed on a rig of devices. Default: that of the paper."""
 
     def __post_init__(self) -> None:
         problems = [*self._values_out_of_range()] or [*self._inconsistent_values()]
@@ -138,6 +139,8 @@ class TrialSettings:
                 yield f"{name} {text!r}: expected one line of at most {ranges.NAME} characters"
         if len(self.notes) > ranges.NOTES:
             yield f"notes: expected at most {ranges.NOTES} characters, got {len(self.notes)}"
+        if "\0" in self.notes:
+            yield "notes: expected text without the character zero"
         if self.count_in is not None and not 0.0 <= self.count_in <= 60.0:
             yield f"count_in {self.count_in:g} s: expected 0 to 60 s"
         try:
@@ -145,8 +148,7 @@ class TrialSettings:
         except ValueError as error:
             yield str(error)
         if not 0.0 < self.duration <= ranges.DURATION:
-            longest = ranges.DURATION
-            yield f"duration {self.duration:g} s: expected more than 0 and at most {longest:g} s"
+            yield f"duration {self.duration:g} s: expected more than 0, at most {ranges.DURATION:g} s"
 
     def _inconsistent_values(self) -> Iterator[str]:
         if self.condition == "mimic" and not isinstance(self.excitation, Sine):
@@ -211,9 +213,8 @@ class TrialSettings:
     @property
     def target(self) -> Target:
         """Target that the operator follows in the mimic condition."""
-        count_in = (
-            (ranges.COUNT_IN if self.rig else 0.0) if self.count_in is None else self.count_in
-        )
+        usual = ranges.COUNT_IN if self.rig else 0.0
+        count_in = usual if self.count_in is None else self.count_in
         return Target(self.excitation.highest, self.setup.depth, count_in)
 
     @property
@@ -288,9 +289,7 @@ class TrialSettings:
             return self.preset
         preset = paper_preset("soft" if self.rig else self.cube)
         if self.rig and self.depth:
-            scale = (DEPTH[self.condition]["soft"] / self.depth) ** 2
-            gain_b, gain_k = preset.adaptation_gain
-            preset = replace(preset, adaptation_gain=(scale * gain_b, scale * gain_k))
+            preset = preset.for_depth(self.depth, DEPTH[self.condition]["soft"])
         return replace(
             preset,
             estimators=self.estimators,

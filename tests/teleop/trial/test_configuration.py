@@ -225,6 +225,11 @@ def test_specimen_operator_and_notes_are_in_the_recording_and_the_summary(tmp_pa
     assert read_configuration(record).specimen == "liver 3"
 
 
+def test_notes_that_a_recording_cannot_contain_are_refused():
+    with pytest.raises(InputError, match="notes: expected text without the character zero"):
+        TrialSettings(notes="warm\0")
+
+
 def test_a_recording_without_the_newer_settings_still_runs_again(tmp_path, monkeypatch):
     older = to_document(TrialSettings(seed=4, depth=3e-3))
     for key in ("specimen", "operator", "notes", "tightened_limits", "estimator_parameters"):

@@ -29,7 +29,7 @@ VARIED = {
     "cube": st.sampled_from(["soft", "medium", "hard"]),
     "specimen": st.sampled_from(["", "liver"]),
     "operator": st.sampled_from(["", "s01"]),
-    "notes": st.text(max_size=10),
+    "notes": st.text(max_size=10).filter(lambda text: "\0" not in text),
     "duration": st.floats(0.02, 0.2),
     "rate": st.sampled_from([500.0, 1000.0, 1234.5]),
     "seed": st.integers(0, 2**31),
@@ -56,6 +56,7 @@ VARIED = {
         st.just(0.5),
         st.sampled_from([None, True, False]),
     ),
+    "live": st.booleans(),
     "channel": st.none() | st.builds(ChannelSettings, st.floats(0.0, 0.1), st.floats(0.0, 0.01)),
 }
 """Values of the settings; `condition` besides, whose values depend on the signal."""

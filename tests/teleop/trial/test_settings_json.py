@@ -91,7 +91,7 @@ def settings_of(condition, signals):
         depth=st.sampled_from([None, 2.5e-3]),
         specimen=st.text(NAME_LETTERS, max_size=20).map(str.strip),
         operator=st.text(NAME_LETTERS, max_size=20).map(str.strip),
-        notes=st.text(max_size=50),
+        notes=st.text(max_size=50).filter(lambda text: "\0" not in text),
         operator_model=st.builds(
             OperatorModel, st.floats(50.0, 2000.0), withdrawal=st.floats(-0.3, 0.8)
         ),

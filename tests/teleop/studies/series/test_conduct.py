@@ -267,7 +267,9 @@ def test_a_series_on_a_rig_of_devices_needs_a_person_or_yes(tmp_path, refused):
 
 def test_the_prompt_of_a_series_arms_the_drives_and_is_the_only_one(tmp_path, monkeypatch, capsys):
     run = []
-    monkeypatch.setattr("teleop.commands.series.run", lambda *given: run.append(given) or 1 / 0)
+    monkeypatch.setattr(
+        "teleop.commands.series.run", lambda *given, link: run.append(given) or 1 / 0
+    )
     answers = iter(["\n"])
     monkeypatch.setattr("sys.stdin.readline", lambda: next(answers), raising=False)
     with pytest.raises(ZeroDivisionError):

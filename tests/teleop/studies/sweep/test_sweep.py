@@ -188,7 +188,7 @@ def test_a_plan_whose_settings_are_wrong_at_every_point_is_refused_before_it_run
         (('name = "short"', 'name = "short"\ndesign = "random"'), "expected the number of points"),
         (('name = "short"', 'name = "short"\npoints = 3'), "expected none"),
         (('name = "short"', 'name = "short"\ndesign = "list"'), "same number of values"),
-        (('name = "short"', 'name = "short"\nsteps = 3'), "steps: extra inputs"),
+        (('name = "short"', 'name = "short"\nsteps = 3'), "steps: unknown setting"),
         (("steps = 3", 'steps = 3, scale = "log", low = 0.0'), "not a TOML file"),
     ],
 )

@@ -1,0 +1,231 @@
+"""The live page without a browser: latencies, processor time, and its effect on the loop.
+
+    python benchmarks/live.py                    # all measurements, about four minutes
+    python benchmarks/live.py --times 3 --seconds 5
+    python benchmarks/live.py --minutes 30       # pages that come and go: memory, descriptors
+
+Measured in one run, each next to its aim: the time from STOP of a page to the commanded stop, with
+and without a flooding client; from the death of the live process to the beginning of the ramp; from
+the last sample of the pointer to the release of the handle; the processor time of the live process;
+and, in turns with runs without a page, the lateness of the loop and the duration of a tick.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import contextlib
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Coroutine
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from live_session import Page, flood, now, session
+from live_ticks import parts, report, ticks
+from websockets.exceptions import ConnectionClosed
+
+from teleop.recording.recording import load
+
+FAULT = 5
+LONG = ("--duration", "600", "--no-record")
+
+
+def fault_time(path: Path, page: Page) -> float:
+    """Return the time of the first tick in mode fault, on the clock of the column `sent` [s]."""
+    recording = load(path)
+    offset = float(np.median(page.column("sent") - page.column("time")))
+    return float(recording["time"][recording["mode"] == FAULT][0]) + offset
+
+
+def repeated(times: int, measure: Callable[[int], Coroutine[Any, Any, float]]) -> list[float]:
+    """Return measured values; one that a busy machine could not measure is measured again."""
+    found: list[float] = []
+    for number in range(3 * times):
+        try:
+            found.append(asyncio.run(asyncio.wait_for(measure(number), 60.0)))
+        except (ConnectionError, TimeoutError, IndexError, subprocess.TimeoutExpired) as error:
+            print(f"not measured: {error or type(error).__name__}", flush=True)
+        if len(found) == times:
+            break
+    return found
+
+
+async def stop(number: int, folder: Path, flooding: bool) -> float:
+    """Return the time from STOP to the commanded stop [ms]."""
+    path = folder / f"stop-{flooding}-{number}.mcap"
+    with session("--duration", "600", "--record", str(path)) as running:
+        task = asyncio.create_task(flood(running)) if flooding else None
+        async with running.page() as page:
+            await page.arm()
+            await asyncio.sleep(random.uniform(1.0, 1.2))
+            pressed = now()
+            await page.send("stop")
+            await page.until("ended")
+        if task:
+            task.cancel()
+            await asyncio.gather(task, return_exceptions=True)
+        running.process.communicate(timeout=90.0)
+        return 1e3 * (fault_time(path, page) - pressed)
+
+
+async def death(number: int, folder: Path) -> float:
+    """Return the time from the death of the live process to the beginning of the ramp [ms]."""
+    path = folder / f"death-{number}.mcap"
+    with session("--duration", "600", "--record", str(path)) as running:
+        died = 0.0
+        try:
+            async with running.page() as page:
+                await page.arm()
+                await asyncio.sleep(random.uniform(1.0, 1.2))
+                died = now()
+                os.kill(running.live, (signal.SIGKILL, signal.SIGSTOP)[number % 2])
+        except ConnectionClosed:
+            if not died:
+                raise ConnectionError("the command ended before it was armed") from None
+        running.process.communicate(timeout=90.0)
+        return 1e3 * (fault_time(path, page) - died)
+
+
+async def silences(times: int, folder: Path) -> list[float]:
+    """Return the times from the last sample of the pointer to the release of the handle [ms]."""
+    path = folder / "pointer.mcap"
+    sent = []
+    with session(
+        "--duration", str(2.0 + times), "--operator", "pointer", "--record", str(path)
+    ) as running:
+        async with running.page() as page:
+            await page.arm()
+            for _ in range(times):
+                for n in range(30):
+                    await page.send("pointer", depth=0.004 + 0.0001 * n, grip=True)
+                    sent.append(now())
+                    await asyncio.sleep(1.0 / 60.0)
+                sent = [*sent[: len(sent) - 30], sent[-1]]
+                await asyncio.sleep(0.4)
+            offset = float(np.median(page.column("sent") - page.column("time")))
+            await page.until("ended")
+    recording = load(path)
+    released = recording["time"][1:][np.diff(recording["pointer_grip"]) < 0.0] + offset
+    return [1e3 * float(released[released > last][0] - last) for last in sent]
+
+
+async def processor_time(seconds: float) -> None:
+    """Print the share of a processor that the live process needs with one and eight pages."""
+    with session(*LONG, "--yes") as running:
+        async with contextlib.AsyncExitStack() as pages:
+            for count, aim in ((1, "<= 5"), (8, "<= 8")):
+                for _ in range(count - (count > 1)):
+                    page = await pages.enter_async_context(running.page())
+                await page.until("active")
+                await asyncio.sleep(1.0)
+                start, before = now(), running.cpu()
+                await asyncio.sleep(seconds)
+                share = 100.0 * (running.cpu() - before) / (now() - start)
+                print(f"live process with {count} page(s): {share:.1f} % of a processor, aim {aim}")
+
+
+async def with_pages(seconds: float, count: int) -> dict[str, Any]:
+    """Return the summary of a run with pages; of more than one page, the last one floods."""
+    with session("--duration", str(seconds), "--no-record", "--yes") as running:
+        async with contextlib.AsyncExitStack() as pages:
+            for _ in range(max(count - 1, 1)):
+                page = await pages.enter_async_context(running.page())
+            tasks = [asyncio.create_task(flood(running))] if count > 1 else []
+            while not page.summary:
+                await asyncio.sleep(0.05)
+            for task in tasks:
+                task.cancel()
+            await asyncio.gather(*tasks, return_exceptions=True)
+            return page.summary
+
+
+def without_page(seconds: float) -> dict[str, Any]:
+    """Return the summary of a run without a page."""
+    command = [sys.executable, "-m", "teleop", "run", "--no-record", "--json"]
+    done = subprocess.run(
+        [*command, "--duration", str(seconds)], capture_output=True, text=True, check=False
+    )
+    return dict(json.loads(done.stdout))
+
+
+def pairs(times: int, seconds: float) -> None:
+    """Print lateness and duration of a tick without, with one and with eight pages, in turns."""
+    rows = []
+    for _ in range(times):
+        runs = (without_page(seconds), *(asyncio.run(with_pages(seconds, n)) for n in (1, 8)))
+        for summary in runs:
+            loop = summary["loop"]
+            rows.append((loop["lateness_us"]["p99_9"], loop["tick_us"]["busy"]["p50"]))
+    late, busy = np.median(np.reshape(rows, (times, 3, 2)), axis=0).T
+    for name, values in (("lateness p99.9 [us]", late), ("duration of a tick p50 [us]", busy)):
+        none, one, eight = values
+        print(
+            f"{name}: {none:.1f} without, {one:.1f} with one page, {eight:.1f} with 8, one "
+            f"flooding: ratio {one / none:.2f}, {eight / none:.2f}, difference {one - none:+.1f}, "
+            f"{eight - none:+.1f}",
+            flush=True,
+        )
+
+
+async def soak(minutes: float) -> None:
+    """Print the growth of memory and descriptors while pages come and go."""
+    end = now() + 60.0 * minutes
+    with session("--duration", str(60.0 * minutes + 60.0), "--no-record", "--yes") as running:
+
+        async def come_and_go() -> int:
+            count = 0
+            while now() < end:
+                async with running.page():
+                    await asyncio.sleep(random.uniform(0.5, 20.0))
+                count += 1
+            return count
+
+        async with running.page() as page:
+            visitors = [asyncio.create_task(come_and_go()) for _ in range(7)]
+            await asyncio.sleep(min(60.0, 12.0 * minutes))
+            memory = running.memory()
+            count = sum(await asyncio.gather(*visitors))
+            await asyncio.sleep(2.0)
+            alone = running.descriptors()
+            print(
+                f"{minutes:g} min, {count} visits: memory {running.memory() - memory:+.2f} MB (aim "
+                f"+1), {alone} descriptors with one page, {page.state['health']}"
+            )
+        await asyncio.sleep(1.0)
+        print(f"{running.descriptors()} descriptors without a page")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--times", type=int, default=15)
+    parser.add_argument("--seconds", type=float, default=10.0)
+    parser.add_argument("--minutes", type=float)
+    options = parser.parse_args()
+    print(f"load {os.getloadavg()[0]:.1f}, {os.cpu_count()} processors")
+    if options.minutes:
+        asyncio.run(soak(options.minutes))
+        return
+    parts()
+    ticks(options.times)
+    with tempfile.TemporaryDirectory() as name:
+        folder, times = Path(name), options.times
+        quiet = repeated(times, lambda number: stop(number, folder, False))
+        report("STOP to stop", quiet, "ms", "p99 20, max 100")
+        flooded = repeated(times, lambda number: stop(number, folder, True))
+        report("STOP to stop, flood", flooded, "ms", "max 50")
+        died = repeated(times, lambda number: death(number, folder))
+        report("live process dead to ramp", died, "ms", "max 350")
+        report("silent hand to release", asyncio.run(silences(times, folder)), "ms", "max 200")
+    asyncio.run(processor_time(options.seconds))
+    pairs(max(3, options.times // 5), options.seconds)
+
+
+if __name__ == "__main__":
+    main()
