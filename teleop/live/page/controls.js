@@ -1,0 +1,91 @@
+// Requests to the trial: unlock and start, end, next, choices, notes, and who holds control.
+
+const MOST_BYTES = 900; // of a message
+const CHOICES = ["condition", "specimen", "duration"];
+
+export class Controls {
+  constructor(byId, connection) {
+    this.byId = byId;
+    this.connection = connection;
+    this.welcome = null;
+    this.state = null;
+    for (const type of ["unlock", "start", "end", "next", "repeat", "skip"]) {
+      byId(type).addEventListener("click", () => this.#request({ type }));
+    }
+    byId("control").addEventListener("click", () => {
+      connection.send({ type: this.mine ? "release" : "control" });
+    });
+    for (const name of CHOICES) byId(name).addEventListener("change", () => this.#choose());
+    byId("notes-save").addEventListener("click", () => this.#saveNotes());
+    connection.on("welcome", (message) => this.#welcome(message));
+    connection.on("trial", (message) => this.#trial(message));
+    connection.on("state", (message) => this.#update(message));
+    connection.on("closed", () => this.#update(null));
+    this.#update(null);
+  }
+
+  get mine() {
+    return Boolean(this.state && this.state.control === "you");
+  }
+
+  // Ask for control first if nobody holds it.
+  #request(message) {
+    if (this.state && this.state.control === "none") this.connection.send({ type: "control" });
+    this.connection.send(message);
+  }
+
+  #welcome(message) {
+    this.welcome = message;
+    const choices = message.choices || {};
+    for (const name of CHOICES) {
+      const values = choices[name] || [];
+      const select = this.byId(name);
+      select.replaceChildren(...values.map((value) => new Option(name === "duration" ? `${value} s` : value, value)));
+      select.parentElement.hidden = values.length < 2;
+    }
+    this.byId("choices").hidden = !CHOICES.some((name) => (choices[name] || []).length > 1);
+    this.#update(this.state);
+  }
+
+  #trial(message) {
+    for (const name of CHOICES) if (name in message) this.byId(name).value = message[name];
+    const { series } = message;
+    this.byId("series").hidden = !series;
+    if (series) this.byId("series-text").textContent = `trial ${series.position} of ${series.of}`;
+  }
+
+  #choose() {
+    const message = { type: "choose" };
+    for (const name of CHOICES) {
+      const values = ((this.welcome || {}).choices || {})[name] || [];
+      if (values.length) message[name] = values[this.byId(name).selectedIndex];
+    }
+    this.#request(message);
+  }
+
+  #saveNotes() {
+    const message = { type: "notes", text: this.byId("notes").value };
+    const fits = new TextEncoder().encode(JSON.stringify(message)).length <= MOST_BYTES;
+    if (fits) this.#request(message);
+    this.byId("notes-text").textContent = fits ? "Saved with the recording." : "Too long: shorten the notes.";
+  }
+
+  #update(state) {
+    this.state = state;
+    const { byId, welcome } = this;
+    const allowed = Boolean(state && welcome && welcome.kind === "live" && state.control !== "other");
+    const mode = state ? state.mode : "";
+    const running = mode === "active" || mode === "stopping";
+    const mayArm = allowed && Boolean(welcome.may_arm) && !running;
+    byId("unlock").disabled = !mayArm;
+    byId("unlock").hidden = byId("start").hidden = Boolean(welcome && !welcome.may_arm);
+    byId("start").disabled = !(mayArm && state.unlocked);
+    byId("start").classList.toggle("ready", mayArm && Boolean(state.unlocked));
+    byId("end").disabled = !(allowed && running);
+    for (const name of ["next", "repeat", "skip", ...CHOICES]) byId(name).disabled = !allowed || running;
+    byId("notes").disabled = byId("notes-save").disabled = !allowed;
+    const control = byId("control");
+    control.disabled = !state || state.control === "other";
+    control.textContent = this.mine ? "Release control" : control.disabled && state ? "Another page has control" : "Take control";
+  }
+}

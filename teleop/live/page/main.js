@@ -1,0 +1,103 @@
+// The main page.
+
+import { Connection } from "./connection.js";
+import { Controls } from "./controls.js";
+import { CueText } from "./cue.js";
+import { Estimates } from "./estimates.js";
+import { ForceDisplacement } from "./force_displacement.js";
+import { Frames } from "./frames.js";
+import { HELP, Pointer } from "./pointer.js";
+import { Replay } from "./replay.js";
+import { publish } from "./inspection.js";
+import { startSpeech } from "./speech.js";
+import { Status } from "./status.js";
+import { Stop } from "./stop.js";
+import { Store } from "./store.js";
+import { Strips } from "./strips.js";
+import { summaryParts } from "./summary.js";
+import { startTheme } from "./theme.js";
+import { Tool } from "./tool.js";
+
+const TEXTS = 200; // ms between two updates of texts and ranges
+
+const byId = (id) => document.getElementById(id);
+startTheme(byId("theme"));
+const store = new Store();
+const connection = new Connection("main", store);
+const status = new Status(byId, store, connection);
+connection.expecting = () => status.expecting();
+const controls = new Controls(byId, connection);
+const replay = new Replay(byId, connection, status);
+const stop = new Stop(byId("stop"), connection, {
+  tell: (text) => status.tell(text),
+  stopped: () => status.stopped(),
+});
+const strips = new Strips(byId("strips"), store);
+const estimates = new Estimates(byId("estimates").tBodies[0], store);
+const plane = new ForceDisplacement(byId("xy"), store);
+const cue = new CueText(byId("cue-error"), byId("cue-rms"), byId("count-in"));
+let welcome = null;
+let trial = null;
+
+const pointer = new Pointer(byId("tool"), (message) => connection.send(message), {
+  depthAt: (share) => tool.depthAt(share),
+  allowed: () => Boolean(welcome && welcome.pointer && controls.mine && status.state.mode === "active"),
+  present: () => store.last("slave_position") || 0,
+});
+const tool = new Tool(byId("tool"), store, pointer.hand);
+byId("tool-help").textContent = HELP;
+
+function build() {
+  if (!welcome) return;
+  strips.build(welcome, trial);
+  estimates.build(welcome);
+  plane.build(welcome);
+  tool.build(trial);
+  byId("cue-panel").hidden = !strips.preview;
+  document.body.classList.toggle("has-pointer", Boolean(welcome.pointer));
+}
+
+connection.on("welcome", (message) => {
+  welcome = message;
+  trial = null;
+  build();
+});
+connection.on("trial", (message) => {
+  trial = message;
+  store.clear();
+  byId("summary").close();
+  build();
+});
+connection.on("summary", (message) => {
+  byId("summary-body").replaceChildren(...summaryParts(message));
+  byId("summary").show();
+});
+connection.on("closed", () => pointer.release());
+byId("summary-close").addEventListener("click", () => byId("summary").close());
+byId("operator-link").hash = location.hash;
+
+function hint() {
+  if (!welcome || !welcome.pointer || !status.state) return "";
+  if (status.state.mode !== "active") return "";
+  if (!controls.mine) return status.state.control === "other" ? "another page has control" : "take control to palpate";
+  return pointer.hand.grip ? "let go to lift" : "press and hold, or hold G and use the arrow keys";
+}
+
+let updated = 0;
+const frames = new Frames();
+frames.add((now) => pointer.frame(now));
+frames.add(() => strips.draw(store.last("time")));
+frames.add(() => tool.draw(), 2);
+frames.add((now) => plane.draw(now), 4, 1);
+frames.add((now) => {
+  if (now - updated < TEXTS) return;
+  updated = now;
+  strips.update(now);
+  estimates.update();
+  status.update();
+  if (strips.preview) cue.update(store, strips.preview);
+  const text = hint();
+  if (byId("tool-hint").textContent !== text) byId("tool-hint").textContent = text;
+});
+startSpeech(byId("spoken"), store, status, () => estimates.sentence());
+publish({ store, connection, status, frames, hand: pointer.hand });

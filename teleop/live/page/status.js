@@ -1,0 +1,118 @@
+// Mode, text, trial time, health of the loop and the state of the connection, in words.
+
+import { fixed } from "./format.js";
+
+export class Status {
+  constructor(byId, store, connection) {
+    this.byId = byId;
+    this.store = store;
+    this.connection = connection;
+    this.state = null;
+    this.trial = null;
+    this.notice = "";
+    connection.on("welcome", (message) => {
+      this.kind = message.kind;
+      document.body.classList.toggle("is-replay", message.kind === "replay");
+    });
+    connection.on("trial", (message) => this.#trial(message));
+    connection.on("state", (message) => this.#state(message));
+    connection.on("error", (message) => this.tell(message.text, 6000));
+    connection.on("words", () => this.#connection());
+    connection.on("fresh", () => this.#fresh());
+    connection.on("closed", () => this.#fresh());
+  }
+
+  // Whether ticks should be arriving.
+  expecting() {
+    if (!this.state || this.state.loop === "gone") return false;
+    return this.kind === "replay" ? Boolean(this.playing) : this.state.mode !== "ended";
+  }
+
+  stopped() {
+    return !this.state || !["active", "stopping"].includes(this.state.mode) || this.kind === "replay";
+  }
+
+  // Show a notice above everything else.
+  tell(text, duration = 15000) {
+    this.notice = text;
+    this.byId("alert").textContent = text;
+    clearTimeout(this.timer);
+    this.timer = setTimeout(() => {
+      this.notice = "";
+      this.#fresh();
+    }, duration);
+    this.#fresh();
+  }
+
+  #trial(message) {
+    this.trial = message;
+    const subject = this.byId("subject");
+    if (!subject) return;
+    const parts = [message.condition, message.specimen, message.simulated ? "simulated rig" : message.rig];
+    if (message.operator) parts.push(message.operator);
+    subject.textContent = parts.filter(Boolean).join(" · ");
+  }
+
+  #state(message) {
+    this.state = message;
+    const mode = this.byId("mode");
+    const gone = message.loop === "gone" && message.mode !== "ended" && this.kind !== "replay";
+    mode.textContent = gone ? "no trial" : message.mode;
+    mode.dataset.mode = gone ? "gone" : message.mode;
+    if (this.byId("text").textContent !== message.text) this.byId("text").textContent = message.text;
+    document.body.dataset.mode = message.mode;
+    this.#connection();
+    this.#fresh();
+  }
+
+  #connection() {
+    const { connection, state } = this;
+    const parts = [connection.words];
+    if (connection.words === "connected") {
+      if (Number.isFinite(connection.roundTrip)) parts.push(`${fixed(connection.roundTrip)} ms`);
+      if (state && state.clients > 1) parts.push(`${state.clients} pages`);
+      if (state && state.armed_by) parts.push(`armed by the ${state.armed_by}`);
+    }
+    this.byId("connection").textContent = parts.join(" · ");
+    document.body.classList.toggle("is-connected", connection.words === "connected");
+  }
+
+  #fresh() {
+    const { connection } = this;
+    const connected = connection.words === "connected";
+    const stale = !connection.fresh && (connected || this.state !== null || connection.words !== "connecting");
+    let text = this.notice;
+    if (!text && stale) {
+      text = connected ? "No new data from the control loop. The values are old." : `${sentence(connection.words)} The values are old.`;
+    }
+    const box = this.byId("stale");
+    box.hidden = !text;
+    if (box.textContent !== text) box.textContent = text;
+    document.body.classList.toggle("is-stale", stale);
+  }
+
+  update() {
+    const { store, trial, byId } = this;
+    const time = store.last("time");
+    const duration = trial ? trial.duration : NaN;
+    byId("clock").textContent = Number.isFinite(time)
+      ? `${fixed(Math.max(time, 0), 1)}${Number.isFinite(duration) ? ` of ${fixed(duration)}` : ""} s`
+      : "";
+    if (byId("progress")) byId("progress").value = Number.isFinite(duration) ? Math.min(Math.max(time, 0) / duration, 1) || 0 : 0;
+    if (byId("health")) byId("health").textContent = this.#health();
+    this.#connection();
+  }
+
+  #health() {
+    const health = (this.state && this.state.health) || {};
+    const count = (value) => (Number.isFinite(value) ? fixed(value) : "–");
+    return (
+      `loop: lateness ${fixed(1e6 * health.lateness_max)} µs, overruns ${count(health.overruns)}, ` +
+      `skipped ${count(health.skipped)}, dropped ${count(health.dropped)}`
+    );
+  }
+}
+
+function sentence(words) {
+  return `${words[0].toUpperCase()}${words.slice(1)}.`;
+}
