@@ -7,7 +7,7 @@ const LIMIT = { colour: "limit", dash: [3, 4] };
 const TRUTH = { colour: "truth", dash: [10, 5] };
 
 function line(name, colour, label, width = 1.8, dash = []) {
-  return { name, label, colour: () => colours[colour], width, dash };
+  return { name, label, swatch: colour, colour: () => colours[colour], width, dash };
 }
 
 function estimated(estimators, key, columns) {
@@ -18,6 +18,7 @@ function estimated(estimators, key, columns) {
     held: name(e.held),
     label: e.name,
     index,
+    swatch: index % 5,
     colour: () => estimatorColour(index),
     width: 1.8,
     dash: estimatorDash(index),
@@ -38,12 +39,11 @@ export function charts(welcome, trial) {
     {
       id: "position", title: "position", unit: "mm", factor: 1e3, digits: 1, share: 1.5, scale: new Scale(2),
       traces: [
-        line("target", "target", "target", 5),
+        ...(trial && trial.target ? [{ ...line("target", "target", "target", 4), marker: "target-marker" }] : []),
         line("master_position", "muted", "handle", 1.3, [3, 3]),
-        line("slave_position", "own", "tool", 2.2),
+        { ...line("slave_position", "own", "tool", 2.2), marker: "own-marker" },
       ],
       levels: levels(position, LIMIT, "soft limit"),
-      markers: true,
     },
     {
       id: "force", title: "contact force", unit: "N", factor: 1, digits: 1, share: 1.1, scale: new Scale(2),
@@ -71,9 +71,10 @@ export function charts(welcome, trial) {
       robust: true,
     },
     {
-      id: "excitation", title: "excitation", unit: "", factor: 1, digits: 2, share: 0.5, scale: new Scale(0.5),
+      id: "excitation", title: "excitation", unit: "", factor: 1, digits: 2, share: 0.5, scale: new Scale(0.2),
       traces: [line("excitation", "text", "excitation", 1.5)],
       levels: [],
     },
+    { id: "axis", axis: true, traces: [], levels: [], factor: 1, scale: new Scale(1) },
   ];
 }

@@ -86,6 +86,7 @@ export class Controls {
     byId("notes").disabled = byId("notes-save").disabled = !allowed;
     const control = byId("control");
     control.disabled = !state || state.control === "other";
+    control.hidden = this.mine && state.clients < 2;
     control.textContent = this.mine ? "Release control" : control.disabled && state ? "Another page has control" : "Take control";
   }
 }

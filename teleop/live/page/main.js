@@ -18,7 +18,8 @@ import { summaryParts } from "./summary.js";
 import { startTheme } from "./theme.js";
 import { Tool } from "./tool.js";
 
-const TEXTS = 200; // ms between two updates of texts and ranges
+const TEXTS = 200; // ms between two updates of texts
+const RANGES = 80; // ms between two updates of the ranges of the plots
 
 const byId = (id) => document.getElementById(id);
 startTheme(byId("theme"));
@@ -84,15 +85,21 @@ function hint() {
 }
 
 let updated = 0;
+let ranged = 0;
 const frames = new Frames();
 frames.add((now) => pointer.frame(now));
+frames.add((now) => {
+  if (now - ranged < RANGES) return;
+  ranged = now;
+  strips.scale(now);
+});
 frames.add(() => strips.draw(store.last("time")));
 frames.add(() => tool.draw(), 2);
 frames.add((now) => plane.draw(now), 4, 1);
 frames.add((now) => {
   if (now - updated < TEXTS) return;
   updated = now;
-  strips.update(now);
+  strips.write();
   estimates.update();
   status.update();
   if (strips.preview) cue.update(store, strips.preview);

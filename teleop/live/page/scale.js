@@ -1,7 +1,7 @@
 // Vertical range of a plot: it covers the data, has round ends, and seldom changes.
 
 const PATIENCE = 4000; // ms for which a range stays larger than needed
-const SHRINK = 0.45; // share of the range that is needed, below which it becomes smaller
+const SHRINK = 0.6; // share of the range that is needed, below which it becomes smaller
 
 export class Scale {
   constructor(smallest) {
@@ -29,9 +29,9 @@ export class Scale {
     if (!this.empty && inside && now - this.since < PATIENCE) return false;
     this.empty = false;
     this.since = now;
-    const margin = 0.12 * half;
+    const margin = 0.16 * half;
     this.step = niceStep((2 * half + 2 * margin) / rows);
-    const fine = this.step / 2;
+    const fine = this.step / 5;
     const before = [this.low, this.high];
     this.low = Math.floor((middle - half - margin) / fine) * fine;
     this.high = Math.ceil((middle + half + margin) / fine) * fine;

@@ -1,7 +1,8 @@
 // A strip chart. It is drawn incrementally: the picture moves left by whole pixels, and only the new
 // columns of pixels and the new samples are drawn.
 
-import { colours, estimatorColour } from "./theme.js";
+import { fixed } from "./format.js";
+import { colours, estimatorColour, font } from "./theme.js";
 
 const LONGEST_STEP = 1.0; // s without samples after which lines are interrupted
 
@@ -69,9 +70,8 @@ export class Strip {
   #background(x0, x1) {
     const { context, canvas, chart } = this;
     const first = this.edge - canvas.width; // absolute number of the column at x = 0
-    const unit = Math.max(1, Math.round(canvas.height / 160));
     context.setLineDash([]);
-    context.fillStyle = colours.ground;
+    context.fillStyle = chart.axis ? colours.page : colours.ground;
     context.fillRect(x0, 0, x1 - x0, canvas.height);
     context.fillStyle = colours.grid;
     for (const tick of chart.scale.ticks) {
@@ -80,12 +80,14 @@ export class Strip {
     const every = 2 * this.perSecond;
     for (let i = Math.ceil((first + x0 - 1) / every); i * every < first + x1; i++) {
       const x = Math.floor(i * every) - first;
-      if (x >= x0 && x < x1) context.fillRect(x, 0, 1, canvas.height);
+      if (x < x0 || x >= x1) continue;
+      context.fillRect(x, 0, 1, canvas.height);
+      if (chart.axis) this.#time(2 * i, x);
     }
     for (const level of chart.levels) {
       const y = Math.round(this.y(level.value)) + 0.5;
       context.strokeStyle = colours[level.colour];
-      context.lineWidth = 1.5 * unit;
+      context.lineWidth = 1.5 * this.thickness;
       context.setLineDash(level.dash);
       context.lineDashOffset = (first + x0) % level.dash.reduce((a, b) => a + b, 0);
       context.beginPath();
@@ -94,6 +96,16 @@ export class Strip {
       context.stroke();
     }
     context.setLineDash([]);
+  }
+
+  // Label of a line of the grid, on its left, where the picture is complete already.
+  #time(t, x) {
+    const { context, canvas } = this;
+    context.font = font(0.68 * canvas.height);
+    context.textAlign = "right";
+    context.fillStyle = colours.muted;
+    context.fillText(`${fixed(t)} s`, x - 0.3 * canvas.height, 0.75 * canvas.height);
+    context.fillStyle = colours.grid;
   }
 
   #traces(time) {
@@ -172,7 +184,6 @@ export class Strip {
     const std = store.column(trace.std);
     const held = trace.held && store.column(trace.held);
     if (!values || !std) return;
-    context.globalAlpha = 0.22;
     context.fillStyle = estimatorColour(trace.index);
     for (let row = this.row; row < store.count; row++) {
       const column = Math.floor(time.at(row) * perSecond);
@@ -181,8 +192,10 @@ export class Strip {
       trace.column = column;
       const half = 1.96 * std.at(row);
       if (!Number.isFinite(half) || (held && held.at(row) === 1)) continue;
-      const top = Math.max(this.y(values.at(row) + half), -1);
-      const bottom = Math.min(this.y(values.at(row) - half), this.canvas.height + 1);
+      const top = Math.max(this.y(values.at(row) + half), 0);
+      const bottom = Math.min(this.y(values.at(row) - half), this.canvas.height);
+      const beyond = top === 0 && bottom === this.canvas.height;
+      context.globalAlpha = beyond ? 0.06 : 0.24;
       if (bottom > top) context.fillRect(start - first, top, column + 1 - start, bottom - top);
     }
     context.globalAlpha = 1;

@@ -4,7 +4,7 @@ import { fit } from "./canvas.js";
 import { charts } from "./charts.js";
 import { Strip } from "./strip.js";
 import { fixed } from "./format.js";
-import { percentiles, ticksBetween } from "./scale.js";
+import { percentiles } from "./scale.js";
 import { onTheme } from "./theme.js";
 import { previewOf } from "./target.js";
 
@@ -17,6 +17,12 @@ function element(tag, name, text = "") {
   const one = document.createElement(tag);
   one.className = name;
   one.textContent = text;
+  return one;
+}
+
+function legend(trace) {
+  const one = element("span", "legend", trace.label);
+  one.prepend(element("i", `swatch swatch-${trace.swatch}`));
   return one;
 }
 
@@ -33,15 +39,19 @@ export class Strips {
     this.preview = previewOf(trial);
     this.timing = { span: SPAN, preview: this.preview ? PREVIEW : 0 };
     this.rows = charts(welcome, trial)
-      .filter((chart) => chart.traces.length)
-      .map((chart) => this.#row(chart));
-    this.axis = element("div", "time-axis");
-    for (const t of ticksBetween(-SPAN, this.timing.preview, 2)) {
-      const label = element("span", "tick", t === 0 ? "now" : `${fixed(t)} s`);
-      label.style.left = `${(100 * (t + SPAN)) / (SPAN + this.timing.preview)}%`;
-      this.axis.append(label);
-    }
-    this.parent.append(this.axis);
+      .filter((chart) => chart.axis || chart.traces.length)
+      .map((chart) => (chart.axis ? this.#axis(chart) : this.#row(chart)));
+  }
+
+  // Time of the trial below the strips.
+  #axis(chart) {
+    const plot = element("div", "time-axis");
+    const canvas = element("canvas", "");
+    plot.append(canvas);
+    this.parent.append(plot);
+    const strip = new Strip(canvas, this.store, chart, this.timing);
+    fit(canvas, () => strip.invalidate());
+    return { chart, strip, markers: [] };
   }
 
   #row(chart) {
@@ -51,24 +61,26 @@ export class Strips {
     const title = element("h2", "strip-title", chart.title);
     const unit = element("span", "unit", chart.unit && `[${chart.unit}]`);
     title.append(" ", unit);
+    const notes = element("span", "strip-notes");
     const value = element("span", "strip-value");
+    if (chart.traces.length > 1) title.append(...chart.traces.map(legend));
     const plot = element("div", "plot");
     const canvas = element("canvas", "");
     canvas.setAttribute("role", "img");
     canvas.setAttribute("aria-label", `${chart.title} over the last ten seconds`);
     const ticks = element("div", "ticks");
     plot.append(canvas);
-    const markers = chart.markers ? [element("i", "marker target-marker"), element("i", "marker own-marker")] : [];
+    const markers = chart.traces.filter((trace) => trace.marker).map((trace) => element("i", `marker ${trace.marker}`));
     plot.append(...markers);
     if (this.timing.preview) {
       const now = element("i", "now-line");
       now.style.left = `${(100 * SPAN) / (SPAN + this.timing.preview)}%`;
       plot.append(now);
     }
-    box.append(title, value, ticks, plot);
+    box.append(title, notes, value, ticks, plot);
     this.parent.append(box);
     const strip = new Strip(canvas, this.store, chart, this.timing);
-    const row = { chart, strip, box, value, ticks, plot, markers, canvas };
+    const row = { chart, strip, notes, value, ticks, plot, markers, canvas };
     fit(canvas, () => {
       chart.scale.reset();
       strip.invalidate();
@@ -90,26 +102,34 @@ export class Strips {
     const { store } = this;
     const x = (SPAN / (SPAN + this.timing.preview)) * row.canvas.clientWidth;
     const scale = row.canvas.clientHeight / row.canvas.height;
-    const names = ["target", "slave_position"];
-    names.forEach((name, i) => {
-      const y = row.strip.y(store.last(name)) * scale;
+    const marked = row.chart.traces.filter((trace) => trace.marker);
+    marked.forEach((trace, i) => {
+      const y = row.strip.y(store.last(trace.name)) * scale;
       row.markers[i].hidden = !Number.isFinite(y);
       row.markers[i].style.transform = `translate(${x}px, ${Number.isFinite(y) ? y : 0}px)`;
     });
   }
 
-  // Ranges and texts; called a few times a second.
-  update(now) {
+  // Present values as text.
+  write() {
+    for (const { chart, value } of this.rows) {
+      if (chart.axis || chart.robust) continue;
+      const text = fixed(this.store.last(chart.traces.at(-1).name) * chart.factor, chart.digits);
+      if (value.textContent !== text) value.textContent = text;
+    }
+  }
+
+  // Adapt the ranges to the data.
+  scale(now) {
     if (!this.store.count) return;
     for (const row of this.rows) {
+      if (row.chart.axis) continue;
       const [low, high] = row.chart.robust ? this.#robust(row.chart) : this.#extremes(row.chart);
-      const most = Math.max(2, Math.floor(row.canvas.clientHeight / 34));
+      const most = Math.max(3, Math.floor(row.canvas.clientHeight / 24));
       if (row.chart.scale.cover(low, high, most, now)) {
         row.strip.invalidate();
         this.#label(row);
       }
-      const first = row.chart.traces[row.chart.robust ? 0 : row.chart.traces.length - 1];
-      if (!row.chart.robust) row.value.textContent = fixed(this.store.last(first.name) * row.chart.factor, row.chart.digits);
     }
   }
 
@@ -124,17 +144,19 @@ export class Strips {
       }),
     );
     for (const old of row.plot.querySelectorAll(".level")) old.remove();
-    let above = 0;
+    const outside = [];
     for (const level of levels) {
       const value = level.value * factor;
       const text = `${level.text} ${fixed(value)}`;
-      const inside = value > scale.low && value < scale.high;
-      if (!inside && (value < scale.low || level.text === "true")) continue;
-      const label = element("span", `level level-${level.text === "true" ? "truth" : "limit"}`, inside ? text : `${text} ↑`);
-      if (inside) label.style.top = place(value);
-      else label.classList.add(above++ ? "level-above-2" : "level-above");
-      row.plot.append(label);
+      if (value > scale.low && value < scale.high) {
+        const label = element("span", `level level-${level.colour}`, text);
+        label.style.top = place(value);
+        row.plot.append(label);
+      } else if (value >= scale.high) {
+        outside.push(`${text} ↑`);
+      }
     }
+    row.notes.textContent = outside.join("  ");
   }
 
   #extremes(chart) {
@@ -150,7 +172,7 @@ export class Strips {
         if (value > high) high = value;
       }
     }
-    if (chart.id === "excitation") return [0, 1];
+    if (chart.id === "excitation") return [0, Math.max(high, 0.2)];
     if (chart.preview) {
       low = Math.min(low, chart.preview.low);
       high = Math.max(high, chart.preview.high);
@@ -164,6 +186,7 @@ export class Strips {
     const start = store.rowAt(store.last("time") - SPAN);
     let low = Infinity;
     let high = -Infinity;
+    let margin = Infinity; // of the estimator with the narrowest band
     for (const trace of chart.traces) {
       const values = store.column(trace.name);
       const std = store.column(trace.std);
@@ -178,11 +201,16 @@ export class Strips {
         const s = std ? std.at(row) : NaN;
         if (Number.isFinite(s)) room[half + bands++] = 1.96 * s;
       }
-      const [bottom, top] = percentiles(room.subarray(0, half), n, [0.06, 0.94]);
+      const [bottom, top] = percentiles(room.subarray(0, half), n, [0.1, 0.9]);
       const [usual] = percentiles(room.subarray(half), bands, [0.5]);
-      const margin = Math.min(usual || 0, 0.6 * Math.max(top - bottom, chart.scale.smallest));
-      if (bottom - margin < low) low = bottom - margin;
-      if (top + margin > high) high = top + margin;
+      if (usual < margin) margin = usual;
+      if (bottom < low) low = bottom;
+      if (top > high) high = top;
+    }
+    if (Number.isFinite(margin)) {
+      margin = Math.min(margin, 0.5 * Math.max(high - low, chart.scale.smallest));
+      low -= margin;
+      high += margin;
     }
     for (const level of chart.levels) {
       if (level.text !== "true") continue;

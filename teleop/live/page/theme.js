@@ -1,6 +1,6 @@
 // Dark and light theme, and the colours of the canvases, which are properties of the style sheet.
 
-const NAMES = ["ground", "grid", "text", "muted", "limit", "truth", "own", "target", "target-ahead", "force", "velocity",
+const NAMES = ["page", "ground", "grid", "text", "muted", "limit", "truth", "own", "target", "target-ahead", "force", "velocity",
   "tissue", "tissue-line", "e0", "e1", "e2", "e3", "e4"];
 
 // Line styles of the estimators differ in colour and dashes.

@@ -63,20 +63,29 @@ export class Tool {
     const spread = half * 1.6 + 0.9 * (this.#y(dent) - this.#y(0));
     context.fillStyle = colours.ground;
     context.fillRect(0, 0, width, height);
+    // The surface, and lines at rest below it, which the dent moves less with depth.
+    const surface = (below, share) => {
+      for (let i = 0; i <= 60; i++) {
+        const x = (i / 60) * width;
+        const away = Math.max(Math.abs(x - middle) - half, 0) / spread;
+        context.lineTo(x, this.#y(below + share * dent * Math.exp(-2 * away * away)));
+      }
+    };
     context.beginPath();
-    context.moveTo(0, height);
-    for (let i = 0; i <= 60; i++) {
-      const x = (i / 60) * width;
-      const away = Math.max(Math.abs(x - middle) - half, 0) / spread;
-      context.lineTo(x, this.#y(dent * Math.exp(-2 * away * away)));
-    }
+    surface(0, 1);
     context.lineTo(width, height);
-    context.closePath();
+    context.lineTo(0, height);
     context.fillStyle = colours.tissue;
     context.fill();
     context.strokeStyle = colours["tissue-line"];
-    context.lineWidth = 2.5 * ratio;
-    context.stroke();
+    for (const layer of [0, 1, 2, 3]) {
+      context.lineWidth = (layer ? 1 : 2.5) * ratio;
+      context.globalAlpha = layer ? 0.45 - 0.1 * layer : 1;
+      context.beginPath();
+      surface(layer * 0.26 * this.deepest, 1 - 0.27 * layer);
+      context.stroke();
+    }
+    context.globalAlpha = 1;
     if (Number.isFinite(target)) {
       context.fillStyle = colours.target;
       for (const side of [-1, 1]) context.fillRect(middle + side * 2.6 * half - half * 0.9, this.#y(target) - 2 * ratio, 1.8 * half, 4 * ratio);
