@@ -17,6 +17,7 @@ from teleop.commands.config import config
 from teleop.commands.estimate import estimate
 from teleop.commands.export import export
 from teleop.commands.lag import lag
+from teleop.commands.live import live
 from teleop.commands.option_groups import grouped
 from teleop.commands.recover import recover
 from teleop.commands.report import report
@@ -51,6 +52,7 @@ for command in (run, estimate, compare, report, export, recover, lag):
 app.command(reproduce, help_format="markdown")
 app.command(config)
 app.command(series, help_format="markdown")
+app.command(live, help_format="markdown")
 app.command(rig)
 app.register_install_completion_command(
     help="Install the completion of commands and options for this shell (bash, zsh or fish)."

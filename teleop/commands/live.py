@@ -1,0 +1,61 @@
+"""`teleop live`: replay a recording in a page of the browser."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+
+def live(
+    file: Path,
+    /,
+    *,
+    host: str = "127.0.0.1",
+    port: int = 0,
+    open: Annotated[bool, Parameter(negative="")] = False,  # noqa: A002
+) -> int:
+    """Replay a recording in the live page, until stopped with Ctrl-C.
+
+    The command prints the address of the page. Only this machine can open it. `teleop run --live`
+    shows a running trial in the same page.
+
+    Example: `teleop live trial.mcap --open`
+
+    Parameters
+    ----------
+    file
+        Recording of teleop run (.mcap).
+    host
+        Address at which the page is served. Another address than the default lets other machines
+        connect, without encryption.
+    port
+        Port of the page; 0 for any free port.
+    open
+        Open the page in the browser.
+    """
+    from teleop.commands.live_page import installed, show_address
+    from teleop.errors import InputError
+    from teleop.interruption import stop_signals
+    from teleop.recording.recording import load
+    from teleop.trial.live_documents import column_documents, recorded_document
+
+    installed()
+    from teleop.live.replay import Replay
+    from teleop.live.serving import serve_until
+
+    recording = load(file)
+    if not len(recording):
+        raise InputError(f"{file}: expected a recording with at least one tick")
+    replay = Replay(
+        recording.columns,
+        column_documents(recording.units),
+        recording.estimators,
+        recording.events,
+        recorded_document(recording),
+        float(recording.settings.get("rate_hz", 1000.0)),
+    )
+    with stop_signals() as stopped:
+        serve_until(stopped, replay, host, port, lambda url: show_address(url, host, open))
+    return 0

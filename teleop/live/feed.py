@@ -1,0 +1,99 @@
+"""Interface between the server of the live page and the source of its data."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from typing import Any
+
+from teleop.live.history import History
+
+NAMES = (
+    "time",
+    "master_force",
+    "master_position",
+    "slave_position",
+    "contact_force",
+    "slave_velocity",
+    "target",
+    "drive_force",
+    "x",
+    "v",
+    "f",
+    "excitation",
+    "contact",
+    "mode",
+    "limited",
+    "lateness",
+    "overrun",
+    "skipped",
+    "busy_time",
+    "dropped",
+    "pointer_depth",
+    "pointer_grip",
+)
+"""Columns of a tick that the page receives, besides those of the estimators."""
+PARTS = ("k", "b", "k_std", "b_std", "held", "misfit")
+"""Columns of an estimator that the page receives."""
+
+
+def shown_columns(names: Sequence[str], estimators: Sequence[str]) -> list[str]:
+    """Return those columns of a tick that the page receives, in the order of a row."""
+    of_estimators = [f"{name}_{part}" for name in estimators for part in PARTS]
+    return [name for name in (*NAMES, *of_estimators) if name in set(names)]
+
+
+def estimator_indices(names: Sequence[str], estimators: Sequence[str]) -> list[dict[str, Any]]:
+    """Return the name of each estimator, and the indices of its columns in a row; None for none."""
+    place = {name: i for i, name in enumerate(names)}
+    return [
+        {"name": name, **{part: place.get(f"{name}_{part}") for part in PARTS}}
+        for name in estimators
+    ]
+
+
+class Feed(ABC):
+    """Source of the data of the live page: a running trial or a recording.
+
+    Attributes
+    ----------
+    history
+        The latest rows.
+    """
+
+    history: History
+
+    @abstractmethod
+    def advance(self) -> list[dict[str, Any]]:
+        """Add new rows to the history, and return new messages for all clients.
+
+        The server calls this function 60 times a second.
+        """
+
+    @abstractmethod
+    def documents(self) -> list[dict[str, Any]]:
+        """Return the messages for a new client: `welcome`, and others that are still valid."""
+
+    @abstractmethod
+    def state(self) -> dict[str, Any]:
+        """Return the fields of the message `state` that describe the source."""
+
+    @abstractmethod
+    def request(self, request: dict[str, Any]) -> None:
+        """Carry out a request of a client that is allowed to make it.
+
+        Every client may request `stop`.
+
+        Raises
+        ------
+        BadRequest
+            The request does not apply to this source or at this time.
+        """
+
+    @abstractmethod
+    def beat(self) -> None:
+        """Receive the heartbeat of the client in control."""
+
+    @abstractmethod
+    def lost(self) -> None:
+        """Carry out what follows when the client in control has released it or is lost."""

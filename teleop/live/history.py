@@ -1,0 +1,111 @@
+"""The latest rows of the live page, shared by all clients, and the frames that contain them."""
+
+from __future__ import annotations
+
+import struct
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+from estimation.compiled import Floats
+
+SHOWN = 10.0
+"""Time that the page shows [s]."""
+MOST_ROWS = 250.0
+"""Largest number of rows per second."""
+HEAD = struct.Struct("<IIIId")
+"""Head of a frame: kind, number of rows, number of columns, flags, time of sending [s]."""
+TICKS = 1
+"""Kind of a frame that contains rows of ticks."""
+CLEAR = 1
+"""Flag: the rows replace those that the page shows."""
+LARGEST_FRAME = 32_000
+"""Largest size of the rows in a frame [bytes]."""
+
+
+def decimation(rate: float) -> int:
+    """Return the smallest distance between two rows [ticks] for a loop of a rate [Hz]."""
+    return max(1, int(np.ceil(rate / MOST_ROWS)))
+
+
+def decimated(first: int, end: int, last: int, step: int) -> list[int]:
+    """Return the ticks of a batch that are sent: the newest one, and others before it.
+
+    Parameters
+    ----------
+    first, end
+        The batch: ticks from `first` up to but not including `end`.
+    last
+        The newest tick that was already sent.
+    step
+        Smallest distance between two ticks that are sent.
+    """
+    return list(range(end - 1, max(first - 1, last + step - 1), -step))[::-1]
+
+
+class History:
+    """A buffer of the latest rows. Old rows are overwritten.
+
+    Parameters
+    ----------
+    columns
+        Number of columns.
+    rows
+        Number of rows that are kept.
+    now
+        Returns the time that is written into the frames [s].
+
+    Attributes
+    ----------
+    epoch
+        Number of times that the rows were cleared.
+    end
+        Number of rows so far; the index of the next row.
+    """
+
+    def __init__(
+        self,
+        columns: int,
+        rows: int = int(SHOWN * MOST_ROWS) + 100,
+        now: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._rows = np.zeros((rows, columns))
+        self._now = now
+        self._start = 0
+        self.epoch = 0
+        self.end = 0
+
+    @property
+    def start(self) -> int:
+        """Index of the oldest row that is kept."""
+        return max(self._start, self.end - len(self._rows))
+
+    def add(self, rows: Floats) -> None:
+        """Add rows, shape (n, columns), oldest first."""
+        rows = rows[-len(self._rows) :]
+        places = (self.end + np.arange(len(rows))) % len(self._rows)
+        self._rows[places] = rows
+        self.end += len(rows)
+
+    def clear(self) -> None:
+        """Remove all rows. Every page is then told to remove what it shows."""
+        self.epoch += 1
+        self._start = self.end
+
+    def frame(self, first: int, clear: bool) -> tuple[bytes, int]:
+        """Return a frame with the rows from an index on, and the index after its last row.
+
+        Parameters
+        ----------
+        first
+            Index of the first row; rows that are not kept any more are left out.
+        clear
+            Whether the rows replace those that the page shows.
+        """
+        count = self._rows.shape[1]
+        first = max(first, self.start)
+        end = min(self.end, first + max(1, LARGEST_FRAME // (8 * max(count, 1))))
+        rows = self._rows[np.arange(first, end) % len(self._rows)]
+        head = HEAD.pack(TICKS, len(rows), count, CLEAR if clear else 0, self._now())
+        return head + rows.astype("<f8").tobytes(), end

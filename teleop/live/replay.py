@@ -1,0 +1,174 @@
+"""Replay of a recording in the live page, with a slider for the time."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from estimation.compiled import Floats
+from teleop.live.feed import Feed, estimator_indices, shown_columns
+from teleop.live.history import SHOWN, History, decimated, decimation
+from teleop.live.requests import BadRequest
+
+POSITION_PERIOD = 0.1
+"""Time between two messages with the position of the replay [s]."""
+FASTEST = 16.0
+"""Largest speed of a replay, relative to real time."""
+
+
+class Replay(Feed):
+    """Plays the columns of a recording.
+
+    Parameters
+    ----------
+    columns
+        Columns of the recording by name, each of shape (ticks,). There is at least one tick.
+    descriptions
+        Name, unit and meaning of columns.
+    estimators
+        Names of the estimators.
+    events
+        Events of the recording.
+    trial
+        The message `trial`, or an empty dictionary.
+    rate
+        Rate of the recorded loop [Hz].
+    now
+        Returns the present time [s].
+    """
+
+    def __init__(
+        self,
+        columns: Mapping[str, Floats],
+        descriptions: Sequence[Mapping[str, str]],
+        estimators: Sequence[str],
+        events: Sequence[Mapping[str, Any]],
+        trial: dict[str, Any],
+        rate: float,
+        now: Callable[[], float] = time.monotonic,
+    ) -> None:
+        names = shown_columns(tuple(columns), estimators)
+        known = {one["name"]: dict(one) for one in descriptions}
+        self.history = History(len(names))
+        self._rows = np.column_stack([columns[name] for name in names])
+        self._t = np.maximum.accumulate(columns["time"])
+        self._step = decimation(rate)
+        self._events = events
+        self._now = now
+        self._due = -math.inf
+        self._told: object = None
+        self._seeks = 0
+        self._welcome = {
+            "type": "welcome",
+            "version": 1,
+            "kind": "replay",
+            "columns": [
+                known.get(name, {"name": name, "unit": "-", "meaning": ""}) for name in names
+            ],
+            "estimators": estimator_indices(names, estimators),
+            "rate": rate,
+            "may_arm": False,
+            "pointer": False,
+            "choices": {"condition": [], "specimen": [], "duration": []},
+        }
+        self._trial = trial
+        self._rate = 1.0
+        self._at = self._from = float(self._t[0])
+        self._since = now()
+        self._next = 0
+
+    @property
+    def end(self) -> float:
+        """Time of the last tick [s]."""
+        return float(self._t[-1])
+
+    def advance(self) -> list[dict[str, Any]]:
+        """Add the rows up to the present time of the replay; return the position at changes."""
+        now = self._now()
+        if self._rate:
+            self._at = min(self._from + (now - self._since) * self._rate, self.end)
+        end = int(np.searchsorted(self._t, self._at, side="right"))
+        if end > self._next:
+            self._add(self._next, end)
+        if self._rate and self._at >= self.end:
+            self._play(0.0)
+        position = self._position()
+        if now < self._due and (self._rate, self._seeks) == self._told:
+            return []
+        self._due, self._told = now + POSITION_PERIOD, (self._rate, self._seeks)
+        return [position]
+
+    def documents(self) -> list[dict[str, Any]]:
+        """Return the messages `welcome`, `trial` and `replay`."""
+        return [self._welcome, *filter(None, [self._trial]), self._position()]
+
+    def state(self) -> dict[str, Any]:
+        """Return the state of the replay."""
+        faults = [e for e in self._events if e.get("fault") and e["time"] <= self._at]
+        text = str(faults[-1]["text"]) if faults else ""
+        return {
+            "mode": "replay",
+            "text": text,
+            "armed_by": None,
+            "loop": "running",
+        }
+
+    def request(self, request: dict[str, Any]) -> None:
+        """Move to another time, or change the speed.
+
+        Raises
+        ------
+        BadRequest
+            The request is for a running trial, or the value is not in its range.
+        """
+        if request["type"] == "seek":
+            self._seek(float(request["t"]))
+        elif request["type"] == "play":
+            rate = float(request["rate"])
+            if not 0.0 <= rate <= FASTEST:
+                raise BadRequest(f"play: expected a rate from 0 to {FASTEST:g}")
+            if rate and self._at >= self.end:
+                self._seek(float(self._t[0]))
+            self._play(rate)
+        else:
+            raise BadRequest(f"{request['type']}: this is a recording")
+
+    def beat(self) -> None:
+        """Do nothing: no client drives a recording."""
+
+    def lost(self) -> None:
+        """Do nothing: no client drives a recording."""
+
+    def _position(self) -> dict[str, Any]:
+        return {
+            "type": "replay",
+            "t": self._at,
+            "start": float(self._t[0]),
+            "end": self.end,
+            "playing": self._rate > 0.0,
+            "rate": self._rate,
+        }
+
+    def _play(self, rate: float) -> None:
+        self._from, self._since, self._rate = self._at, self._now(), rate
+
+    def _seek(self, t: float) -> None:
+        """Show the last `SHOWN` seconds before time t [s], limited to the recording."""
+        if not math.isfinite(t):
+            raise BadRequest("seek: expected a time")
+        self._at = min(max(t, float(self._t[0])), self.end)
+        self._seeks += 1
+        self._play(self._rate)
+        end = int(np.searchsorted(self._t, self._at, side="right"))
+        self.history.clear()
+        self._add(int(np.searchsorted(self._t, self._at - SHOWN)), end)
+
+    def _add(self, start: int, end: int) -> None:
+        """Add ticks from `start` up to `end`."""
+        ticks = decimated(start, end, start - 1, self._step)
+        self.history.add(self._rows[ticks])
+        self._next = ticks[-1] + 1 if ticks else start

@@ -1,0 +1,71 @@
+"""Requests of a page: small JSON objects, which are checked before they are used."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from teleop.json_documents import loads
+
+LONGEST_MESSAGE = 1024
+"""Largest size of a message from a page [bytes]."""
+FIELDS: dict[str, dict[str, tuple[type, ...]]] = {
+    "hello": {"token": (str,), "view": (str,)},
+    "beat": {"n": (int,)},
+    "ping": {"at": (int, float)},
+    "stop": {},
+    "end": {},
+    "unlock": {},
+    "start": {},
+    "control": {},
+    "release": {},
+    "pointer": {"depth": (int, float), "grip": (bool,)},
+    "choose": {},
+    "next": {},
+    "repeat": {},
+    "skip": {},
+    "notes": {"text": (str,)},
+    "seek": {"t": (int, float)},
+    "play": {"rate": (int, float)},
+}
+"""Fields of each kind of request, and the types of their values."""
+CHOICES: dict[str, tuple[type, ...]] = {
+    "condition": (str,),
+    "specimen": (str,),
+    "duration": (int, float),
+}
+"""Optional fields of the request `choose`."""
+IN_CONTROL = {"end", "unlock", "start", "pointer", "choose", "next", "repeat", "skip", "notes"}
+"""Requests of which only the client in control may make use."""
+
+
+class BadRequest(ValueError):
+    """A message is not a request that a page sends."""
+
+
+def parse_request(message: str | bytes) -> dict[str, Any]:
+    """Return the request in a message.
+
+    Raises
+    ------
+    BadRequest
+        The message is binary, not a JSON object, or not a known request with its fields.
+    """
+    if isinstance(message, bytes):
+        raise BadRequest("expected text")
+    try:
+        request = loads(message)
+    except ValueError as error:
+        raise BadRequest("expected a JSON object") from error
+    kind = request.get("type")
+    fields = FIELDS.get(kind) if isinstance(kind, str) else None
+    if fields is None:
+        raise BadRequest("unknown type of request")
+    if kind == "choose":
+        fields = {name: types for name, types in CHOICES.items() if name in request}
+    if set(request) != {"type", *fields}:
+        raise BadRequest(f"{kind}: expected the fields {', '.join(fields) or 'none'}")
+    for name, types in fields.items():
+        value = request[name]
+        if not isinstance(value, types) or (isinstance(value, bool) and bool not in types):
+            raise BadRequest(f"{kind}.{name}: expected a value of another type")
+    return request

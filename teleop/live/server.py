@@ -1,0 +1,240 @@
+"""The server of the live page: HTTP for its files, and a WebSocket for data and requests."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import time
+from collections.abc import AsyncIterator, Mapping
+from http import HTTPStatus
+from typing import Any
+
+from websockets.asyncio.server import ServerConnection, serve
+from websockets.datastructures import Headers
+from websockets.exceptions import ConnectionClosed
+from websockets.http11 import Request, Response
+
+from teleop.live.clients import MOST_CLIENTS, Client
+from teleop.live.control import Control
+from teleop.live.feed import Feed
+from teleop.live.pages import Page
+from teleop.live.requests import IN_CONTROL, LONGEST_MESSAGE, BadRequest, parse_request
+from teleop.live.security import HEADERS, Gate, is_token
+
+PERIOD = 1.0 / 60.0
+"""Time between two frames [s]."""
+GREETING = 2.0
+"""Time in which a client has to open the connection, and to send its token [s]."""
+MOST_CONNECTIONS = 64
+"""Largest number of open connections, with those that have not sent a token yet."""
+REPEAT = 1.0
+"""Longest time between two messages with the state [s]."""
+VIEWS = ("main", "operator")
+
+
+class Server:
+    """Sends the data of a feed to the clients, and passes their requests to it.
+
+    One task sends everything. The heartbeat of the feed is part of the same task, so that a
+    failure of this task cannot remain unnoticed.
+
+    Parameters
+    ----------
+    feed
+        Source of the data.
+    token
+        Token that a client has to send first.
+    pages
+        Files of the page by their path.
+    """
+
+    def __init__(self, feed: Feed, token: str, pages: Mapping[str, Page]) -> None:
+        self.control = Control()
+        self._feed = feed
+        self._token = token
+        self._pages = pages
+        self._gate = Gate("", 0)
+        self._clients: set[Client] = set()
+        self._connections = 0
+        self._known: object = None
+        self._due = 0.0
+
+    @contextlib.asynccontextmanager
+    async def serving(self, host: str, port: int) -> AsyncIterator[int]:
+        """Serve the page within the block.
+
+        Parameters
+        ----------
+        host
+            Address to listen at.
+        port
+            Port; 0 for any free port.
+
+        Yields
+        ------
+        The port.
+
+        Raises
+        ------
+        OSError
+            The address cannot be used.
+        """
+        quiet = logging.getLogger("teleop.live")
+        quiet.setLevel(logging.CRITICAL)  # a refused connection is no event for the terminal
+        outer = self
+
+        class Connection(ServerConnection):
+            """A connection that is aborted if there are too many."""
+
+            def connection_made(self, transport: asyncio.BaseTransport) -> None:
+                outer._connections += 1
+                super().connection_made(transport)
+                if outer._connections > MOST_CONNECTIONS:
+                    self.transport.abort()
+
+            def connection_lost(self, exc: Exception | None) -> None:
+                outer._connections -= 1
+                super().connection_lost(exc)
+
+        async with serve(
+            self._converse,
+            host,
+            port,
+            process_request=self._process_request,
+            create_connection=Connection,
+            server_header=None,
+            compression=None,
+            max_size=LONGEST_MESSAGE,
+            max_queue=16,
+            open_timeout=GREETING,
+            close_timeout=1.0,
+            ping_interval=5.0,
+            ping_timeout=10.0,
+            logger=quiet,
+        ) as server:
+            used = server.server.sockets[0].getsockname()[1]
+            self._gate = Gate(host, used)
+            yield int(used)
+
+    async def run(self) -> None:
+        """Send the data until the task is cancelled."""
+        due = time.monotonic()
+        while True:
+            self.fan_out()
+            due = max(due + PERIOD, time.monotonic() - PERIOD)
+            await asyncio.sleep(max(0.0, due - time.monotonic()))
+
+    def fan_out(self) -> None:
+        """Send every client what is new."""
+        if self.control.is_silent:
+            self._lose_control()
+        news = self._feed.advance()
+        state = {
+            "type": "state",
+            **self._feed.state(),
+            "clients": len(self._clients),
+            "unlocked": self.control.unlocked,
+        }
+        known = state, self.control.holder
+        now = time.monotonic()
+        is_due = now >= self._due or known != self._known
+        if is_due:
+            self._known, self._due = known, now + REPEAT
+        frames: dict[tuple[int, bool], tuple[bytes, int]] = {}
+        for client in list(self._clients):
+            own = {"view": client.view, "control": self.control.of(client)}
+            for document in self._feed.documents() if client.is_new else news:
+                client.send({**document, **own} if document["type"] == "welcome" else document)
+            if is_due or client.is_new:
+                client.send({**state, **own})
+            client.is_new = False
+            client.send_rows(self._feed.history, frames)
+
+    def _lose_control(self) -> None:
+        if self.control.holder:
+            self.control.release(self.control.holder)
+            self._feed.lost()
+
+    def _process_request(self, connection: ServerConnection, request: Request) -> Response | None:
+        """Answer the request of a file; return None for a WebSocket that may be opened."""
+        path = request.path
+        refusal = self._gate.refusal(request.headers.get_all, path == "/ws")
+        if refusal:
+            return response(HTTPStatus.FORBIDDEN, Page("text/plain", f"{refusal}\n".encode()))
+        if path == "/ws":
+            if len(self._clients) < MOST_CLIENTS:
+                return None
+            full = f"expected at most {MOST_CLIENTS} pages at a time\n"
+            return response(HTTPStatus.SERVICE_UNAVAILABLE, Page("text/plain", full.encode()))
+        if page := self._pages.get(path):
+            return response(HTTPStatus.OK, page)
+        return response(HTTPStatus.NOT_FOUND, Page("text/plain", b"not found\n"))
+
+    async def _converse(self, connection: ServerConnection) -> None:
+        """Receive the requests of a connection until it ends."""
+        client = Client(connection)
+        try:
+            async with asyncio.timeout(GREETING):
+                hello = parse_request(await connection.recv())
+            if hello["type"] != "hello" or not is_token(hello["token"], self._token):
+                raise BadRequest("expected the token")
+            if hello["view"] not in VIEWS or len(self._clients) >= MOST_CLIENTS:
+                raise BadRequest(f"expected at most {MOST_CLIENTS} pages")
+        except (BadRequest, TimeoutError) as error:
+            await connection.close(1008, str(error)[:100])
+            return
+        except ConnectionClosed:
+            return
+        client.view = hello["view"]
+        self._clients.add(client)
+        try:
+            async for message in connection:
+                if client.is_flooding():
+                    client.abort()
+                    return
+                self._receive(client, parse_request(message))
+        except BadRequest as error:
+            await connection.close(1008, str(error)[:100])
+        except ConnectionClosed:
+            pass
+        finally:
+            self._clients.discard(client)
+            if self.control.holder is client:
+                self._lose_control()
+
+    def _receive(self, client: Client, request: dict[str, Any]) -> None:
+        """Carry out a request of a client, or tell it why not."""
+        kind = request["type"]
+        if kind == "ping":
+            client.send({"type": "pong", "at": request["at"]})
+        elif kind == "beat":
+            if self.control.beat(client):
+                self._feed.beat()
+        elif kind == "control":
+            self.control.ask(client)
+        elif kind == "release":
+            if self.control.holder is client:
+                self._lose_control()
+        elif kind in IN_CONTROL and self.control.holder is not client:
+            client.send({"type": "error", "text": f"{kind}: expected the client in control"})
+        elif kind == "unlock":
+            self.control.unlock()
+        elif kind == "start" and not self.control.unlocked:
+            client.send({"type": "error", "text": "start: expected UNLOCK within 2 s before it"})
+        elif kind == "hello":
+            raise BadRequest("hello: expected once")
+        else:
+            try:
+                self._feed.request(request)
+            except BadRequest as error:
+                client.send({"type": "error", "text": str(error)})
+            if kind == "start":
+                self.control.lock()
+
+
+def response(status: HTTPStatus, page: Page) -> Response:
+    """Return an HTTP response with the security headers."""
+    headers = Headers({**HEADERS, "Content-Type": page.kind, "Connection": "close"})
+    headers["Content-Length"] = str(len(page.content))
+    return Response(status.value, status.phrase, headers, page.content)

@@ -1,0 +1,91 @@
+"""Runs the server of the live page until it is asked to end."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+
+from teleop.errors import InputError, reason
+from teleop.live.feed import Feed
+from teleop.live.pages import read_pages
+from teleop.live.security import ANY_ADDRESS, new_token
+from teleop.live.server import Server
+
+CHECK = 0.1
+"""Time between two checks whether to end [s]."""
+
+
+def page_url(host: str, port: int, token: str) -> str:
+    """Return the address of the page. The token is in the fragment, which no browser sends."""
+    name = f"[{host}]" if ":" in host else host
+    return f"http://{name}:{port}/#t={token}"
+
+
+def check_address(host: str, port: int) -> None:
+    """Check that an address and a port can be in a URL.
+
+    Raises
+    ------
+    InputError
+        The address stands for all addresses, or there is no such port.
+    """
+    if host in ANY_ADDRESS:
+        raise InputError(f"host {host!r}: expected one address or name of this machine")
+    if not 0 <= port <= 65535:
+        raise InputError(f"port {port}: expected 0 to 65535")
+
+
+def serve_until(
+    stopped: Callable[[], bool],
+    feed: Feed,
+    host: str,
+    port: int,
+    ready: Callable[[str], object],
+) -> None:
+    """Serve the live page until a function returns True.
+
+    Parameters
+    ----------
+    stopped
+        Returns whether to end.
+    feed
+        Source of the data.
+    host, port
+        Address to listen at.
+    ready
+        Function that is called with the URL of the page when it can be opened.
+
+    Raises
+    ------
+    InputError
+        The address cannot be used.
+    """
+    check_address(host, port)
+    asyncio.run(serve(stopped, feed, host, port, ready))
+
+
+async def serve(
+    stopped: Callable[[], bool],
+    feed: Feed,
+    host: str,
+    port: int,
+    ready: Callable[[str], object],
+) -> None:
+    """Serve the live page, see `serve_until`."""
+    token = new_token()
+    server = Server(feed, token, read_pages())
+    try:
+        serving = server.serving(host, port)
+        used = await serving.__aenter__()
+    except OSError as error:
+        raise InputError(f"{host}, port {port}: cannot be used: {reason(error)}") from error
+    try:
+        sending = asyncio.create_task(server.run())
+        ready(page_url(host, used, token))
+        while not stopped():
+            done, _ = await asyncio.wait([sending], timeout=CHECK)
+            if done:
+                sending.result()
+        sending.cancel()
+    finally:
+        await serving.__aexit__(None, None, None)

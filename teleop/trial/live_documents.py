@@ -1,0 +1,100 @@
+"""Messages of the live page that describe a trial and its columns."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import Any
+
+from teleop.errors import InputError
+from teleop.recording.recording import Recording
+from teleop.recording.tick_columns import COLUMNS
+from teleop.trial.result import recorded_truth, truth
+from teleop.trial.settings import TrialSettings
+from teleop.trial.settings_json import from_document
+
+MEANINGS = {column.name: column.meaning for column in COLUMNS}
+OF_ESTIMATOR = {
+    "b": "damping",
+    "k": "stiffness",
+    "b_std": "standard deviation of b",
+    "k_std": "standard deviation of k",
+    "held": "1 while the estimate is held",
+    "misfit": "systematic force error relative to the force",
+}
+"""Meanings of the columns of an estimator, by the end of their names."""
+
+
+def column_documents(units: Mapping[str, str]) -> list[dict[str, str]]:
+    """Return name, unit and meaning of each column, for the message `welcome`.
+
+    Parameters
+    ----------
+    units
+        Unit of each column, by its name.
+    """
+    return [{"name": name, "unit": unit, "meaning": meaning(name)} for name, unit in units.items()]
+
+
+def meaning(name: str) -> str:
+    """Return the meaning of a column; empty for an unknown one."""
+    if match := re.fullmatch(r"\w+?_(b_std|k_std|held|misfit|b|k)", name):
+        return OF_ESTIMATOR[match[1]]
+    return MEANINGS.get(name, "")
+
+
+def trial_document(
+    settings: TrialSettings, number: int = 1, position: int = 0, of: int = 0
+) -> dict[str, Any]:
+    """Return the message `trial`, which describes a trial at its start.
+
+    Parameters
+    ----------
+    settings
+        Settings of the trial.
+    number
+        Number of the trial since the page was opened, from 1.
+    position, of
+        Position in a series, from 1, and the number of its trials; 0 for a single trial.
+    """
+    limits, target = settings.limits, settings.target
+    true = None if settings.rig else truth(settings, settings.setup.depth)
+    return {
+        "type": "trial",
+        "number": number,
+        "condition": settings.condition,
+        "specimen": settings.palpated,
+        "duration": settings.duration,
+        "depth": settings.depth if settings.rig else settings.setup.depth,
+        "rig": settings.rig_name,
+        "simulated": settings.rig is None,
+        "limits": {
+            "soft_position": list(limits.soft_position),
+            "hard_position": list(limits.hard_position),
+            "soft_force": limits.soft_force,
+            "hard_force": limits.hard_force,
+            "max_velocity": limits.max_velocity,
+        },
+        "truth": true and {"k": true["k_deepest"], "b": true["b"]},
+        "target": {
+            "frequency": target.frequency,
+            "depth": target.depth,
+            "low": target.position(0.0),
+            "count_in": target.count_in,
+        }
+        if settings.condition == "mimic"
+        else None,
+        "feedback": None,
+        "operator": settings.operator,
+        "series": {"position": position, "of": of} if of else None,
+    }
+
+
+def recorded_document(recording: Recording) -> dict[str, Any]:
+    """Return the message `trial` of a recording; empty if its settings are not valid any more."""
+    try:
+        document = trial_document(from_document(recording.settings))
+    except InputError:
+        return {}
+    true = recorded_truth(recording)
+    return document | {"truth": true and {"k": true["k_deepest"], "b": true["b"]}}
