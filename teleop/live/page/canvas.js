@@ -27,3 +27,8 @@ export function fit(canvas, changed) {
 function rem() {
   return parseFloat(getComputedStyle(document.documentElement).fontSize);
 }
+
+export function clear(context, colour) {
+  context.fillStyle = colour;
+  context.fillRect(0, 0, context.canvas.width, context.canvas.height);
+}

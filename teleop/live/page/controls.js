@@ -13,7 +13,7 @@ export class Controls {
       byId(type).addEventListener("click", () => this.#request({ type }));
     }
     byId("control").addEventListener("click", () => {
-      connection.send({ type: this.mine ? "release" : "control" });
+      connection.send({ type: this.state.control === "you" ? "release" : "control" });
     });
     for (const name of CHOICES) byId(name).addEventListener("change", () => this.#choose());
     byId("notes-save").addEventListener("click", () => this.#saveNotes());
@@ -24,14 +24,14 @@ export class Controls {
     this.#update(null);
   }
 
-  get mine() {
-    return Boolean(this.state && this.state.control === "you");
+  // Whether requests are possible; asks for control if nobody holds it.
+  take() {
+    if (this.state && this.state.control === "none") this.connection.send({ type: "control" });
+    return Boolean(this.state && this.state.control !== "other");
   }
 
-  // Ask for control first if nobody holds it.
   #request(message) {
-    if (this.state && this.state.control === "none") this.connection.send({ type: "control" });
-    this.connection.send(message);
+    if (this.take()) this.connection.send(message);
   }
 
   #welcome(message) {
@@ -85,8 +85,9 @@ export class Controls {
     for (const name of ["next", "repeat", "skip", ...CHOICES]) byId(name).disabled = !allowed || running;
     byId("notes").disabled = byId("notes-save").disabled = !allowed;
     const control = byId("control");
+    const mine = Boolean(state && state.control === "you");
     control.disabled = !state || state.control === "other";
-    control.hidden = this.mine && state.clients < 2;
-    control.textContent = this.mine ? "Release control" : control.disabled && state ? "Another page has control" : "Take control";
+    control.hidden = mine && state.clients < 2;
+    control.textContent = mine ? "Release control" : control.disabled && state ? "Another page has control" : "Take control";
   }
 }

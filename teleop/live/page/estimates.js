@@ -35,8 +35,10 @@ export class Estimates {
   }
 
   update() {
+    const { store } = this;
     for (const { row, cells, columns } of this.rows) {
-      const last = (key) => this.store.last(columns[key]);
+      const newest = store.newest(columns.k);
+      const last = (key) => (newest >= 0 && columns[key] ? store.column(columns[key]).at(newest) : NaN);
       for (const [i, key] of ["k", "b"].entries()) {
         const [value, half] = withInterval(last(key), 1.96 * last(`${key}_std`));
         const strong = document.createElement("b");
@@ -45,7 +47,7 @@ export class Estimates {
       }
       const held = last("held") === 1;
       cells[2].textContent = held ? "held" : "–";
-      row.classList.toggle("held", held);
+      row.classList.toggle("held", held || newest < store.count - 1);
       const misfit = last("misfit");
       cells[3].textContent = misfit > LARGE_MISFIT ? `▲ ${percent(misfit)}` : percent(misfit);
     }

@@ -1,6 +1,6 @@
 // The contact force as a bar, with the limits.
 
-import { fit } from "./canvas.js";
+import { clear, fit } from "./canvas.js";
 import { fixed } from "./format.js";
 import { colours, font, onTheme } from "./theme.js";
 
@@ -30,8 +30,7 @@ export class ForceBar {
     const across = width > height; // on a phone the bar lies on its side
     const most = 1.1 * (limits.hard_force || 1.2 * (limits.soft_force || 50));
     const size = Math.max(Math.min(width, height) / 9, 12 * canvas.ratio);
-    context.fillStyle = colours.ground;
-    context.fillRect(0, 0, width, height);
+    clear(context, colours.ground);
     const length = (across ? width : height) - 3 * size;
     const at = (value) => (across ? size + (value / most) * length : height - size - (value / most) * length);
     const box = (from, to, start, end) => {

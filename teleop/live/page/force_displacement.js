@@ -1,6 +1,6 @@
 // Contact force over displacement in the last three seconds, with the line f = k x of each estimator.
 
-import { fit } from "./canvas.js";
+import { clear, fit } from "./canvas.js";
 import { fixed } from "./format.js";
 import { Scale } from "./scale.js";
 import { colours, estimatorColour, estimatorDash, font, onTheme } from "./theme.js";
@@ -31,8 +31,9 @@ export class ForceDisplacement {
 
   draw(now) {
     const { store, context, canvas } = this;
-    if (!store.count || store.count === this.drawn || !canvas.width) return;
-    this.drawn = store.count;
+    if (store.version === this.drawn) return;
+    this.drawn = store.version;
+    if (!store.count) return clear(context, colours.ground);
     const x = store.column("slave_position");
     const f = store.column("contact_force");
     const start = store.rowAt(store.last("time") - SHOWN);
@@ -74,10 +75,9 @@ export class ForceDisplacement {
   }
 
   #axes(frame, size, X, Y) {
-    const { context, canvas } = this;
+    const { context } = this;
     context.setLineDash([]);
-    context.fillStyle = colours.ground;
-    context.fillRect(0, 0, canvas.width, canvas.height);
+    clear(context, colours.ground);
     context.font = font(size);
     context.textAlign = "center";
     for (const tick of this.scales.x.ticks) {
@@ -107,8 +107,9 @@ export class ForceDisplacement {
     context.lineWidth = 1.6 * canvas.ratio;
     context.lineCap = "butt";
     this.estimators.forEach((name, index) => {
-      const k = this.store.last(name);
-      if (!Number.isFinite(k)) return;
+      const newest = this.store.newest(name);
+      if (newest < 0) return;
+      const k = this.store.column(name).at(newest);
       context.strokeStyle = estimatorColour(index);
       context.setLineDash(estimatorDash(index).map((part) => part * canvas.ratio));
       context.beginPath();

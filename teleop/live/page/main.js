@@ -28,10 +28,11 @@ const connection = new Connection("main", store);
 const status = new Status(byId, store, connection);
 connection.expecting = () => status.expecting();
 const controls = new Controls(byId, connection);
-const replay = new Replay(byId, connection, status);
-const stop = new Stop(byId("stop"), connection, {
+new Replay(byId, connection, status);
+new Stop(byId("stop"), connection, {
   tell: (text) => status.tell(text),
   stopped: () => status.stopped(),
+  available: () => status.kind !== "replay",
 });
 const strips = new Strips(byId("strips"), store);
 const estimates = new Estimates(byId("estimates").tBodies[0], store);
@@ -42,7 +43,7 @@ let trial = null;
 
 const pointer = new Pointer(byId("tool"), (message) => connection.send(message), {
   depthAt: (share) => tool.depthAt(share),
-  allowed: () => Boolean(welcome && welcome.pointer && controls.mine && status.state.mode === "active"),
+  allowed: () => Boolean(welcome && welcome.pointer && status.state.mode === "active" && controls.take()),
   present: () => store.last("slave_position") || 0,
 });
 const tool = new Tool(byId("tool"), store, pointer.hand);
@@ -79,8 +80,9 @@ byId("operator-link").hash = location.hash;
 
 function hint() {
   if (!welcome || !welcome.pointer || !status.state) return "";
+  if (status.state.mode === "ready") return "Unlock and start. Then press here, hold, and move down.";
   if (status.state.mode !== "active") return "";
-  if (!controls.mine) return status.state.control === "other" ? "another page has control" : "take control to palpate";
+  if (status.state.control === "other") return "another page has control";
   return pointer.hand.grip ? "let go to lift" : "press and hold, or hold G and use the arrow keys";
 }
 

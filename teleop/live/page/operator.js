@@ -22,9 +22,10 @@ const store = new Store();
 const connection = new Connection("operator", store);
 const status = new Status(byId, store, connection);
 connection.expecting = () => status.expecting();
-const stop = new Stop(byId("stop"), connection, {
+new Stop(byId("stop"), connection, {
   tell: (text) => status.tell(text),
   stopped: () => status.stopped(),
+  available: () => status.kind !== "replay",
 });
 const pursuit = new Pursuit(byId("pursuit"), store);
 const bar = new ForceBar(byId("force"), store);

@@ -38,10 +38,14 @@ export class Pointer {
   // Let go, if `source` (by default any) holds the grip.
   release(source = this.source) {
     if (!this.hand.grip || source !== this.source) return;
+    this.#forget();
+    this.#tell();
+  }
+
+  #forget() {
     this.hand.grip = false;
     this.source = null;
     this.arrows.clear();
-    this.#tell();
   }
 
   // Called in each frame: sends the hand while it grips.
@@ -51,7 +55,7 @@ export class Pointer {
     this.#pad();
     if (!this.hand.grip) return;
     if (!this.allowed()) {
-      this.release();
+      this.#forget(); // the trial has ended, or another page has control: both let go by themselves
       return;
     }
     for (const key of this.arrows) this.hand.depth += ARROWS[key] * SPEED * dt;

@@ -1,6 +1,6 @@
 // The cue in large, for an operator two metres away: the target with its preview, and the own position.
 
-import { fit } from "./canvas.js";
+import { clear, fit } from "./canvas.js";
 import { fixed } from "./format.js";
 import { niceStep, ticksBetween } from "./scale.js";
 import { colours, font, onTheme } from "./theme.js";
@@ -29,8 +29,10 @@ export class Pursuit {
 
   draw() {
     const { canvas, context, store } = this;
-    if (!canvas.width || !store.count || store.count === this.drawn) return;
-    this.drawn = store.count;
+    if (store.version === this.drawn) return;
+    this.drawn = store.version;
+    clear(context, colours.ground);
+    if (!store.count) return;
     const { width, height } = canvas;
     const size = Math.max(height / 26, 12 * canvas.ratio);
     const thick = height / 130;
@@ -38,8 +40,6 @@ export class Pursuit {
     const ahead = this.preview ? AHEAD : 0;
     const x = (t) => 3.2 * size + ((t - now + PAST) / (PAST + ahead)) * (width - 3.2 * size - (ahead ? 0 : 2 * size));
     const y = (value) => height * (1 - (value - this.low) / (this.high - this.low));
-    context.fillStyle = colours.ground;
-    context.fillRect(0, 0, width, height);
     this.#grid(size, y);
     if (this.preview) this.#target(now, ahead, x, y, thick);
     this.#own(now, x, y, thick);
@@ -69,7 +69,7 @@ export class Pursuit {
     context.lineWidth = 5 * thick;
     context.strokeStyle = colours["target-ahead"];
     context.beginPath();
-    for (let t = now - PAST; t < now + ahead; t += 0.03) context.lineTo(x(t), y(this.preview(t)));
+    for (let t = now - PAST; t < now + ahead; t += 0.015) context.lineTo(x(t), y(this.preview(t)));
     context.stroke();
     context.strokeStyle = colours.target;
     context.lineWidth = 2 * thick;
@@ -87,7 +87,7 @@ export class Pursuit {
     context.strokeStyle = colours.own;
     context.lineWidth = 1.6 * thick;
     context.beginPath();
-    for (let row = store.rowAt(now - PAST); row < store.count; row += 3) context.lineTo(x(time.at(row)), y(own.at(row)));
+    for (let row = store.rowAt(now - PAST); row < store.count; row += 2) context.lineTo(x(time.at(row)), y(own.at(row)));
     context.stroke();
     context.fillStyle = colours.own;
     context.beginPath();

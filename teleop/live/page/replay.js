@@ -1,6 +1,7 @@
 // Replay of a recording: time slider, play, pause and speed.
 
 import { fixed } from "./format.js";
+import { isSpace } from "./stop.js";
 
 const END = 0.02; // s before the end at which play begins from the start
 
@@ -17,6 +18,7 @@ export class Replay {
     slider.addEventListener("input", () => connection.send({ type: "seek", t: slider.valueAsNumber }));
     slider.addEventListener("pointerdown", () => (this.dragging = true));
     slider.addEventListener("pointerup", () => (this.dragging = false));
+    for (const type of ["keydown", "keyup"]) addEventListener(type, (event) => this.#key(event), { capture: true });
     connection.on("replay", (message) => this.#show(message));
     connection.on("welcome", (message) => {
       byId("replay").hidden = message.kind !== "replay";
@@ -32,6 +34,14 @@ export class Replay {
     const atEnd = slider.valueAsNumber > Number(slider.max) - END;
     if (!this.playing && atEnd) this.connection.send({ type: "seek", t: Number(slider.min) });
     this.#play(this.playing ? 0 : this.speed);
+  }
+
+  // Space plays and pauses.
+  #key(event) {
+    if (this.status.kind !== "replay" || !isSpace(event)) return;
+    event.preventDefault();
+    event.stopPropagation();
+    if (event.type === "keydown" && !event.repeat) this.toggle();
   }
 
   #play(rate) {

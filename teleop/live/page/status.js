@@ -2,6 +2,9 @@
 
 import { fixed } from "./format.js";
 
+// Names of the values of the column "mode".
+const MODES = ["disconnected", "idle", "ready", "active", "stopping", "fault"];
+
 export class Status {
   constructor(byId, store, connection) {
     this.byId = byId;
@@ -16,7 +19,10 @@ export class Status {
     });
     connection.on("trial", (message) => this.#trial(message));
     connection.on("state", (message) => this.#state(message));
-    connection.on("error", (message) => this.tell(message.text, 6000));
+    connection.on("error", (message) => {
+      const isLate = message.text.startsWith("pointer"); // sent before the end of the trial was known
+      if (!isLate) this.tell(message.text, 6000);
+    });
     connection.on("words", () => this.#connection());
     connection.on("fresh", () => this.#fresh());
     connection.on("closed", () => this.#fresh());
@@ -57,8 +63,10 @@ export class Status {
     this.state = message;
     const mode = this.byId("mode");
     const gone = message.loop === "gone" && message.mode !== "ended" && this.kind !== "replay";
-    mode.textContent = gone ? "no trial" : message.mode;
-    mode.dataset.mode = gone ? "gone" : message.mode;
+    if (this.kind !== "replay") {
+      mode.textContent = gone ? "no trial" : message.mode;
+      mode.dataset.mode = gone ? "gone" : message.mode;
+    }
     if (this.byId("text").textContent !== message.text) this.byId("text").textContent = message.text;
     document.body.dataset.mode = message.mode;
     this.#connection();
@@ -95,6 +103,11 @@ export class Status {
     const { store, trial, byId } = this;
     const time = store.last("time");
     const duration = trial ? trial.duration : NaN;
+    if (this.kind === "replay") {
+      const shown = MODES[store.last("mode")];
+      byId("mode").textContent = shown ? `replay: ${shown}` : "replay";
+      byId("mode").dataset.mode = shown === "fault" ? "fault" : "replay";
+    }
     byId("clock").textContent = Number.isFinite(time)
       ? `${fixed(Math.max(time, 0), 1)}${Number.isFinite(duration) ? ` of ${fixed(duration)}` : ""} s`
       : "";
@@ -104,7 +117,8 @@ export class Status {
   }
 
   #health() {
-    const health = (this.state && this.state.health) || {};
+    const health = this.state && this.state.health;
+    if (!health) return "";
     const count = (value) => (Number.isFinite(value) ? fixed(value) : "–");
     return (
       `loop: lateness ${fixed(1e6 * health.lateness_max)} µs, overruns ${count(health.overruns)}, ` +

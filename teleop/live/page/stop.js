@@ -3,10 +3,11 @@
 const CONFIRMED_WITHIN = 500; // ms
 
 export class Stop {
-  constructor(button, connection, { tell, stopped }) {
+  constructor(button, connection, { tell, stopped, available }) {
     this.connection = connection;
     this.tell = tell; // shows and speaks a text
     this.stopped = stopped; // whether the trial has stopped, or none runs
+    this.available = available; // whether there is a trial that can be stopped
     button.addEventListener("click", () => this.send());
     // Space does not press buttons on this page; Enter does.
     addEventListener("keydown", (event) => this.#key(event, true), { capture: true });
@@ -14,8 +15,7 @@ export class Stop {
   }
 
   #key(event, down) {
-    const isSpace = event.code === "Space" || event.key === " ";
-    if (!(event.key === "Escape" || (isSpace && !writes(event.target)))) return;
+    if (!(event.key === "Escape" || isSpace(event)) || !this.available()) return;
     event.preventDefault();
     event.stopPropagation();
     if (down && !event.repeat) this.send();
@@ -32,6 +32,7 @@ export class Stop {
   }
 }
 
-function writes(target) {
-  return target.tagName === "TEXTAREA";
+// Whether Space was pressed, and not in order to write a text.
+export function isSpace(event) {
+  return (event.code === "Space" || event.key === " ") && event.target.tagName !== "TEXTAREA";
 }

@@ -10,6 +10,7 @@ export class Store {
     this.index = new Map();
     this.count = 0; // rows received since the last `clear`
     this.generation = 0; // changes when earlier rows became invalid
+    this.version = 0; // changes with each change of the rows
   }
 
   setColumns(names) {
@@ -22,12 +23,14 @@ export class Store {
   clear() {
     this.count = 0;
     this.generation += 1;
+    this.version += 1;
   }
 
   // Append rows, given as one array in row order. A time that runs backwards begins anew.
   append(values, rows, columns) {
     if (columns !== this.data.length) throw new Error(`${columns} columns, expected ${this.data.length}`);
     const time = this.index.get("time");
+    this.version += 1;
     for (let r = 0; r < rows; r++) {
       const start = r * columns;
       if (this.count && values[start + time] < this.data[time][(this.count - 1) & MASK]) this.clear();
@@ -51,6 +54,14 @@ export class Store {
   last(name) {
     const i = this.index.get(name);
     return i === undefined || !this.count ? NaN : this.data[i][(this.count - 1) & MASK];
+  }
+
+  // Newest row in which a column has a value, or -1.
+  newest(name) {
+    const i = this.index.get(name);
+    if (i === undefined) return -1;
+    for (let row = this.count - 1; row >= this.first; row--) if (!Number.isNaN(this.data[i][row & MASK])) return row;
+    return -1;
   }
 
   // First row whose time is at least t.

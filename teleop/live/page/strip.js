@@ -1,9 +1,11 @@
 // A strip chart. It is drawn incrementally: the picture moves left by whole pixels, and only the new
 // columns of pixels and the new samples are drawn.
 
+import { clear } from "./canvas.js";
 import { fixed } from "./format.js";
 import { colours, estimatorColour, font } from "./theme.js";
 
+const EMPTY = -1; // generation of a chart without samples
 const LONGEST_STEP = 1.0; // s without samples after which lines are interrupted
 
 export class Strip {
@@ -33,7 +35,11 @@ export class Strip {
 
   draw(time) {
     const { store, canvas } = this;
-    if (!store.count || !canvas.width) return false;
+    if (!store.count) {
+      if (this.generation !== EMPTY) clear(this.context, this.chart.axis ? colours.page : colours.ground);
+      this.generation = EMPTY;
+      return false;
+    }
     const edge = Math.floor((time + this.timing.preview) * this.perSecond) + 1;
     const moved = edge - this.edge;
     const valid = this.generation === store.generation && moved >= 0 && moved < canvas.width;

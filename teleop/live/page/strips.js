@@ -125,7 +125,7 @@ export class Strips {
     for (const row of this.rows) {
       if (row.chart.axis) continue;
       const [low, high] = row.chart.robust ? this.#robust(row.chart) : this.#extremes(row.chart);
-      const most = Math.max(3, Math.floor(row.canvas.clientHeight / 24));
+      const most = Math.max(1.5, row.canvas.clientHeight / 22);
       if (row.chart.scale.cover(low, high, most, now)) {
         row.strip.invalidate();
         this.#label(row);
@@ -151,6 +151,7 @@ export class Strips {
       if (value > scale.low && value < scale.high) {
         const label = element("span", `level level-${level.colour}`, text);
         label.style.top = place(value);
+        label.classList.toggle("below", value > scale.high - 0.25 * (scale.high - scale.low));
         row.plot.append(label);
       } else if (value >= scale.high) {
         outside.push(`${text} ↑`);

@@ -1,7 +1,7 @@
 // The tool on the surface: the tool stays where the rig is, a ring shows where the hand wants to be,
 // the gap between them grows with the force of the hand, and the surface dents.
 
-import { fit } from "./canvas.js";
+import { clear, fit } from "./canvas.js";
 import { fixed } from "./format.js";
 import { colours, font, onTheme } from "./theme.js";
 
@@ -61,8 +61,7 @@ export class Tool {
     const half = Math.min(width / 9, 26 * ratio);
     const dent = Math.max(depth, 0);
     const spread = half * 1.6 + 0.9 * (this.#y(dent) - this.#y(0));
-    context.fillStyle = colours.ground;
-    context.fillRect(0, 0, width, height);
+    clear(context, colours.ground);
     // The surface, and lines at rest below it, which the dent moves less with depth.
     const surface = (below, share) => {
       for (let i = 0; i <= 60; i++) {
