@@ -27,7 +27,7 @@ export class Frames {
     this.times[this.frame % WINDOW] = now;
     this.frame += 1;
     for (const { draw, every, phase } of this.drawings) {
-      if (this.frame % every === phase % every) draw(now);
+      if (this.frame % every === phase % every) draw(now, this.frame);
     }
   }
 }

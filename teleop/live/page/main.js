@@ -95,8 +95,8 @@ frames.add((now) => {
   ranged = now;
   strips.scale(now);
 });
-frames.add(() => strips.draw(store.last("time")));
-frames.add(() => tool.draw(), 2);
+frames.add((now, frame) => strips.draw(frame));
+frames.add((now, frame) => (frame % 2 || pointer.hand.grip) && tool.draw());
 frames.add((now) => plane.draw(now), 4, 1);
 frames.add((now) => {
   if (now - updated < TEXTS) return;

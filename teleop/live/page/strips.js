@@ -92,8 +92,11 @@ export class Strips {
     for (const row of this.rows) row.strip.invalidate();
   }
 
-  draw(time) {
+  // The strip that an operator follows is drawn in each frame, the others in each second frame.
+  draw(frame) {
+    const time = this.store.last("time");
     for (const row of this.rows) {
+      if (!(row.chart.preview || frame % 2)) continue;
       if (row.strip.draw(time) && row.markers.length) this.#mark(row);
     }
   }
