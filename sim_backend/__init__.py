@@ -13,6 +13,7 @@ from sim_backend.paper_rig import (
     paper_setup,
 )
 from sim_backend.plant import Arm, Intention, Plant, PlantParameters
+from sim_backend.pointer import PointerOperator
 from sim_backend.sensors import Sensors
 from sim_backend.simulated_rig import SimulatedRig
 from sim_backend.transmission import RIGID, Transmission
@@ -34,6 +35,7 @@ __all__ = [
     "Operator",
     "Plant",
     "PlantParameters",
+    "PointerOperator",
     "Sensors",
     "Setup",
     "SimulatedRig",

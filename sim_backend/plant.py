@@ -234,7 +234,7 @@ class Plant:
         self._arm = arm
         self._max_step = max_step
 
-    def advance(self, dt: float, command: Command, intended: Intention = AT_REST) -> None:
+    def advance(self, dt: float, command: Command, intended: Intention | None = AT_REST) -> None:
         """Advance by `dt` [s].
 
         Parameters
@@ -244,10 +244,11 @@ class Plant:
         command
             Command of the drives, constant over the step.
         intended
-            Intended motion of the hand at the end of the step.
+            Intended motion of the hand at the end of the step; None if it does not hold the handle.
         """
         self.handle.advance(command.master_velocity, dt)
-        self.master_force.advance(self._arm.force(intended, self.handle), dt)
+        hand = self._arm.force(intended, self.handle) if intended else 0.0
+        self.master_force.advance(hand, dt)
         steps = max(1, math.ceil(dt / self._max_step - 1e-6))
         for _ in range(steps):
             self.slave.advance(command.slave_velocity, dt / steps)

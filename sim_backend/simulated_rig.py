@@ -9,7 +9,8 @@ from collections.abc import Callable
 from drivers import CHANNELS, STANDSTILL, Ages, Command, Measurement, Rig
 from sim_backend.cube import Cube
 from sim_backend.operators import ARM, Operator
-from sim_backend.plant import AT_REST, UNATTENDED, Plant, PlantParameters
+from sim_backend.plant import UNATTENDED, Plant, PlantParameters
+from sim_backend.pointer import PointerOperator
 from sim_backend.sensors import Sensors
 
 FRESH = Ages(*(0.0 for _ in CHANNELS))
@@ -53,7 +54,7 @@ class SimulatedRig(Rig):
         self,
         cube: Cube,
         now: Callable[[], float],
-        operator: Operator | None = None,
+        operator: Operator | PointerOperator | None = None,
         parameters: PlantParameters | None = None,
         sensors: Sensors | None = None,
         max_velocity: float = 0.5,
@@ -66,6 +67,8 @@ class SimulatedRig(Rig):
                 raise ValueError(f"{name} must be positive, got {value}")
         self.plant = Plant(cube, parameters or PlantParameters(), ARM if operator else UNATTENDED)
         self.plant.slave.move_to(start, 0.0)
+        if isinstance(operator, PointerOperator):
+            operator.handle = self.plant.handle
         self._now = now
         self._operator = operator
         self._sensors = sensors or Sensors()
@@ -87,7 +90,7 @@ class SimulatedRig(Rig):
         """Advance the plant to the time of the clock, and read every sensor."""
         now = self._now()
         if now > self._time:
-            intended = AT_REST
+            intended = None
             if self._operator and now >= self._start:
                 intended = self._operator.intention(now - self._start)
             silent = self._commanded + self._watchdog

@@ -35,13 +35,13 @@ def live(
     open
         Open the page in the browser.
     """
-    from teleop.commands.live_page import installed, show_address
+    from teleop.commands.live_options import check_installed, show_address
     from teleop.errors import InputError
     from teleop.interruption import stop_signals
     from teleop.recording.recording import load
     from teleop.trial.live_documents import column_documents, recorded_document
 
-    installed()
+    check_installed()
     from teleop.live.replay import Replay
     from teleop.live.serving import serve_until
 

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from teleop.commands.figures import draw_trial
+from teleop.commands.live_options import NOT_LIVE, Live
 from teleop.commands.overwriting import Overwrite
 from teleop.names import (
     ClockName,
@@ -55,6 +55,7 @@ def run(
     width: WidthName = "screen",
     overwrite: Overwrite = False,
     json: Annotated[bool, Parameter(negative="")] = False,
+    live: Live = NOT_LIVE,
 ) -> int:
     """Palpate, and estimate stiffness and damping of the environment at the same time.
 
@@ -79,7 +80,8 @@ def run(
     specimen
         Name of the specimen. Needed with a rig file. Default: the cube of the simulated rig.
     operator
-        Name of the operator, for the recording.
+        Name of the operator, for the recording. pointer: with --live, the pointer (mouse, finger)
+        in the page moves the handle of the simulated rig.
     notes
         Notes, for the recording.
     duration
@@ -140,23 +142,17 @@ def run(
     json
         Print one JSON document instead of tables.
     """
-    import sys
-
     from teleop.commands.choices import choose_estimators, choose_model, make_coupling, make_signal
+    from teleop.commands.live_trials import run_from_page
+    from teleop.commands.one_trial import TrialRunner
     from teleop.control.tare import read_tare
-    from teleop.errors import InputError, SafetyStop
+    from teleop.errors import InputError
     from teleop.files import RECORDING, check_ending, check_outputs, make_folder
-    from teleop.output import console
-    from teleop.output.trial_tables import print_trial
-    from teleop.printable import discard_output, print_error
-    from teleop.recording.new_recording import new_recording
-    from teleop.safety.events import time_text
+    from teleop.printable import print_error
     from teleop.trial.arming import ask_to_arm, check_stated
     from teleop.trial.configuration import read_configuration
     from teleop.trial.rig_loading import load_rig_file
-    from teleop.trial.run import run_trial
     from teleop.trial.settings import FREQUENCY, TrialSettings
-    from teleop.trial.stop_switch import StopSwitch
 
     settings = read_configuration(config) if config else TrialSettings()
     rig_file = load_rig_file(rig) if rig else None
@@ -200,49 +196,16 @@ def run(
         make_folder(record)
     sources = (config, rig, tare)
     check_outputs(record, pictures=(plot, plot_force), sources=sources, overwrite=overwrite)
-    if settings.rig and not yes and not ask_to_arm(settings):
+    by_page = live.arms([settings], yes)
+    if settings.rig and not (yes or by_page) and not ask_to_arm(settings):
         print_error("not armed: nothing was moved")
         return 130
-    reserved = None
-    if not (record or no_record):
-        record = reserved = new_recording(settings.condition, settings.specimen or settings.cube)
-    with StopSwitch(key=True) as switch:
-        try:
-            trial = run_trial(
-                settings,
-                record,
-                sys.stderr.isatty(),
-                switch,
-                realtime if settings.clock == "real" else "off",
-                overwrite=bool(reserved),
-            )
-        finally:
-            if reserved and reserved.exists() and not reserved.stat().st_size:
-                reserved.unlink()
-        problems = [trial.incomplete] if trial.incomplete else []
-        if (plot or plot_force) and len(trial.columns["time"]):
-            try:
-                draw_trial(trial, plot, plot_force, width, overwrite)
-            except InputError as error:
-                problems.append(str(error))
-        elif plot or plot_force:
-            print_error(f"{plot or plot_force}: not drawn: there are no estimates")
-        try:
-            if json:
-                console.print_json(trial.summary())
-            else:
-                print_trial(trial.summary())
-        except OSError as error:
-            if not (trial.fault or problems):
-                raise
-            problems.append(discard_output(error))
-    if trial.fault:
-        for problem in problems:
-            print_error(problem)
-        raise SafetyStop(f"stopped {time_text(trial.fault['time'])}: {trial.fault['text']}")
-    if problems:
-        raise InputError("; ".join(problems))
-    return 130 if trial.interrupted else 0
+    outputs = (record, no_record, plot, plot_force, width, overwrite, json, realtime)
+    with live.linked([settings], by_page, choose=by_page) as link:
+        runner = TrialRunner(*outputs, link)
+        if link and by_page:
+            return run_from_page(link, settings, runner, once=bool(record or plot or plot_force))
+        return runner.run(settings)
 
 
 def read_depth(text: str | None) -> float | None:

@@ -17,11 +17,20 @@ from teleop.recording.tick_columns import COLUMNS
 
 if TYPE_CHECKING:
     from estimation import Estimator
+    from sim_backend import PointerOperator
     from teleop.control.tick_record import Record
 
 REGRESSOR = "regressor_"
 """Prefix of the names of the columns with regressors other than velocity v and displacement x."""
 DROPPED = Column("dropped", "-", "ticks that the recorder has missed so far")
+POINTER = (
+    Column(
+        "pointer_depth", "m", "where the pointer wants the hand; NaN before the drives are armed"
+    ),
+    Column("pointer_grip", "-", "1 while the pointer holds the handle"),
+    Column("pointer_clock", "s", "time of the measurement on the clock of the loop"),
+)
+"""Further columns of a trial with a pointer as operator, from which it can be repeated exactly."""
 VALUES = attrgetter(*(column.source for column in COLUMNS))
 """Function that returns the values of `COLUMNS` from the record of a tick."""
 
@@ -33,6 +42,8 @@ class Layout:
     ----------
     bank
         The estimators by name.
+    pointer
+        The operator, if it is a pointer.
 
     Attributes
     ----------
@@ -44,8 +55,11 @@ class Layout:
         Size of the message [bytes].
     """
 
-    def __init__(self, bank: Mapping[str, Estimator]) -> None:
+    def __init__(
+        self, bank: Mapping[str, Estimator], pointer: PointerOperator | None = None
+    ) -> None:
         self.estimators = tuple(bank)
+        self._pointer = pointer
         regressors_of = (e.model.further_regressors for e in bank.values())
         model = max(regressors_of, key=len, default=())
         regressors = (
@@ -59,6 +73,7 @@ class Layout:
             *regressors,
             *estimate_columns(bank),
             *misfit_columns(bank),
+            *(POINTER if pointer else ()),
         )
         self._struct = struct.Struct(f"<4s{len(self.columns)}d")
         self.size = self._struct.size
@@ -80,6 +95,9 @@ class Layout:
             Number of ticks that the recorder has dropped so far.
         """
         estimates = estimate_row(record.estimates)
+        further: tuple[float, ...] = ()
+        if pointer := self._pointer:
+            further = pointer.depth, pointer.grip, record.measurement.time
         return self._struct.pack(
-            CDR, *VALUES(record), dropped, *record.further, *estimates, *record.misfit
+            CDR, *VALUES(record), dropped, *record.further, *estimates, *record.misfit, *further
         )

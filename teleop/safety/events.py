@@ -54,6 +54,7 @@ class Fault(StrEnum):
     FROZEN = "frozen"
     CONTROL_FAILURE = "control failure"
     ESTIMATION_FAILURE = "estimation failure"
+    PAGE_LOST = "live page lost"
 
 
 SEVERITY = {fault: rank for rank, fault in enumerate(Fault)}

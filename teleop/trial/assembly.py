@@ -7,7 +7,7 @@ from collections.abc import Callable
 from drivers import Rig
 from drivers.wired_rig import WiredRig
 from estimation import Bank, Excitation
-from sim_backend import FreePalpation, MimickedSine, Operator, SimulatedRig
+from sim_backend import FreePalpation, MimickedSine, Operator, PointerOperator, SimulatedRig
 from teleop.control.admittance import Admittance
 from teleop.control.clock import Clock, RealClock, VirtualClock
 from teleop.control.conditions import Autonomous, Condition, Mimicry, Teleoperation
@@ -24,7 +24,9 @@ def make_clock(settings: TrialSettings) -> Clock:
     return RealClock(settings.rate) if settings.clock == "real" else VirtualClock(settings.rate)
 
 
-def make_rig(settings: TrialSettings, now: Callable[[], float]) -> Rig:
+def make_rig(
+    settings: TrialSettings, now: Callable[[], float], pointer: PointerOperator | None = None
+) -> Rig:
     """Return a new rig of devices, or a new simulated rig if the settings have no rig file.
 
     Parameters
@@ -33,12 +35,19 @@ def make_rig(settings: TrialSettings, now: Callable[[], float]) -> Rig:
         Settings of the trial.
     now
         Returns the time of the clock [s].
+    pointer
+        Operator of the simulated rig; None for that of the condition.
     """
-    return WiredRig(settings.rig, now) if settings.rig else make_simulated_rig(settings, now)
+    if settings.rig:
+        return WiredRig(settings.rig, now)
+    return make_simulated_rig(settings, now, pointer=pointer)
 
 
 def make_simulated_rig(
-    settings: TrialSettings, now: Callable[[], float], watchdog: float = 0.1
+    settings: TrialSettings,
+    now: Callable[[], float],
+    watchdog: float = 0.1,
+    pointer: PointerOperator | None = None,
 ) -> SimulatedRig:
     """Return a new simulated rig, with a simulated operator if the condition needs one.
 
@@ -50,13 +59,15 @@ def make_simulated_rig(
         Returns the time of the clock [s].
     watchdog
         Timeout of the drives' watchdogs [s].
+    pointer
+        Operator that replaces the simulated one.
     """
     setup = settings.setup
     depth = setup.depth / settings.coupling.scale
-    operator: Operator | None = None
-    if settings.condition == "free":
+    operator: Operator | PointerOperator | None = pointer
+    if not pointer and settings.condition == "free":
         operator = FreePalpation(depth, settings.seed)
-    elif settings.condition == "mimic":
+    elif not pointer and settings.condition == "mimic":
         target = settings.target
         operator = MimickedSine(depth, settings.seed, target.frequency, target.count_in)
     return SimulatedRig(

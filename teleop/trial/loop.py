@@ -63,6 +63,8 @@ class Loop:
         self._last = duration - 0.5 * clock.period
         self._end = ""
         self._armed = False
+        self._begin = 0.0
+        """Time of the trial from which the duration counts [s]."""
         self._elapsed = 0
         """Number of periods of the clock, including skipped ones."""
         self._leave = math.inf
@@ -104,10 +106,12 @@ class Loop:
             for sink in self._sinks:
                 sink.event(event)
             if event.mode is ACTIVE:
-                self._armed = True
+                self._armed, self._begin = True, event.time
             elif event.mode is FAULT:
                 self._leave = self._elapsed + AFTER * self._clock.rate
-        if record.t >= self._last or self.controller.finished:
+        if not (self._armed or self._switch.page.arms):
+            self._begin = record.t
+        if record.t - self._begin >= self._last or self.controller.finished:
             self._end = END
         if record.mode is not IDLE or self.error:
             return self._elapsed < self._leave

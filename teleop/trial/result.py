@@ -65,6 +65,11 @@ class Trial:
         return self.recording.estimated().estimates()
 
     @property
+    def armed(self) -> dict[str, Any] | None:
+        """Event of the arming of the drives; None if they were not armed."""
+        return next((e for e in self.recording.events if e["mode"] == "active"), None)
+
+    @property
     def incomplete(self) -> str:
         """Text that states which data are missing in the files of the trial; empty for none."""
         path, _, dropped, problem, _ = self.outcome
@@ -110,7 +115,9 @@ class Trial:
             "rig": settings.rig_name,
             "estimated_channels": list(estimated_channels(settings)),
             "duration_s": settings.duration,
-            "actual_duration_s": float(t[-1]) if len(t) else 0.0,
+            "actual_duration_s": float(t[-1] - (self.armed or {"time": 0.0})["time"])
+            if len(t)
+            else 0.0,
             "contact_s": contact,
             "least_contact_s": LEAST_CONTACT,
             "clock": settings.clock,

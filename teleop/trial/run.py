@@ -18,6 +18,7 @@ from teleop.recording.recording import from_messages, load_intact
 from teleop.recording.sinks import Memory, Outcome, Sink
 from teleop.trial.arming import check_stated
 from teleop.trial.assembly import RigMaker, make_clock, make_controller, make_rig
+from teleop.trial.live_link import LiveLink
 from teleop.trial.loop import Loop
 from teleop.trial.metadata import session_metadata
 from teleop.trial.realtime import realtime
@@ -36,6 +37,7 @@ def run_trial(
     overwrite: bool = False,
     condition: Condition | None = None,
     rig_maker: RigMaker | None = None,
+    live: LiveLink | None = None,
 ) -> Trial:
     """Run a trial until its end, a fault, or Ctrl-C, and then disable the drives.
 
@@ -58,6 +60,8 @@ def run_trial(
         Control condition that replaces that of the settings.
     rig_maker
         Function that creates a rig, which replaces that of the settings.
+    live
+        Link to the live page.
 
     Raises
     ------
@@ -72,11 +76,14 @@ def run_trial(
     """
     if switch is None:
         with StopSwitch() as switch:
-            return run_trial(settings, record, show, switch, real, overwrite, condition, rig_maker)
+            return run_trial(
+                settings, record, show, switch, real, overwrite, condition, rig_maker, live
+            )
     if condition is None:
         check_stated(settings)
     bank = settings.estimation_preset.bank()
-    layout = Layout(bank)
+    pointer = live.make_operator() if live else None
+    layout = Layout(bank, pointer)
     metadata = session_metadata(settings)
     recorder = loop = None
     target = settings.target
@@ -95,14 +102,14 @@ def run_trial(
         )
     memory = None if record else Memory()
     box = BlackBox(layout, settings.rate)
-    sinks: list[Sink] = [sink for sink in (recorder, memory, box) if sink]
+    sinks: list[Sink] = [sink for sink in (recorder, memory, box, live) if sink]
     try:
         cost = check_rate(settings) if settings.clock == "real" else 0.0
         clock = make_clock(settings)
         start = time.time_ns() + round((settings.limits.preflight + clock.period) * 1e9)
         if recorder:
             recorder.begin(start)
-        rig = rig_maker(clock.now) if rig_maker else make_rig(settings, clock.now)
+        rig = rig_maker(clock.now) if rig_maker else make_rig(settings, clock.now, pointer)
         rejected: dict[str, dict[str, int]] = {}
         try:
             with switch.reading_keys(), realtime(real) as real_time, rig:
@@ -110,6 +117,8 @@ def run_trial(
                     check_wire(rig, clock, cost)
                 controller = make_controller(settings, rig, bank, clock, condition)
                 loop = Loop(controller, clock, layout, sinks, switch, settings.duration)
+                if live:
+                    switch.page = live.begin(settings, layout)
                 real_time.start(recorder.process.pid if recorder else None)
                 loop.run()
                 switch.clean_up()

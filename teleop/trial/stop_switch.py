@@ -1,4 +1,4 @@
-"""The stop switch of a run: Ctrl-C, other signals that end a program, and the stop key."""
+"""The stop switch of a run: signals that end a program, the stop key, and the live page."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from teleop.interruption import Interruption
 from teleop.safety import Fault, Request
 from teleop.safety.channels import DetectedFault
 from teleop.safety.state import NO_REQUEST
+from teleop.trial.page_requests import NoPage
 from teleop.trial.stop_key import StopKey
 
 ARM = Request(arm=True)
@@ -20,7 +21,7 @@ RESPONSE_TIME = 0.1
 
 
 class StopSwitch(Interruption):
-    """Converts signals and the stop key to requests to the safety supervisor.
+    """Converts signals, the stop key and the live page to requests to the safety supervisor.
 
     This is a context manager for the time of a run and its output. Before the first tick of the
     loop, when nothing moves yet, a signal raises KeyboardInterrupt. After the first tick, a signal
@@ -31,17 +32,23 @@ class StopSwitch(Interruption):
     ----------
     key
         Whether Enter and Space in the terminal are an emergency stop.
+
+    Attributes
+    ----------
+    page
+        Requests of the live page.
     """
 
     def __init__(self, key: bool = False) -> None:
         super().__init__()
         self._use_key = key
         self.key = StopKey()
+        self.page = NoPage()
 
     @property
     def interrupted(self) -> bool:
         """Whether a person ended the run."""
-        return self.count > 0 or bool(self.key.lost)
+        return self.count > 0 or bool(self.key.lost or self.page.reason)
 
     @property
     def _has_key(self) -> bool:
@@ -75,8 +82,11 @@ class StopSwitch(Interruption):
             Reason why the run ends by itself; empty to continue.
         """
         self.timeout = RESPONSE_TIME
-        reason, key = self.reason or self.key.lost or end, self.key
-        if not (reason or key.pressed):
+        key, page = self.key, self.page
+        page.read()
+        reason, arm = self.reason or key.lost or page.reason or end, arm and page.arms
+        if not (reason or key.pressed or page.faults):
             return ARM if arm else NO_REQUEST
         self.acknowledge()
-        return Request(arm, reason, self.count > 1, (KEY,) if key.pressed else ())
+        faults = (KEY, *page.faults) if key.pressed else page.faults
+        return Request(arm, reason, self.count > 1, faults)

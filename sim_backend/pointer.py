@@ -1,0 +1,79 @@
+"""An operator whose hand follows a pointer, such as the mouse in the live page.
+
+The pointer states where the hand wants to be, and whether it holds the handle. Its samples arrive
+in steps. A critically damped filter of second order makes a smooth intended motion of them. The
+impedance of the arm then gives the force on the handle, as for the other operators.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from sim_backend.plant import Handle, Intention
+
+BANDWIDTH = 10.0
+"""Natural frequency of the filter [Hz]."""
+Pointer = Callable[[], tuple[float, bool]]
+"""Function that returns the position that the hand wants to reach [m], and whether it holds the
+handle."""
+
+
+class PointerOperator:
+    """Intended motion of a hand that follows a pointer.
+
+    When the hand takes hold of the handle, its intended motion begins at the position and with the
+    velocity of the handle, so that the force begins at zero.
+
+    Parameters
+    ----------
+    pointer
+        The pointer, which is read once per tick while the drives are in operation.
+
+    Attributes
+    ----------
+    handle
+        The handle of the simulated rig.
+    time
+        Time since the drives were enabled at which the pointer was last read [s]; NaN before.
+    depth
+        Position at which the pointer was at that time [m].
+    grip
+        Whether the hand held the handle at that time.
+    """
+
+    def __init__(self, pointer: Pointer) -> None:
+        self.handle: Handle | None = None
+        self.time = self.depth = math.nan
+        self.grip = False
+        self._pointer = pointer
+        self._position = self._velocity = 0.0
+
+    def intention(self, t: float) -> Intention | None:
+        """Return the intended motion at t [s] after the drives were enabled.
+
+        None if the hand does not hold the handle. t must not decrease from one call to the next.
+        """
+        held, last = self.grip, self.time
+        self.time = t
+        self.depth, self.grip = self._pointer()
+        if not self.grip:
+            return None
+        if not held:
+            handle = self.handle
+            self._position, self._velocity = (handle.x, handle.v) if handle else (0.0, 0.0)
+        else:
+            self._follow(self.depth, t - last)
+        return Intention(self._position, self._velocity)
+
+    def _follow(self, target: float, dt: float) -> None:
+        """Advance the filter by dt [s] with a constant target [m]; the solution is exact.
+
+        With e = y - u and the natural angular frequency w, e'' + 2 w e' + w^2 e = 0.
+        """
+        omega = 2.0 * math.pi * BANDWIDTH
+        error, rate = self._position - target, self._velocity
+        slope = rate + omega * error
+        decay = math.exp(-omega * dt)
+        self._position = target + (error + slope * dt) * decay
+        self._velocity = (rate - omega * slope * dt) * decay

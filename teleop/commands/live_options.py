@@ -1,0 +1,176 @@
+"""Options of the live page, for the commands that run trials, and the address of the page."""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
+
+if TYPE_CHECKING:
+    from teleop.trial.live_link import LiveLink
+    from teleop.trial.settings import TrialSettings
+
+POINTER = "pointer"
+"""Name of the operator that is the pointer of the live page."""
+DURATIONS = (5.0, 10.0, 20.0, 30.0, 60.0)
+"""Durations among which the page may choose [s]."""
+
+
+@dataclass(frozen=True)
+class LiveOptions:
+    """Options of the live page."""
+
+    live: Annotated[bool, Parameter(negative="")] = False
+    """Show the trial in a page of the browser, and print its address. On the simulated rig, the
+    page starts the trials (UNLOCK, then START), unless --yes is given."""
+    live_arm: Annotated[bool, Parameter(negative="")] = False
+    """Let the live page arm the drives of a rig of devices."""
+    open: Annotated[bool, Parameter(negative="")] = False
+    """Open the live page in the browser."""
+    host: str = "127.0.0.1"
+    """Address of the live page. Another address than the default lets other machines connect,
+    without encryption."""
+    port: int = 0
+    """Port of the live page; 0 for any free port."""
+
+    def arms(self, settings: Sequence[TrialSettings], yes: bool) -> bool:
+        """Return whether the page arms the drives.
+
+        Parameters
+        ----------
+        settings
+            Settings of all trials.
+        yes
+            Whether the drives are armed without asking.
+
+        Raises
+        ------
+        InputError
+            The options contradict each other or the settings.
+        """
+        from teleop.errors import InputError
+
+        for one in settings:
+            if one.operator == POINTER and not self.live:
+                raise InputError("--operator pointer: needs --live")
+            if one.operator == POINTER and (one.rig or one.condition == "autonomous"):
+                raise InputError(
+                    "--operator pointer: expected the simulated rig, and free or mimic"
+                )
+            if self.live and one.clock != "real":
+                raise InputError("--live: expected --clock real")
+        if not self.live:
+            for name in ("live_arm", "open"):
+                if getattr(self, name):
+                    raise InputError(f"--{name.replace('_', '-')}: needs --live")
+            return False
+        if self.live_arm and yes:
+            raise InputError("--live-arm and --yes: expected at most one of them")
+        return not yes and (self.live_arm or not any(one.rig for one in settings))
+
+    @contextlib.contextmanager
+    def linked(
+        self, settings: Sequence[TrialSettings], by_page: bool, choose: bool
+    ) -> Iterator[LiveLink | None]:
+        """Serve the live page within the block.
+
+        Parameters
+        ----------
+        settings
+            Settings of all trials.
+        by_page
+            Whether the page arms the drives.
+        choose
+            Whether the page may choose other settings for the simulated rig.
+
+        Yields
+        ------
+        The link to the page; None without the option --live.
+
+        Raises
+        ------
+        InputError
+            The page cannot be served.
+        """
+        if not self.live:
+            yield None
+            return
+        check_installed()
+        from sim_backend import PointerOperator
+        from teleop.recording.message import Layout
+        from teleop.trial.live_link import LiveLink
+
+        pointer = any(one.operator == POINTER for one in settings)
+        operator = PointerOperator(lambda: (0.0, False)) if pointer else None
+        size = max(Layout(one.estimation_preset.bank(), operator).size for one in settings)
+        choices = choices_of(settings[0]) if choose else NO_CHOICES
+        link = LiveLink(size, self.host, self.port, by_page, pointer, choices)
+        try:
+            show_address(link.url, self.host, self.open)
+            yield link
+        finally:
+            link.end()
+
+
+NOT_LIVE = LiveOptions()
+"""The defaults: there is no live page."""
+Live = Annotated[LiveOptions, Parameter(name="*")]
+"""Type of the parameter of a command for these options. Their names have no common prefix."""
+NO_CHOICES: dict[str, list[Any]] = {"condition": [], "specimen": [], "duration": []}
+
+
+def choices_of(settings: TrialSettings) -> dict[str, list[Any]]:
+    """Return the values among which the page may choose; those of the settings on a real rig."""
+    from sim_backend import CUBES
+    from teleop.control.conditions import CONDITIONS
+
+    if settings.rig or settings.custom_setup:
+        return {
+            "condition": [settings.condition],
+            "specimen": [settings.palpated],
+            "duration": [settings.duration],
+        }
+    by_pointer = settings.operator == POINTER
+    return {
+        "condition": [c for c in CONDITIONS if not (by_pointer and c == "autonomous")],
+        "specimen": list(CUBES),
+        "duration": sorted({*DURATIONS, settings.duration}),
+    }
+
+
+def check_installed() -> None:
+    """Check that the library of the live page is installed.
+
+    Raises
+    ------
+    InputError
+        It is not installed.
+    """
+    from teleop.errors import InputError
+
+    if find_spec("websockets") is None:
+        raise InputError("the live page needs the package websockets: pip install 'teleop[live]'")
+
+
+def show_address(url: str, host: str, open_page: bool) -> None:
+    """Print the address of the page, and open it in the browser if requested.
+
+    A warning is printed if other machines can connect.
+    """
+    from teleop.live.security import LOOPBACK
+    from teleop.printable import print_error
+
+    if host not in LOOPBACK:
+        print_error(
+            f"--host {host}: other machines can connect, without encryption; ssh -L is safer"
+        )
+    print(f"live page: {url}", file=sys.stderr, flush=True)
+    if open_page:
+        import webbrowser
+
+        webbrowser.open(url)

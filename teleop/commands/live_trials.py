@@ -1,0 +1,130 @@
+"""Trials that a person starts from the live page, one after another."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from teleop.commands.one_trial import TrialRunner
+    from teleop.studies.series.conduct import Answer
+    from teleop.studies.series.plan import PlannedTrial
+    from teleop.trial.live_link import LiveLink
+    from teleop.trial.settings import TrialSettings
+
+WAIT = 0.2
+"""Time between two checks whether to end [s]."""
+
+
+def next_request(link: LiveLink, stopped: Callable[[], bool]) -> dict[str, Any] | None:
+    """Wait for a request of the page; return None if the session has to end."""
+    while link.is_running and not stopped():
+        if request := link.wait_for_request(WAIT):
+            return request
+    return None
+
+
+def run_from_page(link: LiveLink, settings: TrialSettings, runner: TrialRunner, once: bool) -> int:
+    """Run the trials that the page requests until a signal, and return the last exit code.
+
+    Parameters
+    ----------
+    link
+        Link to the live page.
+    settings
+        Settings of the first trial.
+    runner
+        Runs a trial with its outputs.
+    once
+        Whether to end after the first trial that was armed.
+    """
+    from teleop.errors import SafetyStop
+    from teleop.interruption import stop_signals
+    from teleop.printable import print_error
+
+    while True:
+        try:
+            code = runner.run(settings)
+        except SafetyStop as error:
+            if once:
+                raise
+            print_error(str(error))
+            code = 3
+        if runner.interrupted or (once and link.trial and link.trial.armed):
+            return code
+        with stop_signals() as stopped:
+            following = next_settings(link, settings, stopped)
+        if following is None:
+            return code
+        settings = following
+
+
+def next_settings(
+    link: LiveLink, settings: TrialSettings, stopped: Callable[[], bool]
+) -> TrialSettings | None:
+    """Return the settings of the next trial, when the page requests it; None to end.
+
+    If the page changed the settings of a trial that waited for START, the next trial follows at
+    once.
+    """
+    waiting = link.trial is not None and not link.trial.armed
+    link.tell({"type": "prompt", "text": "NEXT prepares another trial"})
+    while request := next_request(link, stopped):
+        kind = request["type"]
+        if kind == "choose":
+            settings = chosen(settings, request)
+            if waiting:
+                return settings
+        elif kind == "notes":
+            settings = replace(settings, notes=request["text"])
+        elif kind in ("next", "repeat"):
+            return settings
+    return None
+
+
+def chosen(settings: TrialSettings, request: dict[str, Any]) -> TrialSettings:
+    """Return the settings with the choices of the page, which the live process has checked."""
+    changes: dict[str, Any] = {
+        name: request[name] for name in ("condition", "duration") if name in request
+    }
+    if "specimen" in request and not settings.rig:
+        changes["cube"] = request["specimen"]
+    return replace(settings, **changes)
+
+
+class PageOfSeries:
+    """Asks the person at the live page before and after each trial of a series."""
+
+    def __init__(self, link: LiveLink) -> None:
+        self._link = link
+        self._pending: dict[str, Any] | None = None
+
+    def ask(self, trial: PlannedTrial, prompt: str) -> tuple[Answer, str]:
+        """Return whether to run, skip or repeat a trial, or to quit, and a note."""
+        from teleop.interruption import stop_signals
+
+        self._link.tell({"type": "prompt", "text": prompt})
+        notes: list[str] = []
+        answers: dict[str, Answer] = {"next": "run", "repeat": "repeat", "skip": "skip"}
+        with stop_signals() as stopped:
+            while request := self._pending or next_request(self._link, stopped):
+                self._pending = None
+                if request["type"] in answers:
+                    return answers[request["type"]], "; ".join(notes)
+                if request["type"] == "notes":
+                    notes.append(request["text"])
+        return "quit", "; ".join(notes)
+
+    def ask_note(self, trial: PlannedTrial) -> str:
+        """Return the note on a trial; empty if the person continues without a note."""
+        from teleop.interruption import stop_signals
+
+        text = f"Note on trial {trial.number}, {trial.label}; NEXT for none."
+        self._link.tell({"type": "prompt", "text": text})
+        with stop_signals() as stopped:
+            request = next_request(self._link, stopped)
+        if request and request["type"] == "notes":
+            return str(request["text"])
+        self._pending = request
+        return ""

@@ -1,0 +1,116 @@
+"""Runs one trial, and writes its outputs: recording, figures, and the results on the terminal."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from teleop.names import RealtimeName, WidthName
+
+if TYPE_CHECKING:
+    from teleop.trial.live_link import LiveLink
+    from teleop.trial.result import Trial
+    from teleop.trial.settings import TrialSettings
+
+
+@dataclass
+class TrialRunner:
+    """Runs a trial with these outputs."""
+
+    record: Path | None
+    """File of the recording; None for a new file in the folder recordings."""
+    no_record: bool
+    plot: Path | None
+    plot_force: Path | None
+    width: WidthName
+    overwrite: bool
+    json: bool
+    realtime: RealtimeName
+    link: LiveLink | None = None
+    """Link to the live page; None for none."""
+    interrupted: bool = False
+    """Whether a signal ended the latest trial, or the loss of the terminal."""
+
+    def run(self, settings: TrialSettings) -> int:
+        """Run a trial, and return the exit code.
+
+        Nothing is printed or kept of a trial that was ended before the live page armed it.
+
+        Raises
+        ------
+        SafetyStop
+            A fault stopped the trial.
+        InputError
+            The trial cannot be run, or an output cannot be written.
+        RigError
+            A device failed before the drives were armed.
+        """
+        from teleop.errors import InputError, SafetyStop
+        from teleop.output import console
+        from teleop.output.trial_tables import print_trial
+        from teleop.printable import discard_output, print_error
+        from teleop.recording.new_recording import new_recording
+        from teleop.safety.events import time_text
+        from teleop.trial.run import run_trial
+        from teleop.trial.stop_switch import StopSwitch
+
+        record, reserved = self.record, None
+        if not (record or self.no_record):
+            palpated = settings.specimen or settings.cube
+            record = reserved = new_recording(settings.condition, palpated)
+        with StopSwitch(key=True) as switch:
+            try:
+                trial = run_trial(
+                    settings,
+                    record,
+                    sys.stderr.isatty(),
+                    switch,
+                    self.realtime if settings.clock == "real" else "off",
+                    overwrite=bool(reserved),
+                    live=self.link,
+                )
+            finally:
+                self.interrupted = switch.interrupted and not switch.page.reason
+                if reserved and reserved.exists() and not reserved.stat().st_size:
+                    reserved.unlink()
+            if self.link:
+                self.link.show_result(trial)
+                if not (trial.armed or trial.fault or self.interrupted):
+                    if record:
+                        record.unlink(missing_ok=True)
+                    return 0
+            problems = [trial.incomplete] if trial.incomplete else []
+            self._draw(trial, problems)
+            try:
+                if self.json:
+                    console.print_json(trial.summary())
+                else:
+                    print_trial(trial.summary())
+            except OSError as error:
+                if not (trial.fault or problems):
+                    raise
+                problems.append(discard_output(error))
+        if trial.fault:
+            for problem in problems:
+                print_error(problem)
+            raise SafetyStop(f"stopped {time_text(trial.fault['time'])}: {trial.fault['text']}")
+        if problems:
+            raise InputError("; ".join(problems))
+        return 130 if trial.interrupted else 0
+
+    def _draw(self, trial: Trial, problems: list[str]) -> None:
+        """Draw the figures, and append the reasons why a figure cannot be drawn to a list."""
+        from teleop.commands.figures import draw_trial
+        from teleop.errors import InputError
+        from teleop.printable import print_error
+
+        plot, plot_force = self.plot, self.plot_force
+        if (plot or plot_force) and len(trial.columns["time"]):
+            try:
+                draw_trial(trial, plot, plot_force, self.width, self.overwrite)
+            except InputError as error:
+                problems.append(str(error))
+        elif plot or plot_force:
+            print_error(f"{plot or plot_force}: not drawn: there are no estimates")

@@ -1,0 +1,112 @@
+"""The live process: serves the live page beside the control process.
+
+    python -m teleop.live.process
+
+Standard input has one JSON document per line: first the session, then messages about the trials.
+The end of standard input is the end of the control process. To standard output, the process writes
+the address of the page, or a problem, and then the requests that the control process carries out
+between two trials.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+from teleop.errors import InputError
+from teleop.json_documents import dumps, loads
+from teleop.live.cells import CellWriter
+from teleop.live.ring import RingReader
+from teleop.live.serving import serve
+from teleop.live.shared_file import SharedFile
+from teleop.live.trial_feed import TrialFeed
+
+FAREWELL = 1.0
+"""Time for which the pages are served after the control process has ended [s]."""
+MOST_UNREAD = 1 << 16
+"""Number of bytes that are read from standard input at a time."""
+
+
+class ControlPipe:
+    """Receives the messages of the control process, and sends it requests, without waiting."""
+
+    def __init__(self) -> None:
+        self._input, self._output = sys.stdin.fileno(), sys.stdout.fileno()
+        self._received = b""
+        self.ended = 0.0
+        """Time at which standard input ended [s]; 0 before."""
+
+    def read_line(self) -> dict[str, Any]:
+        """Wait for a message.
+
+        Raises
+        ------
+        EOFError
+            The control process has ended.
+        """
+        while b"\n" not in self._received:
+            if not (part := os.read(self._input, MOST_UNREAD)):
+                raise EOFError
+            self._received += part
+        line, _, self._received = self._received.partition(b"\n")
+        return loads(line)
+
+    def receive_into(self, feed: TrialFeed) -> None:
+        """Pass the messages that have arrived to the feed."""
+        if self.ended:
+            return
+        try:
+            part = os.read(self._input, MOST_UNREAD)
+        except BlockingIOError:
+            return
+        if not part:
+            self.ended = time.monotonic()
+            feed.leave()
+        *lines, self._received = (self._received + part).split(b"\n")
+        for line in lines:
+            feed.receive(loads(line))
+
+    def send(self, document: dict[str, Any]) -> None:
+        """Send a document; it is discarded if the control process does not read."""
+        try:
+            os.write(self._output, dumps(document).encode() + b"\n")
+        except (BlockingIOError, BrokenPipeError):
+            return
+
+
+async def main() -> None:
+    """Serve the live page until the control process has ended."""
+    pipe = ControlPipe()
+    session = pipe.read_line()
+    ring, events, cells = (
+        SharedFile.open(Path(session["files"][name]), name == "cells")
+        for name in ("ring", "events", "cells")
+    )
+    feed = TrialFeed(
+        RingReader(ring.buffer, *session["ring"]),
+        RingReader(events.buffer, *session["events"]),
+        CellWriter(cells.buffer),
+        session["welcome"],
+        pipe.send,
+    )
+    os.set_blocking(sys.stdin.fileno(), False)
+    os.set_blocking(sys.stdout.fileno(), False)
+
+    def is_over() -> bool:
+        pipe.receive_into(feed)
+        return pipe.ended > 0.0 and time.monotonic() - pipe.ended > FAREWELL
+
+    try:
+        await serve(
+            is_over, feed, session["host"], session["port"], lambda url: pipe.send({"url": url})
+        )
+    except InputError as error:
+        pipe.send({"problem": str(error)})
+
+
+if __name__ == "__main__":
+    asyncio.run(main())

@@ -1,0 +1,140 @@
+"""A ring of messages in shared memory, which one process writes and another one reads.
+
+The ring has no lock, and writing needs no system call, so that a reader that hangs or ends cannot
+delay the writer. The writer overwrites the oldest messages. Each slot contains the number of its
+message before and after the message. A reader that finds another number there discards the slot,
+because the writer has changed it in the meantime.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from mmap import mmap
+from time import monotonic
+
+import numpy as np
+from numpy.typing import NDArray
+
+HEAD = 64
+"""Size of the head of the ring, which contains the number of the newest message [bytes]."""
+BEFORE = 24
+"""Size of the part of a slot before the message: number, length, time of writing [bytes]."""
+AFTER = 8
+"""Size of the part of a slot after the message: the number again [bytes]."""
+SLOTS = 4096
+"""Number of ticks in the ring of a loop."""
+MARGIN = 64
+"""Number of the oldest slots that are not read, because the writer reaches them next."""
+
+
+def stride(size: int) -> int:
+    """Return the size of a slot for messages of at most `size` bytes [bytes]."""
+    return BEFORE + -(-size // 8) * 8 + AFTER
+
+
+def ring_size(slots: int, size: int) -> int:
+    """Return the size of a ring [bytes]."""
+    return HEAD + slots * stride(size)
+
+
+class RingWriter:
+    """Writes messages.
+
+    Parameters
+    ----------
+    buffer
+        Shared memory of `ring_size` bytes.
+    slots
+        Number of slots.
+    size
+        Largest size of a message [bytes].
+    now
+        Returns the time that is stored with a message [s].
+
+    Attributes
+    ----------
+    newest
+        Number of the newest message, from 1; 0 for none.
+    """
+
+    def __init__(
+        self, buffer: mmap, slots: int, size: int, now: Callable[[], float] = monotonic
+    ) -> None:
+        self.newest = 0
+        self._bytes = memoryview(buffer)
+        self._words = self._bytes.cast("Q")
+        self._times = self._bytes.cast("d")
+        self._slots = slots
+        self._size = size
+        self._stride = stride(size)
+        self._now = now
+
+    def write(self, message: bytes) -> None:
+        """Write a message into the next slot.
+
+        Raises
+        ------
+        ValueError
+            The message is larger than a slot.
+        """
+        length = len(message)
+        if length > self._size:
+            raise ValueError(f"a message of {length} bytes: expected at most {self._size}")
+        number = self.newest + 1
+        start = HEAD + number % self._slots * self._stride
+        words, word = self._words, start >> 3
+        words[word] = number
+        words[word + 1] = length
+        self._times[word + 2] = self._now()
+        self._bytes[start + BEFORE : start + BEFORE + length] = message
+        words[(start + self._stride - AFTER) >> 3] = number
+        words[0] = self.newest = number
+
+
+class RingReader:
+    """Reads messages.
+
+    Parameters
+    ----------
+    buffer
+        Shared memory of `ring_size` bytes.
+    slots
+        Number of slots.
+    size
+        Largest size of a message [bytes].
+    """
+
+    def __init__(self, buffer: mmap, slots: int, size: int) -> None:
+        data = np.frombuffer(buffer, dtype=np.uint8, count=ring_size(slots, size))
+        self._newest = data[:8].view(np.uint64)
+        self._rows = data[HEAD:].reshape(slots, stride(size))
+        self._slots = slots
+
+    @property
+    def newest(self) -> int:
+        """Number of the newest message, from 1; 0 for none."""
+        return int(self._newest[0])
+
+    @property
+    def oldest(self) -> int:
+        """Number of the oldest message that can be read safely."""
+        return max(1, self.newest - self._slots + MARGIN)
+
+    def read(self, numbers: Sequence[int]) -> tuple[list[int], NDArray[np.uint8]]:
+        """Return those of the numbered messages that are in the ring.
+
+        Returns
+        -------
+        found
+            Their numbers.
+        slots
+            Their slots without the numbers, shape (len(found), bytes): the length as an unsigned
+            integer of 64 bits, the time of writing [s] as a double, and the message.
+        """
+        wanted = np.asarray(numbers, dtype=np.uint64)
+        places = wanted % np.uint64(self._slots)
+        after = self._rows[places, -AFTER:].copy().view(np.uint64)[:, 0]
+        slots = self._rows[places, 8:-AFTER]
+        before = self._rows[places, :8].copy().view(np.uint64)[:, 0]
+        intact = (after == wanted) & (before == wanted)
+        return [int(number) for number in wanted[intact]], slots[intact]

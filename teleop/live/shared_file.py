@@ -1,0 +1,66 @@
+"""A file in memory that two processes map: the control process and the live process."""
+
+from __future__ import annotations
+
+import contextlib
+import mmap
+import os
+import tempfile
+from pathlib import Path
+
+MEMORY = Path("/dev/shm")
+"""Folder of files in memory, on Linux."""
+
+
+class SharedFile:
+    """A mapped file that its creator removes as soon as the other process has opened it.
+
+    Attributes
+    ----------
+    path
+        Path of the file.
+    buffer
+        The mapped bytes.
+    """
+
+    def __init__(self, path: Path, buffer: mmap.mmap) -> None:
+        self.path = path
+        self.buffer = buffer
+
+    @classmethod
+    def create(cls, size: int) -> SharedFile:
+        """Return a new file of zeros, which only this user can open.
+
+        Raises
+        ------
+        OSError
+            The file cannot be created.
+        """
+        folder = MEMORY if os.access(MEMORY, os.W_OK) else None
+        number, name = tempfile.mkstemp(prefix="teleop-live-", dir=folder)
+        try:
+            os.write(number, bytes(size))  # a hole in the file could not be filled in the loop
+            return cls(Path(name), mmap.mmap(number, size))
+        except BaseException:
+            Path(name).unlink()
+            raise
+        finally:
+            os.close(number)
+
+    @classmethod
+    def open(cls, path: Path, writable: bool) -> SharedFile:
+        """Return an existing file.
+
+        Raises
+        ------
+        OSError
+            The file cannot be opened.
+        """
+        with path.open("r+b" if writable else "rb") as file:
+            access = mmap.ACCESS_WRITE if writable else mmap.ACCESS_READ
+            return cls(path, mmap.mmap(file.fileno(), 0, access=access))
+
+    def remove(self) -> None:
+        """Remove the name of the file; both processes keep its contents."""
+        with contextlib.suppress(OSError):
+            self.path.unlink()

@@ -1,0 +1,252 @@
+"""Feed of running trials: rows from the ring of the loop, requests to its cells."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from estimation.compiled import Floats
+from teleop.json_documents import loads
+from teleop.live.cells import ARM, END, PAGE, PROCESS, STOP, CellWriter
+from teleop.live.feed import Feed, estimator_indices, shown_columns
+from teleop.live.history import History, decimated, decimation
+from teleop.live.requests import BadRequest
+from teleop.live.ring import RingReader
+from teleop.safety.events import ACTIVE, FAULT, READY, STOPPING, Mode
+
+SILENCE = 0.5
+"""Time without a new tick after which the loop counts as gone [s]."""
+DEEPEST = 0.1
+"""Largest intended depth that is passed on, in magnitude [m]."""
+OUTSIDE_TRIALS = {"next", "repeat", "skip", "notes"}
+"""Requests that the control process carries out between two trials."""
+SENT = {"name": "sent", "unit": "s", "meaning": "time at which the loop wrote the tick"}
+"""The additional last column of a row."""
+
+
+class TrialFeed(Feed):
+    """Data of the trials of one control process.
+
+    Parameters
+    ----------
+    ring, events
+        Rings of the ticks and of the events.
+    cells
+        Cells for the requests.
+    session
+        Description of the session: `may_arm`, `pointer` and `choices` of the message `welcome`.
+    send
+        Sends a request to the control process, which reads it between two trials.
+    """
+
+    def __init__(
+        self,
+        ring: RingReader,
+        events: RingReader,
+        cells: CellWriter,
+        session: dict[str, Any],
+        send: Callable[[dict[str, Any]], None],
+    ) -> None:
+        self.history = History(1)
+        self._ring, self._events, self._cells = ring, events, cells
+        self._session = session
+        self._send = send
+        self._begin: dict[str, Any] = {}
+        self._valid: dict[str, dict[str, Any]] = {}
+        self._news: list[dict[str, Any]] = []
+        self._read = self._read_events = 0
+        self._step = 1
+        self._indices: list[int] = []
+        self._mode, self._running, self._gone = Mode.IDLE, False, False
+        self._text = ""
+        self._faults: list[str] = []
+        self._latest = 0.0
+        self._start_column = 0
+        self._mode_column = 0
+        self._describe([], [], 0.0)
+
+    def receive(self, document: dict[str, Any]) -> None:
+        """Receive a message of the control process: begin, end, prompt or summary."""
+        kind = document["type"]
+        if kind == "begin":
+            self._begin_trial(document)
+        elif kind == "end":
+            self.advance()
+            self._running = False
+            self._text = document["text"]
+        elif kind == "prompt":
+            self._text = document["text"]
+        else:
+            self._publish(document)
+
+    def leave(self) -> None:
+        """Note that the control process has ended."""
+        self._gone = True
+
+    def advance(self) -> list[dict[str, Any]]:
+        """Beat, and read what the loop has written since the last call."""
+        self._cells.count(PROCESS)
+        if self._running:
+            self._read_ticks()
+            self._read_texts()
+        news, self._news = self._news, []
+        return news
+
+    def documents(self) -> list[dict[str, Any]]:
+        """Return `welcome`, and the latest `trial` and `summary`."""
+        return list(self._valid.values())
+
+    def state(self) -> dict[str, Any]:
+        """Return the mode of the supervisor, a text, and whether the loop runs."""
+        silent = self._running and time.monotonic() - self._latest > SILENCE
+        if not self._running:
+            mode = "ended" if "trial" in self._valid else "idle"
+        else:
+            mode = "idle" if self._mode < READY else self._mode.name.lower()
+        by_page = self._begin.get("by_page", False)
+        return {
+            "mode": mode,
+            "text": self._faults[0] if self._faults else self._text or self._advice(mode, by_page),
+            "armed_by": ("page" if by_page else "terminal") if self._begin else None,
+            "loop": "gone" if self._gone or silent else "running",
+        }
+
+    def request(self, request: dict[str, Any]) -> None:
+        """Write a request to the cells, or send it to the control process.
+
+        Raises
+        ------
+        BadRequest
+            The request is not possible in this mode, or not in this session.
+        """
+        kind, active = request["type"], self._running and self._mode >= ACTIVE
+        if kind == "stop":
+            self._cells.count(STOP)
+        elif kind == "end":
+            if not self._running:
+                raise BadRequest("end: no trial is running")
+            self._cells.count(END)
+        elif kind == "start":
+            self._start()
+        elif kind == "pointer":
+            if not self._session["pointer"]:
+                raise BadRequest("pointer: expected teleop run --operator pointer")
+            depth = min(max(float(request["depth"]), -DEEPEST), DEEPEST)
+            self._cells.point(depth, request["grip"])
+        elif kind == "choose":
+            self._choose(request, active)
+        elif kind in OUTSIDE_TRIALS:
+            if self._running:
+                raise BadRequest(f"{kind}: a trial is running")
+            self._send(request)
+        else:
+            raise BadRequest(f"{kind}: this is not a recording")
+
+    def beat(self) -> None:
+        """Pass the heartbeat of the page in control on to the loop."""
+        self._cells.count(PAGE)
+
+    def lost(self) -> None:
+        """Let go of the handle. The loop stops a trial that the page armed."""
+        self._cells.point(0.0, False)
+
+    def _start(self) -> None:
+        if not (self._session["may_arm"] and self._begin.get("by_page")):
+            raise BadRequest("start: expected teleop run --live-arm")
+        if not self._running or self._mode is not READY:
+            raise BadRequest("start: expected the mode ready")
+        self._cells.count(ARM)
+
+    def _choose(self, request: dict[str, Any], active: bool) -> None:
+        """Send a choice to the control process. A trial that waits for START begins again."""
+        choices = self._session["choices"]
+        for name in request.keys() - {"type"}:
+            if request[name] not in choices[name]:
+                raise BadRequest(f"choose.{name}: expected one of {choices[name]}")
+        if active:
+            raise BadRequest("choose: a trial is running")
+        self._send(request)
+        if self._running:
+            self._cells.count(END)
+
+    def _begin_trial(self, begin: dict[str, Any]) -> None:
+        names = [column["name"] for column in begin["columns"]]
+        self._begin = begin
+        self._step = decimation(begin["rate"])
+        self._read = begin["first"] - 1
+        self._read_events = begin["first_event"] - 1
+        self._start_column = begin["offset"]
+        self._mode_column = names.index("mode")
+        self._mode, self._running, self._text, self._faults = Mode.IDLE, True, "", []
+        self._latest = time.monotonic()
+        shown = shown_columns(names, begin["estimators"])
+        self._indices = [names.index(name) for name in shown]
+        of = {column["name"]: column for column in begin["columns"]}
+        self._valid.pop("summary", None)
+        self._describe([of[name] for name in shown], begin["estimators"], begin["rate"])
+        self._news.append(self._valid["welcome"])
+        self._publish(begin["trial"])
+        epoch = self.history.epoch
+        self.history = History(len(shown) + 1)
+        self.history.epoch = epoch + 1
+
+    def _describe(self, columns: list[dict[str, str]], estimators: list[str], rate: float) -> None:
+        """Make the message `welcome`."""
+        self._valid["welcome"] = {
+            "type": "welcome",
+            "version": 1,
+            "kind": "live",
+            "columns": [*columns, SENT],
+            "estimators": estimator_indices([c["name"] for c in columns], estimators),
+            "rate": rate,
+            **self._session,
+        }
+
+    def _publish(self, document: dict[str, Any]) -> None:
+        self._valid[document["type"]] = document
+        self._news.append(document)
+
+    def _read_ticks(self) -> None:
+        """Add the newest tick, and ticks before it, to the history."""
+        end = self._ring.newest + 1
+        first = max(self._read + 1, self._ring.oldest)
+        wanted = decimated(first, end, self._read, self._step)
+        if not wanted:
+            return
+        found, slots = self._ring.read(wanted)
+        if not found:
+            return
+        self._read, self._latest = found[-1], time.monotonic()
+        values = self._values(slots)
+        self._mode = Mode(int(values[-1, self._mode_column]))
+        sent = np.ascontiguousarray(slots[:, 8:16]).view("<f8")
+        self.history.add(np.hstack([values[:, self._indices], sent]))
+
+    def _values(self, slots: np.ndarray[Any, np.dtype[np.uint8]]) -> Floats:
+        """Return the values of all columns of a tick, shape (n, columns)."""
+        start = 16 + self._start_column
+        end = start + 8 * len(self._begin["columns"])
+        return np.ascontiguousarray(slots[:, start:end]).view("<f8")
+
+    def _read_texts(self) -> None:
+        """Read the events of the supervisor."""
+        first, end = max(self._read_events + 1, self._events.oldest), self._events.newest + 1
+        found, slots = self._events.read(range(first, end))
+        for slot in slots:
+            length = int(slot[:8].view("<u8")[0])
+            event = loads(slot[16 : 16 + length].tobytes())
+            if event["fault"]:
+                self._faults.append(event["text"])
+            self._text = event["text"] if event["mode"] in ("idle", "stopping") else ""
+        self._read_events = found[-1] if found else self._read_events
+
+    def _advice(self, mode: str, by_page: bool) -> str:
+        """Return what a person can do next."""
+        if mode == "ready" and by_page:
+            return "UNLOCK, then START within 2 s, arms the drives"
+        if mode == STOPPING.name.lower() or mode == FAULT.name.lower():
+            return "stopping"
+        return ""

@@ -1,0 +1,41 @@
+"""The pointer of the live page, as the control process reads it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from time import monotonic
+
+from teleop.live.cells import CellReader
+
+SILENCE = 0.15
+"""Longest time between two samples of the pointer while it holds the handle [s]."""
+
+
+class PagePointer:
+    """Returns the latest sample of the pointer, and lets go of the handle if there are none.
+
+    Parameters
+    ----------
+    cells
+        Cells that the live process writes.
+    now
+        Returns the present time [s].
+    """
+
+    def __init__(self, cells: CellReader, now: Callable[[], float] = monotonic) -> None:
+        self._cells = cells
+        self._now = now
+        self._sequence = -1
+        self._time = -SILENCE
+        self._depth, self._grip = 0.0, False
+        if sample := cells.pointer():
+            self._sequence = sample[0]
+
+    def __call__(self) -> tuple[float, bool]:
+        """Return the intended depth of the hand [m], and whether it holds the handle."""
+        now = self._now()
+        sample = self._cells.pointer()
+        if sample and sample[0] != self._sequence:
+            self._sequence, self._depth, self._grip = sample
+            self._time = now
+        return self._depth, self._grip and now - self._time <= SILENCE

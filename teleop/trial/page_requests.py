@@ -1,0 +1,94 @@
+"""Requests of the live page during a trial, read from shared memory once a tick."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from time import monotonic
+
+from teleop.live.cells import ARM, END, PAGE, PROCESS, STOP, CellReader
+from teleop.safety import Fault
+from teleop.safety.channels import DetectedFault
+
+PROCESS_SILENCE = 0.3
+"""Longest time between two heartbeats of the live process, if a page armed the trial [s]."""
+PAGE_SILENCE = 2.0
+"""Longest time between two heartbeats of the page in control, if a page armed the trial [s]."""
+STOPPED = DetectedFault(Fault.EMERGENCY_STOP, "live page", math.nan, math.nan, math.nan)
+"""Fault of STOP in the page."""
+
+
+class NoPage:
+    """The requests if there is no live page: the trial is armed from the terminal."""
+
+    reason = ""
+    """Reason why the page ended the trial; empty if it did not."""
+    faults: tuple[DetectedFault, ...] = ()
+    """Faults that the page reports."""
+    arms = True
+    """Whether the drives may be armed."""
+
+    def read(self) -> None:
+        """Read the requests at the start of a tick."""
+
+
+class PageRequests(NoPage):
+    """Requests of the live page in one trial.
+
+    A request that was made before the trial has no effect on it.
+
+    Parameters
+    ----------
+    cells
+        Cells that the live process writes.
+    by_page
+        Whether the page arms the trial.
+    now
+        Returns the present time [s].
+    """
+
+    def __init__(
+        self, cells: CellReader, by_page: bool, now: Callable[[], float] = monotonic
+    ) -> None:
+        self.arms = not by_page
+        self._counts = cells.counts
+        self._by_page = by_page
+        self._now = now
+        counts = self._counts
+        self._stop, self._end, self._arm = counts[STOP], counts[END], counts[ARM]
+        self._beats = counts[PROCESS], counts[PAGE]
+        self._seen = [now(), now()]
+
+    def read(self) -> None:
+        """Read the requests at the start of a tick."""
+        counts = self._counts
+        if counts[STOP] != self._stop:
+            self.faults = (STOPPED,)
+        if counts[END] != self._end:
+            self.reason = "ended from the live page"
+        if self._by_page:
+            self._check_heartbeats()
+            if counts[ARM] != self._arm and not self.arms:
+                self.arms = True
+                self._seen[1] = self._now()
+
+    def _check_heartbeats(self) -> None:
+        counts, seen, now = self._counts, self._seen, self._now()
+        process, page = self._beats
+        if counts[PROCESS] != process:
+            seen[0] = now
+        if counts[PAGE] != page:
+            seen[1] = now
+        self._beats = counts[PROCESS], counts[PAGE]
+        if now - seen[0] > PROCESS_SILENCE:
+            self._lose(f"the live process was silent for {PROCESS_SILENCE:g} s")
+        elif self.arms and now - seen[1] > PAGE_SILENCE:
+            self._lose(f"the page was silent for {PAGE_SILENCE:g} s")
+
+    def _lose(self, cause: str) -> None:
+        """End a trial that waits to be armed, or stop a trial that the page has armed."""
+        if not self.arms:
+            self.reason = self.reason or cause
+        elif not self.faults:
+            nan = math.nan
+            self.faults = (DetectedFault(Fault.PAGE_LOST, cause, nan, nan, nan),)
