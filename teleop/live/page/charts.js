@@ -16,6 +16,7 @@ function estimated(estimators, key, columns) {
     name: name(e[key]),
     std: name(e[`${key}_std`]),
     held: name(e.held),
+    settled: { value: name(e.k), std: name(e.k_std) },
     label: e.name,
     index,
     swatch: index % 5,

@@ -8,6 +8,7 @@ export class Controls {
     this.byId = byId;
     this.connection = connection;
     this.welcome = null;
+    this.series = null;
     this.state = null;
     for (const type of ["unlock", "start", "end", "next", "repeat", "skip"]) {
       byId(type).addEventListener("click", () => this.#request({ type }));
@@ -48,10 +49,10 @@ export class Controls {
   }
 
   #trial(message) {
-    for (const name of CHOICES) if (name in message) this.byId(name).value = message[name];
-    const { series } = message;
-    this.byId("series").hidden = !series;
-    if (series) this.byId("series-text").textContent = `trial ${series.position} of ${series.of}`;
+    const chosen = message.choice || message;
+    for (const name of CHOICES) if (name in chosen) this.byId(name).value = chosen[name];
+    this.series = message.series;
+    this.byId("series-text").textContent = this.series ? `trial ${this.series.position} of ${this.series.of}` : "";
   }
 
   #choose() {
@@ -76,7 +77,10 @@ export class Controls {
     const allowed = Boolean(state && welcome && welcome.kind === "live" && state.control !== "other");
     const mode = state ? state.mode : "";
     const running = mode === "active" || mode === "stopping";
-    const mayArm = allowed && Boolean(welcome.may_arm) && !running;
+    const over = mode === "ended" || mode === "fault";
+    const mayArm = allowed && Boolean(welcome.may_arm) && mode === "ready";
+    byId("series").hidden = !(this.series || (over && welcome && welcome.may_arm));
+    byId("skip").hidden = !this.series;
     byId("unlock").disabled = !mayArm;
     byId("unlock").hidden = byId("start").hidden = Boolean(welcome && !welcome.may_arm);
     byId("start").disabled = !(mayArm && state.unlocked);

@@ -80,10 +80,10 @@ byId("operator-link").hash = location.hash;
 
 function hint() {
   if (!welcome || !welcome.pointer || !status.state) return "";
-  if (status.state.mode === "ready") return "Unlock and start. Then press here, hold, and move down.";
+  if (status.state.mode === "ready") return "Press Unlock, then Start. Then press here, hold, and move down.";
   if (status.state.mode !== "active") return "";
-  if (status.state.control === "other") return "another page has control";
-  return pointer.hand.grip ? "let go to lift" : "press and hold, or hold G and use the arrow keys";
+  if (status.state.control === "other") return "Another page has control.";
+  return pointer.hand.grip ? "Move down to press, up to lift. Release to let go." : "Press here and hold. Or hold G and use the arrow keys.";
 }
 
 let updated = 0;

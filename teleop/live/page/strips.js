@@ -20,6 +20,13 @@ function element(tag, name, text = "") {
   return one;
 }
 
+// Whether the 95 % interval of the stiffness is smaller than the stiffness in a row.
+function settled(store, trace) {
+  const k = store.column(trace.settled.value);
+  const std = store.column(trace.settled.std);
+  return (row) => !std || !(1.96 * std.at(row) > Math.abs(k.at(row)));
+}
+
 function legend(trace) {
   const one = element("span", "legend", trace.label);
   one.prepend(element("i", `swatch swatch-${trace.swatch}`));
@@ -184,7 +191,7 @@ export class Strips {
     return [low * chart.factor, high * chart.factor];
   }
 
-  // Range of estimates without the transients of the start; true values are always included.
+  // Range of the settled estimates and of the true values.
   #robust(chart) {
     const { store } = this;
     const start = store.rowAt(store.last("time") - SPAN);
@@ -198,9 +205,10 @@ export class Strips {
       let n = 0;
       let bands = 0;
       const half = room.length / 2;
+      const isSettled = settled(store, trace);
       for (let row = start; row < store.count; row += SAMPLED) {
         const value = values.at(row);
-        if (!Number.isFinite(value)) continue;
+        if (!Number.isFinite(value) || !isSettled(row)) continue;
         room[n++] = value;
         const s = std ? std.at(row) : NaN;
         if (Number.isFinite(s)) room[half + bands++] = 1.96 * s;
