@@ -47,7 +47,7 @@ ALLOWED = {
 ROOMS = {
     "safety": set(),
     "control": {"safety"},
-    "live": set(),
+    "live": {"safety"},
     "recording": {"safety", "control", "live"},
     "evaluation": {"recording"},
     "output": {"safety", "control", "recording", "evaluation"},

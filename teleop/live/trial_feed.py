@@ -199,7 +199,7 @@ class TrialFeed(Feed):
             "type": "welcome",
             "version": 1,
             "kind": "live",
-            "columns": [*columns, SENT],
+            "columns": [*columns, SENT] if columns else [],
             "estimators": estimator_indices([c["name"] for c in columns], estimators),
             "rate": rate,
             **self._session,

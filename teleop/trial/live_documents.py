@@ -7,13 +7,14 @@ from collections.abc import Mapping
 from typing import Any
 
 from teleop.errors import InputError
+from teleop.recording.message import DROPPED, POINTER
 from teleop.recording.recording import Recording
 from teleop.recording.tick_columns import COLUMNS
 from teleop.trial.result import recorded_truth, truth
 from teleop.trial.settings import TrialSettings
 from teleop.trial.settings_json import from_document
 
-MEANINGS = {column.name: column.meaning for column in COLUMNS}
+MEANINGS = {column.name: column.meaning for column in (*COLUMNS, DROPPED, *POINTER)}
 OF_ESTIMATOR = {
     "b": "damping",
     "k": "stiffness",

@@ -1,0 +1,281 @@
+"""Trials with the live page, in real time, with the real processes."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import os
+import re
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from teleop.recording.recording import load
+
+from .live_client import page
+
+pytestmark = pytest.mark.skipif(os.name != "posix", reason="the live page needs POSIX")
+
+
+class Command:
+    """A running `teleop` command with a live page."""
+
+    def __init__(self, process, url, folder):
+        self.process = process
+        self.address, self.token = re.search(r"http://(.*)/#t=(\w+)", url).groups()
+        self.folder = folder
+
+    @property
+    def live_process(self):
+        """Process id of the live process."""
+        for entry in Path("/proc").iterdir():
+            if entry.name.isdecimal():
+                with contextlib.suppress(OSError):
+                    line = (entry / "cmdline").read_bytes()
+                    parent = (entry / "stat").read_text().rpartition(")")[2].split()[1]
+                    if b"teleop.live.process" in line and int(parent) == self.process.pid:
+                        return int(entry.name)
+        raise AssertionError("no live process")
+
+    def page(self):
+        return page(self.address, self.token)
+
+    def end(self, number=signal.SIGTERM):
+        """Send a signal, and return the exit code, standard output and standard error."""
+        if number:
+            self.process.send_signal(number)
+        out, err = self.process.communicate(timeout=30)
+        return self.process.returncode, out, err
+
+
+@pytest.fixture
+def start(tmp_path):
+    """Return a function that starts a command and waits until its page is served."""
+    started = []
+
+    def run(*arguments):
+        process = subprocess.Popen(
+            [sys.executable, "-m", "teleop", *arguments],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            cwd=tmp_path,
+        )
+        started.append(process)
+        for line in process.stderr:
+            if "live page: " in line:
+                return Command(process, line, tmp_path)
+        raise AssertionError(f"no live page: {process.communicate()}")
+
+    yield run
+    for process in started:
+        if process.poll() is None:
+            process.kill()
+        process.communicate()
+
+
+@contextlib.asynccontextmanager
+async def beating(client):
+    """Take control, and send heartbeats within the block."""
+
+    async def beat():
+        with contextlib.suppress(Exception):
+            for n in range(10_000):
+                await client.send("beat", n=n)
+                await asyncio.sleep(0.25)
+
+    await client.send("control")
+    task = asyncio.create_task(beat())
+    try:
+        yield
+    finally:
+        task.cancel()
+
+
+async def arm(client):
+    await client.until(client.is_in("ready"))
+    await client.until(lambda: client.latest["state"]["control"] == "you")
+    await client.send("unlock")
+    await client.send("start")
+    await client.until(client.is_in("active"))
+
+
+def run(scenario):
+    asyncio.run(asyncio.wait_for(scenario, 60.0))
+
+
+def mode_of(client, mode):
+    return client.is_in(mode)
+
+
+def test_a_trial_waits_for_start_and_lasts_its_whole_duration_after_it(start):
+    async def scenario(command):
+        async with command.page() as client, beating(client):
+            await client.until(client.is_in("ready"))
+            await client.until(lambda: client.rows is not None and client.column("time")[-1] > 1.0)
+            assert client.latest["welcome"]["may_arm"]
+            await arm(client)
+            assert client.latest["state"]["armed_by"] == "page"
+            await client.until(lambda: "summary" in client.latest)
+            assert client.latest["state"]["mode"] == "ended"
+            return client
+
+    command = start(
+        "run", "--live", "--duration", "1", "--record", "one.mcap", "--condition", "mimic"
+    )
+    run(scenario(command))
+    code, out, _ = command.end(None)  # --record: one trial
+    assert code == 0
+    assert "stiffness" in out
+    recording = load(command.folder / "one.mcap")
+    active = recording["time"][recording["mode"] == 3]
+    assert active[0] > 1.0
+    assert active[-1] - active[0] == pytest.approx(1.0, abs=0.05)
+    first = np.flatnonzero(recording["mode"] == 3)[:3]
+    assert recording["target"][first][1:] == pytest.approx(
+        [recording["target"][first][1]] * 2, rel=0.01
+    )
+
+
+def test_the_page_shows_the_values_of_the_recording(start):
+    shown = {}
+
+    async def scenario(command):
+        async with command.page() as client:
+            await client.until(lambda: "summary" in client.latest)
+            shown["names"] = [c["name"] for c in client.latest["welcome"]["columns"]]
+            shown["rows"] = client.rows
+            shown["summary"] = client.latest["summary"]
+
+    command = start("run", "--live", "--yes", "--duration", "2", "--record", "one.mcap")
+    run(scenario(command))
+    assert command.end(None)[0] == 0
+    recording = load(command.folder / "one.mcap")
+    at = np.searchsorted(recording["time"], shown["rows"][:, 0])
+    assert len(at) > 300
+    for name, column in zip(shown["names"], shown["rows"].T, strict=True):
+        if name != "sent":
+            assert np.array_equal(column, recording[name][at], equal_nan=True), name
+    assert np.diff(shown["rows"][:, -1]).min() > 0.0
+    assert shown["summary"]["ticks"] > 1500
+
+
+def test_stop_from_any_page_is_an_emergency_stop(start):
+    async def scenario(command):
+        async with command.page() as first, command.page() as other, beating(first):
+            await arm(first)
+            await other.send("stop")
+            await first.until(first.is_in("fault"))
+            assert first.latest["state"]["text"] == "emergency stop: live page"
+            await first.until(first.is_in("ended"))
+
+    command = start("run", "--live", "--duration", "20", "--record", "one.mcap")
+    run(scenario(command))
+    code, _, err = command.end(None)
+    assert (code, "emergency stop: live page" in err) == (3, True)
+
+
+def test_end_ramps_down_and_next_runs_another_trial_with_other_settings(start):
+    async def scenario(command):
+        async with command.page() as client, beating(client):
+            await arm(client)
+            await client.send("end")
+            await client.until(client.is_in("ended"))
+            await client.send("choose", specimen="hard", duration=5)
+            await client.send("choose", specimen="steel")
+            await client.until(lambda: client.errors)
+            await client.send("notes", text="second <b>trial</b>")
+            await client.send("next")
+            await arm(client)
+            assert client.latest["trial"]["specimen"] == "hard cube"
+            assert client.latest["trial"]["duration"] == 5.0
+            await client.send("choose", specimen="soft")
+            await client.until(lambda: len(client.errors) == 2)
+            await client.send("end")
+            await client.until(client.is_in("ended"))
+            await client.send("repeat")
+            await client.until(client.is_in("ready"))
+            await client.send("choose", specimen="medium")  # the trial that waits begins again
+            await client.until(lambda: client.latest["trial"]["specimen"] == "medium cube")
+            await client.until(client.is_in("ready"))
+
+    command = start("run", "--live", "--duration", "30")
+    run(scenario(command))
+    assert command.end()[0] == 130
+    recordings = sorted(command.folder.rglob("*.mcap"), key=os.path.getmtime)
+    assert [load(path).session["specimen"] for path in recordings[:2]] == ["soft cube", "hard cube"]
+    assert load(recordings[1]).session["notes"] == "second <b>trial</b>"
+
+
+def test_a_page_that_closes_stops_the_trial_that_it_armed(start):
+    async def scenario(command):
+        async with command.page() as watching:
+            async with command.page() as client, beating(client):
+                await arm(client)
+            await watching.until(watching.is_in("fault"))
+            assert "the page was silent" in watching.latest["state"]["text"]
+
+    command = start("run", "--live", "--duration", "20", "--record", "one.mcap")
+    run(scenario(command))
+    assert command.end(None)[0] == 3
+    recording = load(command.folder / "one.mcap")
+    assert recording.fault["fault"] == "live page lost"
+    speeds = recording["commanded_slave_velocity"]
+    fault = np.flatnonzero(recording["mode"] == 5)[0]
+    assert abs(speeds[fault + 200]) == 0.0
+
+
+@pytest.mark.parametrize("number", [signal.SIGSTOP, signal.SIGKILL], ids=["SIGSTOP", "SIGKILL"])
+@pytest.mark.parametrize("mode", ["armed by the page", "armed at the terminal", "ready"])
+def test_the_live_process_may_hang_or_die_in_every_mode(start, number, mode):
+    async def scenario(command):
+        async with command.page() as client, beating(client):
+            if mode == "armed by the page":
+                await arm(client)
+            else:
+                wanted = "ready" if mode == "ready" else "active"
+                await client.until(client.is_in(wanted))
+            os.kill(command.live_process, number)
+            await asyncio.sleep(0.1)
+
+    options = ["--yes"] if mode == "armed at the terminal" else []
+    command = start("run", "--live", *options, "--duration", "3", "--record", "one.mcap")
+    with contextlib.suppress(Exception):  # the connection is lost
+        run(scenario(command))
+    stopped = number == signal.SIGSTOP
+    if mode == "ready":
+        code, _, _ = command.end(signal.SIGTERM if stopped else None)
+        assert code in (0, 130)
+        return
+    code, _, err = command.end(None)
+    recording = load(command.folder / "one.mcap")
+    assert len(recording.gaps) == 0
+    if mode == "armed by the page":
+        assert code == 3, err
+        assert "the live process was silent for 0.3 s" in recording.fault["text"]
+    else:
+        assert code == 0, err
+        assert recording.fault is None
+        active = recording["time"][recording["mode"] == 3]
+        assert active[-1] == pytest.approx(3.0, abs=0.05)
+
+
+def test_the_loop_is_gone_if_the_command_is_killed(start):
+    async def scenario(command):
+        async with command.page() as client:
+            await client.until(client.is_in("active"))
+            command.process.kill()
+            await client.until(lambda: client.latest["state"]["loop"] == "gone")
+
+    run(scenario(start("run", "--live", "--yes", "--duration", "20", "--no-record")))
+
+
+def test_nothing_is_left_in_shared_memory(start):
+    before = set(Path("/dev/shm").glob("teleop-live-*")) if Path("/dev/shm").exists() else set()
+    command = start("run", "--live", "--yes", "--duration", "0.5", "--no-record")
+    assert set(Path("/dev/shm").glob("teleop-live-*")) <= before
+    command.end(None)

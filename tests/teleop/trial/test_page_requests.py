@@ -1,0 +1,116 @@
+"""Requests of the live page as the loop reads them."""
+
+from __future__ import annotations
+
+import mmap
+
+import pytest
+
+from teleop.live.cells import ARM, END, PAGE, PROCESS, SIZE, STOP, CellReader, CellWriter
+from teleop.safety import Fault
+from teleop.trial.page_pointer import PagePointer
+from teleop.trial.page_requests import PageRequests
+from teleop.trial.stop_switch import StopSwitch
+
+
+class Page:
+    """The live process and a page that beat, on a time of their own."""
+
+    def __init__(self):
+        self.now = 0.0
+        buffer = mmap.mmap(-1, SIZE)
+        self.writer, self.reader = CellWriter(buffer), CellReader(buffer)
+
+    def begin(self, by_page=True):
+        self.switch = StopSwitch()
+        self.switch.page = PageRequests(self.reader, by_page, lambda: self.now)
+        return self
+
+    def after(self, seconds, *beats):
+        """Advance in steps of 10 ms with these heartbeats; return the last request."""
+        for _ in range(round(seconds * 100)):
+            self.now += 0.01
+            for cell in beats:
+                self.writer.count(cell)
+            request = self.switch.request(True)
+        return request
+
+    def press(self, cell):
+        self.writer.count(cell)
+        return self.after(0.01, PROCESS, PAGE)
+
+
+@pytest.fixture
+def one():
+    return Page().begin()
+
+
+def test_the_drives_are_armed_only_after_start(one):
+    assert not one.after(5.0, PROCESS, PAGE).arm
+    assert one.press(ARM).arm
+
+
+def test_requests_before_the_trial_have_no_effect():
+    one = Page().begin()
+    for cell in (STOP, END, ARM):
+        one.press(cell)
+    later = one.begin().after(0.1, PROCESS, PAGE)
+    assert (later.arm, later.stop, later.faults) == (False, "", ())
+
+
+def test_stop_is_an_emergency_stop_and_end_a_ramp(one):
+    one.press(ARM)
+    assert one.press(END).stop == "ended from the live page"
+    assert one.switch.interrupted
+    assert [fault.fault for fault in one.press(STOP).faults] == [Fault.EMERGENCY_STOP]
+
+
+@pytest.mark.parametrize(("beats", "most"), [((), 0.31), ((PAGE,), 0.31), ((PROCESS,), 2.01)])
+def test_silence_of_process_or_page_stops_a_trial_that_the_page_armed(one, beats, most):
+    one.press(ARM)
+    assert not one.after(most - 0.02, *beats).faults
+    (fault,) = one.after(0.03, *beats).faults
+    assert fault.fault is Fault.PAGE_LOST
+
+
+def test_the_fault_remains_when_the_process_is_back(one):
+    one.press(ARM)
+    one.after(0.4)
+    assert one.after(1.0, PROCESS, PAGE).faults
+
+
+def test_a_trial_that_waits_for_start_ends_without_a_fault_if_the_process_is_lost(one):
+    assert one.after(3.0, PROCESS).stop == ""  # no page needs to be open yet
+    request = one.after(0.4)
+    assert "live process was silent" in request.stop
+    assert not request.faults
+
+
+def test_a_trial_armed_at_the_terminal_does_not_need_the_page():
+    one = Page().begin(by_page=False)
+    request = one.after(5.0)
+    assert request.arm
+    assert (request.stop, request.faults) == ("", ())
+    assert one.press(STOP).faults
+
+
+def test_the_pointer_lets_go_after_silence_and_at_release():
+    one = Page()
+    pointer = PagePointer(one.reader, lambda: one.now)
+    assert pointer() == (0.0, False)
+    one.writer.point(0.004, True)
+    assert pointer() == (0.004, True)
+    one.now = 0.14
+    assert pointer() == (0.004, True)
+    one.now = 0.16
+    assert pointer() == (0.004, False)
+    one.writer.point(0.005, True)
+    assert pointer() == (0.005, True)
+    one.writer.point(0.005, False)
+    assert pointer() == (0.005, False)
+
+
+def test_a_pointer_that_was_held_before_the_trial_is_not_held_in_it():
+    one = Page()
+    one.writer.point(0.004, True)
+    assert PagePointer(one.reader, lambda: one.now)() == (0.0, False)
