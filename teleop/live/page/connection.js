@@ -19,7 +19,7 @@ export class Connection {
     this.fresh = false;
     this.lastBatch = 0;
     this.roundTrip = NaN;
-    this.offset = NaN; // sending time of the newest batch on the clock of the server [s]
+    this.sentAt = NaN; // sending time of the newest batch on the clock of the server [s]
     this.socket = null;
     this.delay = 500;
     this.beats = 0;
@@ -80,9 +80,10 @@ export class Connection {
     const rows = header.getUint32(4, true);
     const columns = header.getUint32(8, true);
     if (header.getUint32(12, true) & CLEAR) this.store.clear();
-    this.offset = header.getFloat64(16, true);
+    this.sentAt = header.getFloat64(16, true);
+    if (!rows) return;
     this.store.append(new Float64Array(buffer, HEADER, rows * columns), rows, columns);
-    if (rows) this.lastBatch = performance.now();
+    this.lastBatch = performance.now();
     this.#emit("ticks", rows);
   }
 

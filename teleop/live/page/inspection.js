@@ -13,7 +13,7 @@ export function publish({ store, connection, status, frames, hand }) {
     state: () => ({ ...status.state }),
     fresh: () => connection.fresh,
     frameRate: () => frames.rate,
-    sent: () => connection.offset,
+    sentAt: () => connection.sentAt,
     hand: () => ({ ...hand }),
   };
   Object.defineProperty(window, "teleop", { value: Object.freeze(view) });

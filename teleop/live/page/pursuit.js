@@ -34,8 +34,9 @@ export class Pursuit {
     clear(context, colours.ground);
     if (!store.count) return;
     const { width, height } = canvas;
-    const size = Math.max(height / 26, 12 * canvas.ratio);
-    const thick = height / 130;
+    const smaller = Math.min(height, 0.8 * width);
+    const size = Math.max(smaller / 26, 12 * canvas.ratio);
+    const thick = smaller / 130;
     const now = store.last("time");
     const ahead = this.preview ? AHEAD : 0;
     const x = (t) => 3.2 * size + ((t - now + PAST) / (PAST + ahead)) * (width - 3.2 * size - (ahead ? 0 : 2 * size));
