@@ -17,7 +17,6 @@ export class Stop {
   #key(event, down) {
     if (!(event.key === "Escape" || isSpace(event)) || !this.available()) return;
     event.preventDefault();
-    event.stopPropagation();
     if (down && !event.repeat) this.send();
   }
 

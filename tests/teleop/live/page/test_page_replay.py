@@ -15,6 +15,12 @@ from .conftest import wait_for
 
 PICTURE = "document.querySelector('.strip-position canvas').toDataURL()"
 
+PIXELS = """[...document.querySelectorAll('.strip canvas')].map((canvas) => {
+  const { data } = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height);
+  return Array.from(data).filter((_, i) => i % 4 === 0);
+})"""
+"""Red of all pixels of the strips."""
+
 
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory):
@@ -63,6 +69,22 @@ def test_curves_move(page):
     rows = page.evaluate("teleop.rows()")
     wait_for(page, "(rows) => teleop.rows() > rows + 50", rows)
     assert page.evaluate(PICTURE) != before
+
+
+def test_the_picture_that_moves_equals_one_that_is_drawn_at_once(page):
+    wait_for(page, "teleop.last('time') > 3")
+    pause(page)
+    page.wait_for_timeout(5000)  # until the ranges rest
+    moved = page.evaluate(PIXELS)
+    page.locator("#theme").click()
+    page.locator("#theme").click()
+    page.wait_for_timeout(200)
+    drawn = page.evaluate(PIXELS)
+    for one, other in zip(moved, drawn, strict=True):
+        assert len(one) == len(other) > 1000
+        different = np.abs(np.array(one) - np.array(other)) > 40
+        assert different.mean() < 0.03
+        assert len(set(one)) > 4
 
 
 def test_values_are_those_of_the_recording(page, recording):
