@@ -98,6 +98,22 @@ def test_the_keyboard_alone_takes_control_starts_and_palpates(trial_feed, serve,
     assert page.locator("#tool-help").inner_text().count("hold G")
 
 
+GAMEPAD = '''([axis, pressed]) => {
+  const pad = { connected: true, axes: [0, axis], buttons: [{ pressed }] };
+  navigator.getGamepads = () => [null, pad];
+}'''
+
+
+def test_a_gamepad_grips_with_its_button_and_moves_with_its_stick(page, feed):
+    page.evaluate(GAMEPAD, [0.5, True])
+    wait_until(page, lambda: last(feed).get("grip"))
+    assert last(feed)["depth"] == pytest.approx(0.009)
+    page.evaluate(GAMEPAD, [1.0, True])
+    wait_until(page, lambda: last(feed)["depth"] == pytest.approx(0.018))
+    page.evaluate(GAMEPAD, [1.0, False])
+    wait_until(page, lambda: last(feed)["grip"] is False)
+
+
 def test_a_page_without_control_does_not_send_the_hand(serve, open_page, feed):
     server = serve(feed)
     first, second = open_page(server.url()), open_page(server.url())
