@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import contextlib
+import socket
 import sys
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -17,6 +18,8 @@ if TYPE_CHECKING:
 
 POINTER = "pointer"
 """Name of the operator that is the pointer of the live page."""
+FOXGLOVE_PORT = 8765
+"""Port at which the viewers look for a server by default."""
 DURATIONS = (5.0, 10.0, 20.0, 30.0, 60.0)
 """Durations among which the page may choose [s]."""
 
@@ -37,6 +40,13 @@ class LiveOptions:
     without encryption."""
     port: int = 0
     """Port of the live page; 0 for any free port."""
+    foxglove: Annotated[bool, Parameter(negative="")] = False
+    """Serve the ticks also for Foxglove, Lichtblick and PlotJuggler on this machine, at port 8765,
+    or any free port if it is used. These viewers cannot control anything."""
+
+    def requested(self, settings: Sequence[TrialSettings]) -> LiveOptions:
+        """Return the options with `live` also if the settings of a trial request it."""
+        return replace(self, live=self.live or any(one.live for one in settings))
 
     def arms(self, settings: Sequence[TrialSettings], yes: bool) -> bool:
         """Return whether the page arms the drives.
@@ -65,7 +75,7 @@ class LiveOptions:
             if self.live and one.clock != "real":
                 raise InputError("--live: expected --clock real")
         if not self.live:
-            for name in ("live_arm", "open"):
+            for name in ("live_arm", "open", "foxglove"):
                 if getattr(self, name):
                     raise InputError(f"--{name.replace('_', '-')}: needs --live")
             return False
@@ -109,8 +119,11 @@ class LiveOptions:
         operator = PointerOperator(lambda: (0.0, False)) if pointer else None
         size = max(Layout(one.estimation_preset.bank(), operator).size for one in settings)
         choices = choices_of(settings[0]) if choose else NO_CHOICES
-        link = LiveLink(size, self.host, self.port, by_page, pointer, choices)
+        foxglove = free_port(FOXGLOVE_PORT) if self.foxglove else None
+        link = LiveLink(size, self.host, self.port, by_page, pointer, choices, foxglove)
         try:
+            if link.foxglove_url:
+                print(f"Foxglove: {link.foxglove_url}", file=sys.stderr, flush=True)
             show_address(link.url, self.host, self.open)
             yield link
         finally:
@@ -141,6 +154,16 @@ def choices_of(settings: TrialSettings) -> dict[str, list[Any]]:
         "specimen": list(CUBES),
         "duration": sorted({*DURATIONS, settings.duration}),
     }
+
+
+def free_port(port: int) -> int:
+    """Return the port, or 0 if it is used."""
+    with socket.socket() as probe:
+        try:
+            probe.bind(("127.0.0.1", port))
+        except OSError:
+            return 0
+    return port
 
 
 def check_installed() -> None:

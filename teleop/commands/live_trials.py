@@ -94,10 +94,19 @@ def chosen(settings: TrialSettings, request: dict[str, Any]) -> TrialSettings:
 
 
 class PageOfSeries:
-    """Asks the person at the live page before and after each trial of a series."""
+    """Asks the person at the live page before and after each trial of a series.
 
-    def __init__(self, link: LiveLink) -> None:
+    Parameters
+    ----------
+    link
+        Link to the live page.
+    count
+        Number of the trials of the series.
+    """
+
+    def __init__(self, link: LiveLink, count: int) -> None:
         self._link = link
+        self._count = count
         self._pending: dict[str, Any] | None = None
 
     def ask(self, trial: PlannedTrial, prompt: str) -> tuple[Answer, str]:
@@ -111,7 +120,10 @@ class PageOfSeries:
             while request := self._pending or next_request(self._link, stopped):
                 self._pending = None
                 if request["type"] in answers:
-                    return answers[request["type"]], "; ".join(notes)
+                    answer = answers[request["type"]]
+                    if answer == "run" or not self._link.position:
+                        self._link.position, self._link.of = trial.number, self._count
+                    return answer, "; ".join(notes)
                 if request["type"] == "notes":
                     notes.append(request["text"])
         return "quit", "; ".join(notes)

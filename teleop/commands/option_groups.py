@@ -25,6 +25,7 @@ GROUPS = {
         "notes",
         "yes",
     ),
+    "Live page": ("live",),
     "Control": ("rate", "signal", "frequency", "coupling", "realtime"),
     "Columns of a file": ("columns",),
     "Estimation": (

@@ -196,6 +196,7 @@ def run(
         make_folder(record)
     sources = (config, rig, tare)
     check_outputs(record, pictures=(plot, plot_force), sources=sources, overwrite=overwrite)
+    live = live.requested([settings])
     by_page = live.arms([settings], yes)
     if settings.rig and not (yes or by_page) and not ask_to_arm(settings):
         print_error("not armed: nothing was moved")

@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import shlex
 import sys
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
+from teleop.commands.live_options import NOT_LIVE, Live
 from teleop.names import RealtimeName
 
 if TYPE_CHECKING:
     from teleop.studies.series.conduct import Answer
     from teleop.studies.series.plan import PlannedTrial
+    from teleop.trial.live_link import LiveLink
     from teleop.trial.result import Trial
     from teleop.trial.settings import TrialSettings
 
@@ -27,6 +30,7 @@ def series(
     yes: Annotated[bool, Parameter(negative="")] = False,
     dry_run: Annotated[bool, Parameter(negative="")] = False,
     json: Annotated[bool, Parameter(negative="")] = False,
+    live: Live = NOT_LIVE,
 ) -> int:
     """Run the trials of a plan in random or balanced order, and write a table of the results.
 
@@ -54,6 +58,7 @@ def series(
     json
         Print one JSON document instead of lines.
     """
+    from teleop.commands.live_trials import PageOfSeries
     from teleop.errors import InputError
     from teleop.output.console import plain_console, print_json, print_table
     from teleop.printable import print_error
@@ -74,16 +79,24 @@ def series(
         ]
         print_table(plain_console(), f"{read.name}, {read.order} order", headings, rows)
         return 0
+    all_settings = [trial.settings for trial in trials]
+    live = live.requested(all_settings)
+    by_page = live.arms(all_settings, yes)
     wired = any(trial.settings.rig for trial in trials)
     if ask is None:
-        ask = wired and is_foreground() and not yes
-    if wired and not (ask or yes):
+        ask = wired and is_foreground() and not (yes or by_page)
+    if wired and not (ask or yes or by_page):
         raise InputError(
             f"{plan}: nobody is asked to arm the drives: expected --yes, which arms them without "
             "asking, or --ask"
         )
     before, after = (person, note_of_person) if ask else (unattended, no_note)
-    journal = conduct(folder, read, trials, before, after, run, print_error)
+    with live.linked(all_settings, by_page, choose=False) as link:
+        if link and by_page:
+            page = PageOfSeries(link, len(trials))
+            before, after = page.ask, page.ask_note
+        one = partial(run, link=link)
+        journal = conduct(folder, read, trials, before, after, one, print_error)
     summary = {"folder": str(folder), **counts(journal, trials)}
     if json:
         print_json(summary)
@@ -102,14 +115,17 @@ def series(
     return 0
 
 
-def run(settings: TrialSettings, path: Path) -> Trial:
-    """Run and record a trial, with a progress line and the stop key in a terminal."""
+def run(settings: TrialSettings, path: Path, link: LiveLink | None = None) -> Trial:
+    """Run and record a trial, with a progress line, the stop key, and the live page."""
     from teleop.trial.run import run_trial
     from teleop.trial.stop_switch import StopSwitch
 
     real: RealtimeName = "try" if settings.clock == "real" else "off"
     with StopSwitch(key=True) as switch:
-        return run_trial(settings, path, sys.stderr.isatty(), switch, real)
+        trial = run_trial(settings, path, sys.stderr.isatty(), switch, real, live=link)
+    if link:
+        link.show_result(trial)
+    return trial
 
 
 def person(trial: PlannedTrial, prompt: str) -> tuple[Answer, str]:

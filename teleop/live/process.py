@@ -86,12 +86,23 @@ async def main() -> None:
         SharedFile.open(Path(session["files"][name]), name == "cells")
         for name in ("ring", "events", "cells")
     )
+    ticks, bridge, addresses = RingReader(ring.buffer, *session["ring"]), None, {}
+    if session["foxglove"] is not None:
+        from teleop.live.foxglove_bridge import FoxgloveBridge
+
+        try:
+            bridge = FoxgloveBridge(ticks, session["foxglove"])
+        except InputError as error:
+            pipe.send({"problem": str(error)})
+            return
+        addresses["foxglove"] = bridge.url
     feed = TrialFeed(
-        RingReader(ring.buffer, *session["ring"]),
+        ticks,
         RingReader(events.buffer, *session["events"]),
         CellWriter(cells.buffer),
         session["welcome"],
         pipe.send,
+        bridge,
     )
     os.set_blocking(sys.stdin.fileno(), False)
     os.set_blocking(sys.stdout.fileno(), False)
@@ -102,10 +113,17 @@ async def main() -> None:
 
     try:
         await serve(
-            is_over, feed, session["host"], session["port"], lambda url: pipe.send({"url": url})
+            is_over,
+            feed,
+            session["host"],
+            session["port"],
+            lambda url: pipe.send({"url": url, **addresses}),
         )
     except InputError as error:
         pipe.send({"problem": str(error)})
+    finally:
+        if bridge:
+            bridge.close()
 
 
 if __name__ == "__main__":

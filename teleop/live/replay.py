@@ -114,6 +114,7 @@ class Replay(Feed):
             "mode": "replay",
             "text": text,
             "armed_by": None,
+            "armed_at": 0.0,
             "loop": "running",
         }
 

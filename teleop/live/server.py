@@ -136,7 +136,7 @@ class Server:
             "clients": len(self._clients),
             "unlocked": self.control.unlocked,
         }
-        known = state, self.control.holder
+        known = {**state, "health": None}, self.control.holder
         now = time.monotonic()
         is_due = now >= self._due or known != self._known
         if is_due:
@@ -163,10 +163,7 @@ class Server:
         if refusal:
             return response(HTTPStatus.FORBIDDEN, Page("text/plain", f"{refusal}\n".encode()))
         if path == "/ws":
-            if len(self._clients) < MOST_CLIENTS:
-                return None
-            full = f"expected at most {MOST_CLIENTS} pages at a time\n"
-            return response(HTTPStatus.SERVICE_UNAVAILABLE, Page("text/plain", full.encode()))
+            return None
         if page := self._pages.get(path):
             return response(HTTPStatus.OK, page)
         return response(HTTPStatus.NOT_FOUND, Page("text/plain", b"not found\n"))
@@ -178,9 +175,11 @@ class Server:
             async with asyncio.timeout(GREETING):
                 hello = parse_request(await connection.recv())
             if hello["type"] != "hello" or not is_token(hello["token"], self._token):
-                raise BadRequest("expected the token")
-            if hello["view"] not in VIEWS or len(self._clients) >= MOST_CLIENTS:
-                raise BadRequest(f"expected at most {MOST_CLIENTS} pages")
+                raise BadRequest("Wrong token: open the address that the command printed.")
+            if hello["view"] not in VIEWS:
+                raise BadRequest(f"view: expected one of {', '.join(VIEWS)}")
+            if len(self._clients) >= MOST_CLIENTS:
+                raise BadRequest(f"{MOST_CLIENTS} pages are open: close one of them.")
         except (BadRequest, TimeoutError) as error:
             await connection.close(1008, str(error)[:100])
             return

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,15 +12,25 @@ from estimation.compiled import Floats
 from teleop.json_documents import loads
 from teleop.live.cells import ARM, END, PAGE, PROCESS, STOP, CellWriter
 from teleop.live.feed import Feed, estimator_indices, shown_columns
+from teleop.live.health import Health
 from teleop.live.history import History, decimated, decimation
 from teleop.live.requests import BadRequest
 from teleop.live.ring import RingReader
-from teleop.safety.events import ACTIVE, FAULT, READY, STOPPING, Mode
+from teleop.safety.events import ACTIVE, READY, Mode
+
+if TYPE_CHECKING:
+    from teleop.live.foxglove_bridge import FoxgloveBridge
 
 SILENCE = 0.5
 """Time without a new tick after which the loop counts as gone [s]."""
 DEEPEST = 0.1
 """Largest intended depth that is passed on, in magnitude [m]."""
+IN_CONDITION = {
+    "free": "palpate freely",
+    "mimic": "follow the target with the slave",
+    "autonomous": "the controller moves the slave; leave the handle free",
+}
+"""What the operator does in each condition."""
 OUTSIDE_TRIALS = {"next", "repeat", "skip", "notes"}
 """Requests that the control process carries out between two trials."""
 SENT = {"name": "sent", "unit": "s", "meaning": "time at which the loop wrote the tick"}
@@ -40,6 +50,8 @@ class TrialFeed(Feed):
         Description of the session: `may_arm`, `pointer` and `choices` of the message `welcome`.
     send
         Sends a request to the control process, which reads it between two trials.
+    bridge
+        Server for other viewers.
     """
 
     def __init__(
@@ -49,23 +61,27 @@ class TrialFeed(Feed):
         cells: CellWriter,
         session: dict[str, Any],
         send: Callable[[dict[str, Any]], None],
+        bridge: FoxgloveBridge | None = None,
     ) -> None:
         self.history = History(1)
         self._ring, self._events, self._cells = ring, events, cells
         self._session = session
         self._send = send
+        self._bridge = bridge
         self._begin: dict[str, Any] = {}
         self._valid: dict[str, dict[str, Any]] = {}
         self._news: list[dict[str, Any]] = []
-        self._read = self._read_events = 0
+        self._read = self._sent = self._read_events = 0
+        self._health = Health()
+        self._armed_at: float | None = None
         self._step = 1
         self._indices: list[int] = []
         self._mode, self._running, self._gone = Mode.IDLE, False, False
         self._text = ""
         self._faults: list[str] = []
         self._latest = 0.0
-        self._start_column = 0
-        self._mode_column = 0
+        self._offset = 0
+        self._column: dict[str, int] = {}
         self._describe([], [], 0.0)
 
     def receive(self, document: dict[str, Any]) -> None:
@@ -92,6 +108,8 @@ class TrialFeed(Feed):
         if self._running:
             self._read_ticks()
             self._read_texts()
+            if self._bridge:
+                self._bridge.advance()
         news, self._news = self._news, []
         return news
 
@@ -111,7 +129,9 @@ class TrialFeed(Feed):
             "mode": mode,
             "text": self._faults[0] if self._faults else self._text or self._advice(mode, by_page),
             "armed_by": ("page" if by_page else "terminal") if self._begin else None,
+            "armed_at": self._armed_at,
             "loop": "gone" if self._gone or silent else "running",
+            "health": self._health.document(time.monotonic()),
         }
 
     def request(self, request: dict[str, Any]) -> None:
@@ -175,15 +195,19 @@ class TrialFeed(Feed):
     def _begin_trial(self, begin: dict[str, Any]) -> None:
         names = [column["name"] for column in begin["columns"]]
         self._begin = begin
+        if self._bridge:
+            units = {column["name"]: column["unit"] for column in begin["columns"]}
+            self._bridge.begin(begin["definition"], begin["message"], units, begin["first"])
         self._step = decimation(begin["rate"])
         self._read = begin["first"] - 1
         self._read_events = begin["first_event"] - 1
-        self._start_column = begin["offset"]
-        self._mode_column = names.index("mode")
+        self._sent, self._health, self._armed_at = self._read, Health(), None
+        self._offset = begin["offset"]
+        self._column = {name: place for place, name in enumerate(names)}
         self._mode, self._running, self._text, self._faults = Mode.IDLE, True, "", []
         self._latest = time.monotonic()
         shown = shown_columns(names, begin["estimators"])
-        self._indices = [names.index(name) for name in shown]
+        self._indices = [self._column[name] for name in shown]
         of = {column["name"]: column for column in begin["columns"]}
         self._valid.pop("summary", None)
         self._describe([of[name] for name in shown], begin["estimators"], begin["rate"])
@@ -210,24 +234,25 @@ class TrialFeed(Feed):
         self._news.append(document)
 
     def _read_ticks(self) -> None:
-        """Add the newest tick, and ticks before it, to the history."""
-        end = self._ring.newest + 1
-        first = max(self._read + 1, self._ring.oldest)
-        wanted = decimated(first, end, self._read, self._step)
-        if not wanted:
-            return
-        found, slots = self._ring.read(wanted)
+        """Read all new ticks, and add the newest one and ticks before it to the history."""
+        first, end = max(self._read + 1, self._ring.oldest), self._ring.newest + 1
+        found, slots = self._ring.read(range(first, end))
         if not found:
             return
         self._read, self._latest = found[-1], time.monotonic()
         values = self._values(slots)
-        self._mode = Mode(int(values[-1, self._mode_column]))
-        sent = np.ascontiguousarray(slots[:, 8:16]).view("<f8")
-        self.history.add(np.hstack([values[:, self._indices], sent]))
+        self._mode = Mode(int(values[-1, self._column["mode"]]))
+        self._health.add(values, self._column, self._latest)
+        chosen = decimated(found[0], found[-1] + 1, self._sent, self._step)
+        rows = [row for row, number in enumerate(found) if number in set(chosen)]
+        if rows:
+            self._sent = found[rows[-1]]
+            sent = np.ascontiguousarray(slots[rows, 8:16]).view("<f8")
+            self.history.add(np.hstack([values[rows][:, self._indices], sent]))
 
     def _values(self, slots: np.ndarray[Any, np.dtype[np.uint8]]) -> Floats:
         """Return the values of all columns of a tick, shape (n, columns)."""
-        start = 16 + self._start_column
+        start = 16 + self._offset
         end = start + 8 * len(self._begin["columns"])
         return np.ascontiguousarray(slots[:, start:end]).view("<f8")
 
@@ -240,6 +265,8 @@ class TrialFeed(Feed):
             event = loads(slot[16 : 16 + length].tobytes())
             if event["fault"]:
                 self._faults.append(event["text"])
+            if event["mode"] == "active":
+                self._armed_at = event["time"]
             self._text = event["text"] if event["mode"] in ("idle", "stopping") else ""
         self._read_events = found[-1] if found else self._read_events
 
@@ -247,6 +274,7 @@ class TrialFeed(Feed):
         """Return what a person can do next."""
         if mode == "ready" and by_page:
             return "UNLOCK, then START within 2 s, arms the drives"
-        if mode == STOPPING.name.lower() or mode == FAULT.name.lower():
-            return "stopping"
-        return ""
+        if mode == "active" and self._session["pointer"]:
+            return "press and hold in the picture of the tool to palpate"
+        condition = self._valid.get("trial", {}).get("condition")
+        return IN_CONDITION.get(str(condition), "") if mode == "active" else ""

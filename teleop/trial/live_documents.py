@@ -14,7 +14,9 @@ from teleop.trial.result import recorded_truth, truth
 from teleop.trial.settings import TrialSettings
 from teleop.trial.settings_json import from_document
 
-MEANINGS = {column.name: column.meaning for column in (*COLUMNS, DROPPED, *POINTER)}
+MEANINGS = {column.name: column.meaning for column in COLUMNS} | {
+    column.name: column.meaning for column in (DROPPED, *POINTER)
+}
 OF_ESTIMATOR = {
     "b": "damping",
     "k": "stiffness",
@@ -66,6 +68,11 @@ def trial_document(
         "condition": settings.condition,
         "specimen": settings.palpated,
         "duration": settings.duration,
+        "choice": {
+            "condition": settings.condition,
+            "specimen": settings.palpated if settings.rig else settings.cube,
+            "duration": settings.duration,
+        },
         "depth": settings.depth if settings.rig else settings.setup.depth,
         "rig": settings.rig_name,
         "simulated": settings.rig is None,

@@ -15,7 +15,7 @@ from teleop.json_documents import dumps, loads
 from teleop.live.cells import SIZE, CellReader
 from teleop.live.ring import SLOTS, RingWriter, ring_size
 from teleop.live.shared_file import SharedFile
-from teleop.recording.cdr import CDR
+from teleop.recording.cdr import CDR, MESSAGE_NAME
 from teleop.recording.message import Layout
 from teleop.recording.sinks import Outcome, Sink, event_record
 from teleop.safety import Event
@@ -50,11 +50,15 @@ class LiveLink(Sink):
         Whether the pointer of the page is the operator of the simulated rig.
     choices
         Values of the settings condition, specimen and duration among which the page may choose.
+    foxglove
+        Port for viewers of the Foxglove protocol, 0 for any free port; None for no such server.
 
     Attributes
     ----------
     url
         Address of the page.
+    foxglove_url
+        Address for viewers of the Foxglove protocol; empty for none.
     trials
         Number of trials so far.
     trial
@@ -76,6 +80,7 @@ class LiveLink(Sink):
         by_page: bool,
         pointer: bool,
         choices: dict[str, list[Any]],
+        foxglove: int | None = None,
     ) -> None:
         if os.name != "posix":
             raise InputError("live page: expected Linux or macOS")
@@ -108,12 +113,12 @@ class LiveLink(Sink):
             paths = {name: str(file.path) for name, file in files.items()}
             welcome = {"may_arm": by_page, "pointer": pointer, "choices": choices}
             session = {"files": paths, "host": host, "port": port, "welcome": welcome}
-            self.tell({**session, **sizes})
+            self.tell({**session, **sizes, "foxglove": foxglove})
             ready = self.wait_for_request(START_TIME) or {"problem": "it did not start"}
         if "problem" in ready:
             self.end()
             raise InputError(f"live page: {ready['problem']}")
-        self.url = str(ready["url"])
+        self.url, self.foxglove_url = str(ready["url"]), str(ready.get("foxglove", ""))
         self._cells = CellReader(files["cells"].buffer)
         self._ring = RingWriter(files["ring"].buffer, *sizes["ring"])
         self._events = RingWriter(files["events"].buffer, *sizes["events"])
@@ -140,6 +145,8 @@ class LiveLink(Sink):
                 "first": self._ring.newest + 1,
                 "first_event": self._events.newest + 1,
                 "offset": len(CDR),
+                "message": MESSAGE_NAME,
+                "definition": layout.definition,
                 "columns": [column._asdict() for column in layout.columns],
                 "estimators": layout.estimators,
                 "rate": settings.rate,

@@ -35,10 +35,7 @@ admittance are not stable together."""
 DEEPEST = 0.1
 """Largest depth of palpation [m]."""
 LONGEST = 3600.0
-"""Longest duration of a trial [s].
-
-The summary reads all ticks into memory, 0.4 MB per second at 1 kHz.
-"""
+"""Longest duration of a trial [s]. Its ticks are read into memory, 0.4 MB/s at 1 kHz."""
 FREQUENCY = {"mimic": 1.0, "autonomous": 2.0}
 """Frequency of the sine in a condition, if the settings have no signal [Hz]."""
 COUNT_IN = 3.0
@@ -69,6 +66,8 @@ class TrialSettings:
     """Name of the operator."""
     notes: str = ""
     """Notes."""
+    live: bool = False
+    """Whether to show the trial in a page of the browser."""
     duration: float = 10.0
     """Duration [s]."""
     clock: ClockName = "real"

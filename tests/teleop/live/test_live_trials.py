@@ -116,12 +116,17 @@ def test_a_trial_waits_for_start_and_lasts_its_whole_duration_after_it(start):
     async def scenario(command):
         async with command.page() as client, beating(client):
             await client.until(client.is_in("ready"))
-            await client.until(lambda: client.rows is not None and client.column("time")[-1] > 1.0)
+            await client.until(
+                lambda: (
+                    client.rows is not None and len(client.rows) and client.column("time")[-1] > 1.0
+                )
+            )
             assert client.latest["welcome"]["may_arm"]
             await arm(client)
             assert client.latest["state"]["armed_by"] == "page"
+            assert client.latest["state"]["armed_at"] > 1.0
             await client.until(lambda: "summary" in client.latest)
-            assert client.latest["state"]["mode"] == "ended"
+            await client.until(client.is_in("ended"))
             return client
 
     command = start(
@@ -150,6 +155,7 @@ def test_the_page_shows_the_values_of_the_recording(start):
             shown["names"] = [c["name"] for c in client.latest["welcome"]["columns"]]
             shown["rows"] = client.rows
             shown["summary"] = client.latest["summary"]
+            shown["health"] = client.latest["state"]["health"]
 
     command = start("run", "--live", "--yes", "--duration", "2", "--record", "one.mcap")
     run(scenario(command))
@@ -162,6 +168,8 @@ def test_the_page_shows_the_values_of_the_recording(start):
             assert np.array_equal(column, recording[name][at], equal_nan=True), name
     assert np.diff(shown["rows"][:, -1]).min() > 0.0
     assert shown["summary"]["ticks"] > 1500
+    assert shown["health"]["skipped"] == recording["skipped"].sum()
+    assert shown["health"]["overruns"] == recording["overrun"].sum()
 
 
 def test_stop_from_any_page_is_an_emergency_stop(start):
@@ -272,6 +280,46 @@ def test_the_loop_is_gone_if_the_command_is_killed(start):
             await client.until(lambda: client.latest["state"]["loop"] == "gone")
 
     run(scenario(start("run", "--live", "--yes", "--duration", "20", "--no-record")))
+
+
+PLAN = """
+name = "two"
+order = "listed"
+[factors]
+cube = ["soft", "hard"]
+[settings]
+live = true
+duration_s = 0.5
+estimators = ["rls"]
+"""
+
+
+def test_a_series_is_run_from_the_page(start, tmp_path):
+    (tmp_path / "plan.toml").write_text(PLAN)
+
+    async def scenario(command):
+        async with command.page() as client, beating(client):
+
+            async def prompted(text):
+                await client.until(lambda: text in client.latest.get("state", {}).get("text", ""))
+
+            await prompted("trial 1 of 2")
+            for request in ("next", "repeat"):
+                await client.send(request)
+                await arm(client)
+                assert client.latest["trial"]["series"] == {"position": 1, "of": 2}
+                await prompted("Note on trial 1")
+                await client.send("notes", text="touched at an edge")
+                await prompted("trial 2 of 2")
+            await client.send("skip")
+
+    command = start("series", "plan.toml", "--out", "two")
+    run(scenario(command))
+    code, out, err = command.end(None)
+    assert code == 0, err
+    assert "1 of 2 trials done, 1 skipped" in out
+    table = (tmp_path / "two" / "trials.csv").read_text()
+    assert "touched at an edge" in table
 
 
 def test_nothing_is_left_in_shared_memory(start):

@@ -1,0 +1,115 @@
+"""The ticks of running trials for viewers of the Foxglove protocol, to be viewed only.
+
+The server checks neither token nor origin, so that any program and any web page of this machine
+can receive the ticks. It therefore offers nothing that can be called or changed: it has no
+capabilities.
+"""
+
+from __future__ import annotations
+
+import logging
+import time
+
+import foxglove
+from foxglove import Channel, Context, Schema
+
+from teleop.errors import InputError
+from teleop.live.ring import RingReader
+
+ALL, SLOW = "/tick", "/tick_60hz"
+"""Topics with every tick, and with 60 ticks a second for viewers that are slower."""
+BATCH = 400
+"""Largest number of ticks that are sent at a time."""
+
+
+class FoxgloveBridge:
+    """Serves the ticks of a ring.
+
+    Parameters
+    ----------
+    ring
+        Ring of the ticks.
+    port
+        Port; 0 for any free port.
+
+    Attributes
+    ----------
+    url
+        Address for the viewer.
+
+    Raises
+    ------
+    InputError
+        The port cannot be used.
+    """
+
+    def __init__(self, ring: RingReader, port: int) -> None:
+        logging.getLogger("foxglove").setLevel(logging.CRITICAL)
+        foxglove.set_log_level("CRITICAL")
+        self._ring = ring
+        self._context = Context()
+        self._channels: dict[str, Channel] = {}
+        self._definition = ""
+        self._read = ring.newest
+        try:
+            self._server = foxglove.start_server(
+                name="teleop", host="127.0.0.1", port=port, capabilities=[], context=self._context
+            )
+        except RuntimeError as error:
+            raise InputError(f"Foxglove, port {port}: cannot be used: {error}") from error
+        self.url = f"ws://127.0.0.1:{self._server.port}"
+
+    def begin(self, definition: str, name: str, units: dict[str, str], first: int) -> None:
+        """Announce the columns of a trial.
+
+        Parameters
+        ----------
+        definition
+            Definition of the message in the message definition language of ROS 2.
+        name
+            Name of the message.
+        units
+            Unit of each column, by its name.
+        first
+            Number of the first tick in the ring.
+        """
+        self._read = first - 1
+        if definition == self._definition:
+            return
+        self._definition = definition
+        for channel in self._channels.values():
+            channel.close()
+        schema = Schema(name=name, encoding="ros2msg", data=definition.encode())
+        self._channels = {
+            topic: Channel(
+                topic,
+                schema=schema,
+                message_encoding="cdr",
+                metadata=units,
+                context=self._context,
+            )
+            for topic in (ALL, SLOW)
+        }
+
+    def advance(self) -> None:
+        """Send the ticks that were written since the last call."""
+        end = self._ring.newest + 1
+        first = max(self._read + 1, self._ring.oldest, end - BATCH)
+        if first >= end or not self._channels:
+            return
+        found, slots = self._ring.read(range(first, end))
+        if not found:
+            return
+        self._read = found[-1]
+        wall = time.time() - time.monotonic()
+        message, written = b"", 0
+        for slot in slots:
+            length = int(slot[:8].view("<u8")[0])
+            written = round((wall + float(slot[8:16].copy().view("<f8")[0])) * 1e9)
+            message = slot[16 : 16 + length].tobytes()
+            self._channels[ALL].log(message, log_time=written)
+        self._channels[SLOW].log(message, log_time=written)
+
+    def close(self) -> None:
+        """End the server."""
+        self._server.stop()

@@ -1,0 +1,118 @@
+"""Repeats a recorded trial of a pointer on the simulated rig, with the same numbers."""
+
+from __future__ import annotations
+
+import math
+
+from sim_backend import PointerOperator
+from teleop.control.clock import Clock, Tick
+from teleop.errors import InputError
+from teleop.recording.message import POINTER, Layout
+from teleop.recording.recording import Recording, from_messages
+from teleop.recording.sinks import Memory
+from teleop.safety import Fault
+from teleop.safety.channels import DetectedFault
+from teleop.safety.events import ACTIVE
+from teleop.trial.assembly import make_controller, make_simulated_rig
+from teleop.trial.loop import Loop
+from teleop.trial.metadata import session_metadata
+from teleop.trial.page_requests import NoPage
+from teleop.trial.settings_json import from_document
+from teleop.trial.stop_switch import StopSwitch
+
+BY_PERSON = (Fault.EMERGENCY_STOP, Fault.PAGE_LOST)
+"""Faults that do not follow from the data of the rig."""
+
+
+class RecordedClock(Clock):
+    """Gives each tick its recorded time, without waiting.
+
+    Parameters
+    ----------
+    recording
+        Recording with the columns of a pointer.
+    rate
+        Ticks per second [Hz].
+    """
+
+    def __init__(self, recording: Recording, rate: float) -> None:
+        super().__init__(rate)
+        self._times = recording["pointer_clock"].tolist()
+        names = ("lateness", "overrun", "skipped", "busy_time")
+        self._ticks = list(zip(*(recording[name].tolist() for name in names), strict=True))
+        self.tick = -1
+
+    def now(self) -> float:
+        """Return the recorded time of the present tick [s]."""
+        return float(self._times[max(self.tick, 0)])
+
+    stopwatch = now
+
+    def wait(self) -> Tick:
+        """Advance to the next tick."""
+        self.tick += 1
+        lateness, overrun, skipped, busy = self._ticks[self.tick]
+        return Tick(lateness, bool(overrun), int(skipped), busy)
+
+
+class RecordedRequests(NoPage):
+    """The requests of the persons at page and terminal, from the modes and events of a recording.
+
+    Parameters
+    ----------
+    recording
+        The recording.
+    """
+
+    arms = False
+
+    def __init__(self, recording: Recording) -> None:
+        self._ticks = zip(recording["time"].tolist(), recording["mode"].tolist(), strict=True)
+        self._events = {event["time"]: event for event in recording.events}
+
+    def read(self) -> None:
+        """Read the requests of the next tick."""
+        t, mode = next(self._ticks)
+        self.arms = self.arms or mode == ACTIVE
+        event = self._events.get(t)
+        if event and event["mode"] == "stopping":
+            self.reason = event["text"]
+        elif event and event["fault"] in BY_PERSON:
+            nan = math.nan
+            fault = Fault(event["fault"])
+            self.faults = (DetectedFault(fault, event["source"], nan, nan, nan),)
+
+
+def repeated(recording: Recording) -> Recording:
+    """Run a trial of a pointer again in virtual time, with its recorded times and intentions.
+
+    The result has the same numbers, except for the durations of the parts of a tick.
+
+    Parameters
+    ----------
+    recording
+        Recording of `teleop run --live --operator pointer`.
+
+    Raises
+    ------
+    InputError
+        The recording has no pointer, or ticks are missing.
+    """
+    if any(column.name not in recording.columns for column in POINTER):
+        raise InputError("the recording has no pointer: expected a trial with --operator pointer")
+    if recording.gaps:
+        raise InputError("ticks of the recording are missing: expected a complete recording")
+    settings = from_document(recording.settings)
+    clock = RecordedClock(recording, settings.rate)
+    depths, grips = recording["pointer_depth"].tolist(), recording["pointer_grip"].tolist()
+    pointer = PointerOperator(lambda: (depths[clock.tick], bool(grips[clock.tick])))
+    bank, memory, switch = settings.estimation_preset.bank(), Memory(), StopSwitch()
+    layout = Layout(bank, pointer)
+    switch.page = RecordedRequests(recording)
+    with make_simulated_rig(settings, clock.now, pointer=pointer) as rig:
+        controller = make_controller(settings, rig, bank, clock)
+        loop = Loop(controller, clock, layout, [memory], switch, settings.duration)
+        for _ in range(len(recording)):
+            loop.step()
+    metadata = session_metadata(settings)
+    return from_messages(layout.definition, memory.messages, memory.events, metadata)

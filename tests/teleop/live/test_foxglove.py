@@ -1,0 +1,133 @@
+"""Foxglove's protocol, with the client of another project: ticks to view, nothing to call."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import mmap
+import struct
+import time
+from pathlib import Path
+
+import pytest
+from robo_ws_bridge import WebSocketBridgeClient
+from robo_ws_bridge.client import FetchAssetError, ServiceCallError
+
+from teleop.live.foxglove_bridge import FoxgloveBridge
+from teleop.live.ring import RingReader, RingWriter, ring_size
+from teleop.recording.cdr import MESSAGE_NAME
+from teleop.recording.message import Layout
+from teleop.trial.run import run_trial
+from teleop.trial.settings import TrialSettings
+
+LAYOUT = Path(__file__).parents[3] / "docs/_static/foxglove-layout.json"
+
+
+@pytest.fixture(scope="module")
+def trial():
+    """The layout of a trial, and the messages of its ticks."""
+    settings = TrialSettings(clock="virtual", duration=0.5)
+    layout = Layout(settings.estimation_preset.bank())
+    recording = run_trial(settings).recording
+    rows = zip(*(recording[column.name].tolist() for column in layout.columns), strict=True)
+    head = bytes([0, 1, 0, 0])
+    return layout, [head + struct.pack(f"<{len(row)}d", *row) for row in rows]
+
+
+class Viewer:
+    """A client that is subscribed to every topic."""
+
+    def __init__(self, url):
+        self.client = WebSocketBridgeClient(url, subprotocol="foxglove.sdk.v1")
+        self.received = {}
+        self.client.on_message(self._receive)
+
+    async def _receive(self, channel, timestamp, payload):
+        self.received.setdefault(channel["topic"], []).append((timestamp, bytes(payload)))
+
+    async def __aenter__(self):
+        await self.client.connect()
+        for topic in ("/tick", "/tick_60hz"):
+            await self.client.subscribe(topic)
+        return self
+
+    async def __aexit__(self, *_):
+        await self.client.disconnect()
+
+
+async def until(condition, step=lambda: None):
+    async with asyncio.timeout(20.0):
+        while not condition():
+            step()
+            await asyncio.sleep(0.01)
+
+
+def test_a_viewer_receives_every_tick_and_the_newest_ones_at_a_lower_rate(trial):
+    layout, messages = trial
+    slots = 4096
+    buffer = mmap.mmap(-1, ring_size(slots, layout.size))
+    writer, reader = RingWriter(buffer, slots, layout.size), RingReader(buffer, slots, layout.size)
+    bridge = FoxgloveBridge(reader, 0)
+
+    async def scenario():
+        bridge.begin(layout.definition, MESSAGE_NAME, {}, 1)
+        async with Viewer(bridge.url) as viewer:
+            await until(lambda: len(viewer.client.channels) == 2)
+            assert viewer.client.server_info["capabilities"] == []
+            assert viewer.client.services == {}
+            assert {c["schema"] for c in viewer.client.channels.values()} == {layout.definition}
+            await asyncio.sleep(0.5)  # the subscriptions have no answer
+            for message in messages:
+                writer.write(message)
+                if writer.newest % 20 == 0:
+                    bridge.advance()
+            bridge.advance()
+            await until(lambda: len(viewer.received.get("/tick", ())) == len(messages))
+            return viewer.received
+
+    try:
+        received = asyncio.run(scenario())
+    finally:
+        bridge.close()
+    assert [payload for _, payload in received["/tick"]] == messages
+    times = [timestamp for timestamp, _ in received["/tick"]]
+    assert times == sorted(times)
+    assert abs(times[-1] * 1e-9 - time.time()) < 60.0
+    assert len(received["/tick_60hz"]) == -(-len(messages) // 20)
+    assert received["/tick_60hz"][-1][1] == messages[-1]
+
+
+@pytest.mark.parametrize(
+    "attempt",
+    [
+        lambda client: client.call_service(1, b"{}", encoding="json", timeout=1.0),
+        lambda client: client.set_parameters([{"name": "limit", "value": 1.0}], timeout=1.0),
+        lambda client: client.fetch_asset("file:///etc/passwd", timeout=1.0),
+    ],
+    ids=["service", "parameter", "file"],
+)
+def test_nothing_can_be_called_changed_or_fetched(attempt):
+    bridge = FoxgloveBridge(RingReader(mmap.mmap(-1, ring_size(64, 64)), 64, 64), 0)
+
+    async def scenario():
+        async with Viewer(bridge.url) as viewer:
+            await until(lambda: viewer.client.server_info is not None)
+            with pytest.raises((TimeoutError, ServiceCallError, FetchAssetError)):
+                await attempt(viewer.client)
+
+    try:
+        asyncio.run(scenario())
+    finally:
+        bridge.close()
+
+
+def test_the_columns_of_the_layout_exist(trial):
+    layout, _ = trial
+    names = {column.name for column in layout.columns}
+    document = json.loads(LAYOUT.read_text(encoding="utf-8"))
+    paths = [path["value"] for panel in document["configById"].values() for path in panel["paths"]]
+    assert len(paths) > 5
+    for path in paths:
+        topic, _, name = path.partition(".")
+        assert topic == "/tick_60hz"
+        assert name in names
