@@ -36,7 +36,7 @@ export class CueText {
     const signed = (found.error > 0 ? "+" : "") + fixed(1e3 * found.error, 1);
     this.error.textContent = Number.isFinite(found.error) ? `${signed} mm` : "–";
     this.rms.textContent = Number.isFinite(found.rms) ? `${fixed(1e3 * found.rms, 1)} mm` : "–";
-    const left = secondsLeft(preview, store.last("time"));
+    const left = secondsLeft(preview, store.trialTime(store.last("time")));
     const text = left ? `starts in ${left}` : "";
     if (this.count.textContent !== text) this.count.textContent = text;
   }

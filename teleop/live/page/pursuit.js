@@ -64,18 +64,19 @@ export class Pursuit {
   }
 
   #target(now, ahead, x, y, thick) {
-    const { context } = this;
+    const { context, store } = this;
+    const target = (t) => y(this.preview(store.trialTime(t)));
     context.lineCap = "round";
     context.lineJoin = "round";
     context.lineWidth = 5 * thick;
     context.strokeStyle = colours["target-ahead"];
     context.beginPath();
-    for (let t = now - PAST; t < now + ahead; t += 0.015) context.lineTo(x(t), y(this.preview(t)));
+    for (let t = now - PAST; t < now + ahead; t += 0.015) context.lineTo(x(t), target(t));
     context.stroke();
     context.strokeStyle = colours.target;
     context.lineWidth = 2 * thick;
     context.beginPath();
-    context.arc(x(now), y(this.preview(now)), 6 * thick, 0, 7);
+    context.arc(x(now), target(now), 6 * thick, 0, 7);
     context.stroke();
   }
 

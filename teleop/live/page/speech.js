@@ -9,7 +9,7 @@ export function startSpeech(element, store, status, estimate) {
     const mode = status.state ? status.state.mode : "";
     if (mode !== "active" || !store.count) return;
     const words = [
-      `${fixed(store.last("time"))} seconds`,
+      `${fixed(store.trialTime(store.last("time")))} seconds`,
       `depth ${fixed(1e3 * store.last("slave_position"), 1)} millimetres`,
       `force ${fixed(store.last("contact_force"), 1)} newtons`,
       estimate(),

@@ -2,6 +2,7 @@
 
 import { fixed } from "./format.js";
 
+const RUNNING = ["ready", "active", "stopping"]; // modes in which ticks arrive
 // Names of the values of the column "mode".
 const MODES = ["disconnected", "idle", "ready", "active", "stopping", "fault"];
 
@@ -13,6 +14,7 @@ export class Status {
     this.state = null;
     this.trial = null;
     this.notice = "";
+    this.faulted = false; // whether the trial was stopped by a fault
     connection.on("welcome", (message) => {
       this.kind = message.kind;
       document.body.classList.toggle("is-replay", message.kind === "replay");
@@ -30,8 +32,8 @@ export class Status {
 
   // Whether ticks should be arriving.
   expecting() {
-    if (!this.state || this.state.loop === "gone") return false;
-    return this.kind === "replay" ? Boolean(this.playing) : this.state.mode !== "ended";
+    if (this.kind === "replay") return Boolean(this.playing);
+    return Boolean(this.state) && RUNNING.includes(this.state.mode);
   }
 
   stopped() {
@@ -52,6 +54,7 @@ export class Status {
 
   #trial(message) {
     this.trial = message;
+    this.faulted = false;
     const subject = this.byId("subject");
     if (!subject) return;
     const parts = [message.condition, message.specimen, message.simulated ? "simulated rig" : message.rig];
@@ -61,14 +64,16 @@ export class Status {
 
   #state(message) {
     this.state = message;
+    if (message.armed_at !== undefined) this.store.setOrigin(message.armed_at);
     const mode = this.byId("mode");
-    const gone = message.loop === "gone" && message.mode !== "ended" && this.kind !== "replay";
+    if (message.mode === "fault") this.faulted = true;
+    const failed = this.faulted && message.mode === "ended";
     if (this.kind !== "replay") {
-      mode.textContent = gone ? "no trial" : message.mode;
-      mode.dataset.mode = gone ? "gone" : message.mode;
+      mode.textContent = failed ? "ended by a fault" : message.mode;
+      mode.dataset.mode = document.body.dataset.mode = failed ? "fault" : message.mode;
     }
-    if (this.byId("text").textContent !== message.text) this.byId("text").textContent = message.text;
-    document.body.dataset.mode = message.mode;
+    const text = sentence(message.text);
+    if (this.byId("text").textContent !== text) this.byId("text").textContent = text;
     this.#connection();
     this.#fresh();
   }
@@ -88,7 +93,9 @@ export class Status {
   #fresh() {
     const { connection } = this;
     const connected = connection.words === "connected";
-    const stale = !connection.fresh && (connected || this.state !== null || connection.words !== "connecting");
+    const over = Boolean(this.state && this.state.mode === "ended" && this.state.loop === "gone");
+    if (over && !connected) this.byId("text").textContent = "The session has ended.";
+    const stale = !over && !connection.fresh && (connected || this.state !== null || connection.words !== "connecting");
     let text = this.notice;
     if (!text && stale) {
       text = connected ? "No new data from the control loop. The values are old." : `${sentence(connection.words)} The values are old.`;
@@ -101,16 +108,15 @@ export class Status {
 
   update() {
     const { store, trial, byId } = this;
-    const time = store.last("time");
+    const time = store.trialTime(store.last("time"));
     const duration = trial ? trial.duration : NaN;
     if (this.kind === "replay") {
       const shown = MODES[store.last("mode")];
       byId("mode").textContent = shown ? `replay: ${shown}` : "replay";
       byId("mode").dataset.mode = shown === "fault" ? "fault" : "replay";
     }
-    byId("clock").textContent = Number.isFinite(time)
-      ? `${fixed(Math.max(time, 0), 1)}${Number.isFinite(duration) ? ` of ${fixed(duration)}` : ""} s`
-      : "";
+    const ended = Number.isFinite(duration) ? ` of ${fixed(duration)}` : "";
+    byId("clock").textContent = Number.isFinite(time) ? `${fixed(Math.max(time, 0), 1)}${ended} s` : "";
     if (byId("progress")) byId("progress").value = Number.isFinite(duration) ? Math.min(Math.max(time, 0) / duration, 1) || 0 : 0;
     if (byId("health")) byId("health").textContent = this.#health();
     this.#connection();
@@ -128,5 +134,5 @@ export class Status {
 }
 
 function sentence(words) {
-  return `${words[0].toUpperCase()}${words.slice(1)}.`;
+  return words && `${words[0].toUpperCase()}${words.slice(1)}${/[.!?]$/.test(words) ? "" : "."}`;
 }

@@ -11,6 +11,7 @@ export class Store {
     this.count = 0; // rows received since the last `clear`
     this.generation = 0; // changes when earlier rows became invalid
     this.version = 0; // changes with each change of the rows
+    this.origin = 0; // value of the column "time" at which the trial began [s]; null before
   }
 
   setColumns(names) {
@@ -38,6 +39,17 @@ export class Store {
       for (let c = 0; c < columns; c++) this.data[c][slot] = values[start + c];
       this.count += 1;
     }
+  }
+
+  setOrigin(origin) {
+    if (origin === this.origin) return;
+    this.origin = origin;
+    this.generation += 1;
+  }
+
+  // Time of the trial [s], which begins when the drives are armed.
+  trialTime(t) {
+    return this.origin === null ? -Infinity : t - this.origin;
   }
 
   // First row that is still stored.

@@ -84,11 +84,12 @@ export class Strip {
       context.fillRect(x0, Math.round(this.y(tick / chart.factor)), x1 - x0, 1);
     }
     const every = 2 * this.perSecond;
-    for (let i = Math.ceil((first + x0 - 1) / every); i * every < first + x1; i++) {
-      const x = Math.floor(i * every) - first;
+    const left = first - (this.store.origin || 0) * this.perSecond;
+    for (let i = Math.ceil((left + x0 - 1) / every); i * every < left + x1; i++) {
+      const x = Math.floor(i * every - left);
       if (x < x0 || x >= x1) continue;
       context.fillRect(x, 0, 1, canvas.height);
-      if (chart.axis) this.#time(2 * i, x);
+      if (chart.axis && this.store.origin !== null) this.#time(2 * i, x);
     }
     for (const level of chart.levels) {
       const y = Math.round(this.y(level.value)) + 0.5;
@@ -124,13 +125,14 @@ export class Strip {
   #preview(end) {
     const { context, perSecond, chart } = this;
     const first = this.edge - this.canvas.width;
+    const target = (at) => this.y(chart.preview(this.store.trialTime(at)));
     let t = Math.max(this.previewed, first / perSecond);
     this.#stroke(colours["target-ahead"], 5, [], 0);
     context.beginPath();
-    context.moveTo(t * perSecond - first, this.y(chart.preview(t)));
+    context.moveTo(t * perSecond - first, target(t));
     while (t < end) {
       t = Math.min(t + 0.02, end);
-      context.lineTo(t * perSecond - first, this.y(chart.preview(t)));
+      context.lineTo(t * perSecond - first, target(t));
     }
     context.stroke();
     this.previewed = end;

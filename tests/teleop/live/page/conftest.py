@@ -137,6 +137,8 @@ class TrialFeed(Feed):
         self.mode = mode
         self.text = "a text"
         self.is_sending = True
+        self.is_over = False
+        self.armed_at = 0.0
         self.requests = []
         self.welcome = {
             "type": "welcome",
@@ -214,7 +216,8 @@ class TrialFeed(Feed):
             "mode": self.mode,
             "text": self.text,
             "armed_by": None,
-            "loop": "running",
+            "armed_at": self.armed_at,
+            "loop": "gone" if self.is_over else "running",
             "health": health,
         }
 

@@ -59,3 +59,24 @@ def test_a_stop_without_effect_is_reported(trial_feed, serve, open_page):
     page.keyboard.press("Escape")
     wait_for(page, "document.getElementById('stale').textContent.includes('not confirmed')")
     assert feed.kinds() == ["stop"]
+
+
+def test_the_end_of_the_session_is_no_alarm(trial_feed, serve, open_page):
+    feed = trial_feed()
+    server = serve(feed)
+    page = open_page(server.url())
+    wait_for(page, "teleop.rows() > 20")
+    feed.mode, feed.is_sending, feed.is_over = "ended", False, True
+    wait_for(page, "teleop.state().loop === 'gone'")
+    server.close()
+    wait_for(page, "document.getElementById('text').textContent === 'The session has ended.'")
+    assert not page.evaluate(IS_STALE)
+
+
+def test_a_loop_that_hangs_is_reported_although_the_server_knows_it(trial_feed, serve, open_page):
+    feed = trial_feed()
+    page = open_page(serve(feed).url())
+    wait_for(page, "teleop.rows() > 20")
+    feed.is_sending, feed.is_over = False, True
+    wait_for(page, "teleop.state().loop === 'gone'")
+    wait_for(page, IS_STALE)

@@ -6,14 +6,14 @@ import pytest
 
 from .conftest import wait_for
 
+TARGET = {"frequency": 1.0, "depth": 0.015, "low": 0.0015, "count_in": 60.0}
 SIZES = [(1280, 800), (3840, 2160), (390, 844)]
 
 
 @pytest.mark.parametrize("view", ["", "operator"])
 @pytest.mark.parametrize("size", SIZES)
 def test_stop_is_visible_and_nothing_is_cut_off(size, view, trial_feed, serve, open_page):
-    target = {"frequency": 1.0, "depth": 0.015, "low": 0.0015, "count_in": 3.0}
-    page = open_page(serve(trial_feed(target=target)).url(view), size=size)
+    page = open_page(serve(trial_feed(target=TARGET)).url(view), size=size)
     wait_for(page, "teleop.rows() > 50")
     width, height = size
     box = page.get_by_role("button", name="STOP").bounding_box()
@@ -56,8 +56,7 @@ def test_held_and_misfit_are_shown_as_text(trial_feed, serve, open_page):
 
 
 def test_the_count_in_is_shown(trial_feed, serve, open_page):
-    target = {"frequency": 1.0, "depth": 0.015, "low": 0.0015, "count_in": 60.0}
-    page = open_page(serve(trial_feed(target=target)).url())
+    page = open_page(serve(trial_feed(target=TARGET)).url())
     wait_for(page, "/^starts in [0-9]+$/.test(document.getElementById('count-in').textContent)")
 
 
@@ -70,3 +69,14 @@ def test_values_are_spoken_seldom_and_politely(trial_feed, serve, open_page):
     text = page.locator("#spoken").text_content()
     assert "newtons" in text
     assert "rls: k" in text
+
+
+def test_the_time_of_the_trial_begins_when_the_drives_are_armed(trial_feed, serve, open_page):
+    feed = trial_feed(mode="ready", target=TARGET)
+    feed.armed_at = None
+    page = open_page(serve(feed).url())
+    wait_for(page, "teleop.last('time') > 1.5")
+    assert page.locator("#clock").inner_text() == ""
+    feed.mode, feed.armed_at = "active", page.evaluate("teleop.last('time')")
+    wait_for(page, "document.getElementById('clock').textContent.startsWith('0.')")
+    assert page.locator("#count-in").inner_text() == "starts in 60"

@@ -98,10 +98,10 @@ def test_the_keyboard_alone_takes_control_starts_and_palpates(trial_feed, serve,
     assert page.locator("#tool-help").inner_text().count("hold G")
 
 
-GAMEPAD = '''([axis, pressed]) => {
+GAMEPAD = """([axis, pressed]) => {
   const pad = { connected: true, axes: [0, axis], buttons: [{ pressed }] };
   navigator.getGamepads = () => [null, pad];
-}'''
+}"""
 
 
 def test_a_gamepad_grips_with_its_button_and_moves_with_its_stick(page, feed):

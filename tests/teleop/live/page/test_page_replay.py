@@ -25,7 +25,7 @@ PIXELS = """[...document.querySelectorAll('.strip canvas')].map((canvas) => {
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory):
     path = tmp_path_factory.mktemp("replay") / "mimic.mcap"
-    arguments = ["--clock", "virtual", "--condition", "mimic", "--duration", "6", "--record"]
+    arguments = ["--clock", "virtual", "--condition", "mimic", "--duration", "30", "--record"]
     assert main(["run", *arguments, str(path), "--json"]) == 0
     return load(path)
 
@@ -37,7 +37,7 @@ def feed_of(recording):
         "number": 1,
         "condition": "mimic",
         "specimen": "<img src=x onerror=alert(1)>",
-        "duration": 6.0,
+        "duration": 30.0,
         "rig": "simulated",
         "simulated": True,
         "limits": {"soft_position": [-0.008, 0.023], "soft_force": 66.0, "hard_force": 90.0},
