@@ -1,0 +1,152 @@
+"""A `teleop run --live` process and its pages, for the measurements of the live page."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import os
+import re
+import struct
+import subprocess
+import sys
+import time
+from collections.abc import AsyncIterator, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from websockets.asyncio.client import connect
+
+TICK = 1.0 / os.sysconf("SC_CLK_TCK")
+
+
+class Page:
+    """A connected page, which receives in a task of its own."""
+
+    def __init__(self, connection: Any) -> None:
+        self.connection = connection
+        self.state: dict[str, Any] = {}
+        self.names: list[str] = []
+        self.summary: dict[str, Any] = {}
+        self.rows: list[np.ndarray] = []
+        self.task = asyncio.create_task(self._receive())
+        self.beats = asyncio.create_task(self._beat())
+
+    async def send(self, kind: str, **fields: Any) -> None:
+        await self.connection.send(json.dumps({"type": kind, **fields}))
+
+    async def until(self, mode: str) -> None:
+        while self.state.get("mode") != mode:
+            await asyncio.sleep(0.002)
+
+    async def arm(self) -> None:
+        """Take control, and arm the drives."""
+        await self.send("control")
+        await self.until("ready")
+        await self.send("unlock")
+        await self.send("start")
+        await self.until("active")
+
+    def column(self, name: str) -> np.ndarray:
+        rows = np.vstack(self.rows)
+        return rows[:, self.names.index(name)]
+
+    async def _receive(self) -> None:
+        async for message in self.connection:
+            if isinstance(message, bytes):
+                _, count, columns, clear, _ = struct.unpack_from("<IIIId", message)
+                rows = np.frombuffer(message, "<f8", offset=24).reshape(count, columns)
+                self.rows = [rows] if clear else [*self.rows[-600:], rows]
+                continue
+            document = json.loads(message)
+            if document["type"] == "state":
+                self.state = document
+            elif document["type"] == "welcome":
+                self.names = [column["name"] for column in document["columns"]]
+            elif document["type"] == "summary":
+                self.summary = document
+
+    async def _beat(self) -> None:
+        for n in range(10**9):
+            await self.send("beat", n=n)
+            await asyncio.sleep(0.25)
+
+
+class Session:
+    """A running command with a live page."""
+
+    def __init__(self, process: subprocess.Popen[str], url: str) -> None:
+        match = re.search(r"http://(\S+)/#t=(\w+)", url)
+        assert match
+        self.process = process
+        self.address, self.token = match.groups()
+        children = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
+        (self.live,) = [
+            int(child)
+            for child in children
+            if b"teleop.live.process" in Path(f"/proc/{child}/cmdline").read_bytes()
+        ]
+
+    @contextlib.asynccontextmanager
+    async def page(self) -> AsyncIterator[Page]:
+        """Open a page within the block."""
+        url, origin = f"ws://{self.address}/ws", f"http://{self.address}"
+        async with connect(url, origin=origin, compression=None) as connection:
+            hello = {"type": "hello", "token": self.token, "view": "main"}
+            await connection.send(json.dumps(hello))
+            page = Page(connection)
+            try:
+                yield page
+            finally:
+                page.task.cancel()
+                page.beats.cancel()
+                await asyncio.gather(page.task, page.beats, return_exceptions=True)
+
+    def cpu(self) -> float:
+        """Return the processor time of the live process so far [s]."""
+        fields = Path(f"/proc/{self.live}/stat").read_text().rpartition(")")[2].split()
+        return (int(fields[11]) + int(fields[12])) * TICK
+
+    def memory(self) -> float:
+        """Return the resident memory of the live process [MB]."""
+        text = Path(f"/proc/{self.live}/status").read_text()
+        return int(re.search(r"VmRSS:\s+(\d+)", text)[1]) / 1024.0
+
+    def descriptors(self) -> int:
+        """Return the number of open descriptors of the live process."""
+        return len(os.listdir(f"/proc/{self.live}/fd"))  # noqa: PTH208
+
+
+@contextlib.contextmanager
+def session(*options: str) -> Iterator[Session]:
+    """Run `teleop run --live` with options within the block."""
+    command = [sys.executable, "-m", "teleop", "run", "--live", *options]
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stderr
+        try:
+            line = next(line for line in process.stderr if "live page: " in line)
+            yield Session(process, line)
+        finally:
+            process.terminate()
+            process.communicate()
+
+
+async def flood(running: Session) -> None:
+    """Send as many messages as the limit permits, and more in turns, until cancelled."""
+    for number in range(10**9):
+        with contextlib.suppress(Exception):
+            async with running.page() as page:
+                most = 390 if number % 2 else 10_000
+                for n in range(20 * most):
+                    await page.send("ping", at=n)
+                    if most == 390 or n % 50 == 0:
+                        await asyncio.sleep(1.0 / most)
+        await asyncio.sleep(0.05)
+
+
+def now() -> float:
+    """Return the time of the clock that the loop writes into the column `sent` [s]."""
+    return time.monotonic()
