@@ -49,7 +49,7 @@ export class ForceDisplacement {
     context.clip();
     this.#fits(X, Y);
     context.setLineDash([]);
-    context.strokeStyle = colours.force;
+    context.strokeStyle = colours.muted;
     context.lineWidth = 2.2 * canvas.ratio;
     context.beginPath();
     for (let row = start; row < store.count; row += EVERY) context.lineTo(X(x.at(row)), Y(f.at(row)));

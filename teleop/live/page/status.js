@@ -74,6 +74,7 @@ export class Status {
     }
     const text = sentence(message.text);
     if (this.byId("text").textContent !== text) this.byId("text").textContent = text;
+    document.title = `${mode.textContent} · teleop`;
     this.#connection();
     this.#fresh();
   }
