@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Callable
 from typing import Any
 
 from websockets.asyncio.server import ServerConnection, broadcast
 
+from teleop.json_documents import dumps
 from teleop.live.history import History
 
 MOST_CLIENTS = 8
@@ -71,7 +71,7 @@ class Client:
         if self.unsent > MOST_UNSENT_TEXT:
             self.abort()
         else:
-            broadcast([self.connection], json.dumps(document, allow_nan=False))
+            broadcast([self.connection], dumps(document))
 
     def send_rows(
         self, history: History, frames: dict[tuple[int, bool], tuple[bytes, int]]

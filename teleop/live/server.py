@@ -99,7 +99,7 @@ class Server:
 
         async with serve(
             self._converse,
-            host,
+            "127.0.0.1" if host == "localhost" else host,
             port,
             process_request=self._process_request,
             create_connection=Connection,

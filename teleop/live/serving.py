@@ -60,7 +60,6 @@ def serve_until(
     InputError
         The address cannot be used.
     """
-    check_address(host, port)
     asyncio.run(serve(stopped, feed, host, port, ready))
 
 
@@ -72,6 +71,7 @@ async def serve(
     ready: Callable[[str], object],
 ) -> None:
     """Serve the live page, see `serve_until`."""
+    check_address(host, port)
     token = new_token()
     server = Server(feed, token, read_pages())
     try:

@@ -39,13 +39,13 @@ class SharedFile:
         folder = MEMORY if os.access(MEMORY, os.W_OK) else None
         number, name = tempfile.mkstemp(prefix="teleop-live-", dir=folder)
         try:
-            os.write(number, bytes(size))  # a hole in the file could not be filled in the loop
-            return cls(Path(name), mmap.mmap(number, size))
+            with os.fdopen(number, "r+b") as file:
+                file.write(bytes(size))  # if the memory is full, this fails here, not in the loop
+                file.flush()
+                return cls(Path(name), mmap.mmap(file.fileno(), size))
         except BaseException:
             Path(name).unlink()
             raise
-        finally:
-            os.close(number)
 
     @classmethod
     def open(cls, path: Path, writable: bool) -> SharedFile:

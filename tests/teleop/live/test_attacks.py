@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 import json
 import socket
+from pathlib import Path
 
 import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
@@ -300,6 +301,29 @@ def test_half_open_connections_are_closed_and_do_not_keep_others_out(feed):
                 await until(lambda: server._connections == 0)
             async with page(address, greet=False) as late:
                 assert await closed(late) == 1008
+
+    run(scenario())
+
+
+@pytest.mark.skipif(not Path("/proc/self/fd").exists(), reason="needs /proc")
+def test_no_descriptor_and_no_client_is_left_after_many_connections(feed):
+    def descriptors():
+        return len(list(Path("/proc/self/fd").iterdir()))
+
+    async def scenario():
+        async with served(feed, PAGES) as (server, address):
+            before = descriptors()
+            for number in range(100):
+                async with page(address, TOKEN if number % 3 else "wrong") as client:
+                    if number % 3 == 1:
+                        await client.until(client.is_in("ready"))
+                    elif number % 3 == 2:
+                        client.connection.transport.abort()
+                await answer(address, f"Host: {address}")
+            await until(lambda: server._connections == 0)
+            assert not server._clients
+            assert server.control.holder is None
+            assert descriptors() <= before
 
     run(scenario())
 
