@@ -68,7 +68,8 @@ export class Controls {
     const message = { type: "notes", text: this.byId("notes").value };
     const fits = new TextEncoder().encode(JSON.stringify(message)).length <= MOST_BYTES;
     if (fits) this.#request(message);
-    this.byId("notes-text").textContent = fits ? "Saved with the recording." : "Too long: shorten the notes.";
+    const saved = this.series ? "Saved with this trial." : "They will be in the next recording.";
+    this.byId("notes-text").textContent = fits ? saved : "Too long: shorten the notes.";
   }
 
   #update(state) {
@@ -88,7 +89,7 @@ export class Controls {
     byId("start").classList.toggle("ready", mayArm && Boolean(state.unlocked));
     byId("end").disabled = !(allowed && running);
     for (const name of CHOICES) byId(name).disabled = !allowed || running;
-    byId("notes").disabled = byId("notes-save").disabled = !allowed;
+    byId("notes-save").disabled = !between;
     const control = byId("control");
     const mine = Boolean(state && state.control === "you");
     control.disabled = !state || state.control === "other";

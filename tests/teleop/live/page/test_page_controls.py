@@ -35,7 +35,7 @@ def test_stop_is_sent_and_the_fault_is_shown_in_words(how, view, trial_feed, ser
     assert page.locator("#text").inner_text() == "Emergency stop: STOP was pressed on the page."
 
 
-@pytest.mark.parametrize("focus", ["#unlock", "#condition", "#tool", "#notes-save"])
+@pytest.mark.parametrize("focus", ["#unlock", "#condition", "#tool", "#notes-area summary"])
 def test_space_stops_wherever_the_focus_is_and_presses_nothing(focus, trial_feed, serve, open_page):
     feed = trial_feed(mode="ready")
     page = open_page(serve(feed).url())
@@ -47,7 +47,7 @@ def test_space_stops_wherever_the_focus_is_and_presses_nothing(focus, trial_feed
 
 
 def test_space_in_the_notes_writes_a_space_and_escape_stops(trial_feed, serve, open_page):
-    feed = trial_feed()
+    feed = trial_feed(mode="ended")
     page = open_page(serve(feed).url())
     page.locator("#notes-area summary").click()
     page.focus("#notes")
