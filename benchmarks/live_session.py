@@ -37,7 +37,10 @@ class Page:
         await self.connection.send(json.dumps({"type": kind, **fields}))
 
     async def until(self, mode: str) -> None:
+        """Wait for a mode; raise ConnectionError if the command has ended before."""
         while self.state.get("mode") != mode:
+            if self.task.done():
+                raise ConnectionError(f"the command ended before the mode {mode}")
             await asyncio.sleep(0.002)
 
     async def arm(self) -> None:

@@ -58,6 +58,8 @@ class Replay(Feed):
         self._t = np.maximum.accumulate(columns["time"])
         self._step = decimation(rate)
         self._events = events
+        armed = [event["time"] for event in events if event.get("mode") == "active"]
+        self._armed_at = float(armed[0]) if armed else 0.0
         self._now = now
         self._due = -math.inf
         self._told: object = None
@@ -114,7 +116,7 @@ class Replay(Feed):
             "mode": "replay",
             "text": text,
             "armed_by": None,
-            "armed_at": 0.0,
+            "armed_at": self._armed_at,
             "loop": "running",
         }
 

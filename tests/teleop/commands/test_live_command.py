@@ -14,6 +14,7 @@ from teleop.cli import main
 from teleop.commands import live_options
 
 RIG = Path(__file__).parents[3] / "rigs" / "serial-board.toml"
+WIRED = ("--rig", RIG, "--specimen", "a", "--depth", "3mm", "--yes")
 
 
 @pytest.fixture(scope="module")

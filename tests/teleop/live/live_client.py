@@ -57,7 +57,7 @@ class Client:
             self.errors.append(document["text"])
         return document["type"]
 
-    async def until(self, condition, seconds=10.0):
+    async def until(self, condition, seconds=30.0):
         """Receive until a condition is true."""
         async with asyncio.timeout(seconds):
             while not condition():

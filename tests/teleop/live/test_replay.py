@@ -106,6 +106,12 @@ def test_the_welcome_describes_the_columns_and_the_trial(recording):
     assert position["start"] == recording["time"][0]
 
 
+def test_the_time_of_arming_is_that_of_the_recording(recording):
+    events = [{"time": 4.25, "mode": "active", "text": "armed", "fault": None}]
+    replay = make_replay(replace(recording, events=events), Time())
+    assert replay.state()["armed_at"] == 4.25
+
+
 def test_the_fault_of_a_recording_is_shown_from_its_time_on(recording):
     event = {"time": 1.0, "text": "force limit: too much", "fault": "force limit", "mode": "fault"}
     replay = make_replay(replace(recording, events=[event]), Time())
