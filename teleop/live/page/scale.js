@@ -36,8 +36,8 @@ export class Scale {
     this.low = Math.floor((middle - half - margin) / fine) * fine;
     this.high = Math.ceil((middle + half + margin) / fine) * fine;
     this.ticks = ticksBetween(this.low, this.high, this.step);
-    while (this.ticks.length < 2) {
-      this.step = niceStep(this.step / 2.1);
+    if (this.ticks.length < 2) {
+      this.step = niceStep((this.high - this.low) / 4);
       this.ticks = ticksBetween(this.low, this.high, this.step);
     }
     return before[0] !== this.low || before[1] !== this.high;

@@ -80,3 +80,24 @@ def test_the_time_of_the_trial_begins_when_the_drives_are_armed(trial_feed, serv
     feed.mode, feed.armed_at = "active", page.evaluate("teleop.last('time')")
     wait_for(page, "document.getElementById('clock').textContent.startsWith('0.')")
     assert page.locator("#count-in").inner_text() == "starts in 60"
+
+
+RANGES = """async () => {
+  const { Scale } = await import('./scale.js');
+  const found = [];
+  for (let i = 0; i < 2000; i++) {
+    const low = 20 * Math.sin(i), size = 10 ** (3 * Math.sin(7 * i));
+    const scale = new Scale(1e-3);
+    scale.cover(low, low + size, 1.5 + 6 * Math.abs(Math.sin(3 * i)), 0);
+    found.push([low, low + size, scale.low, scale.high, scale.ticks.length]);
+  }
+  return found;
+}"""
+
+
+def test_every_range_covers_its_values_and_has_at_least_two_labels(trial_feed, serve, open_page):
+    page = open_page(serve(trial_feed()).url())
+    for low, high, bottom, top, labels in page.evaluate(RANGES):
+        assert bottom <= low
+        assert high <= top
+        assert 2 <= labels <= 12
