@@ -56,6 +56,8 @@ def run_from_page(link: LiveLink, settings: TrialSettings, runner: TrialRunner, 
         with stop_signals() as stopped:
             following = next_settings(link, settings, stopped)
         if following is None:
+            if not link.is_running:
+                print_error("the live process has ended")
             return code
         settings = following
 
@@ -69,7 +71,8 @@ def next_settings(
     once.
     """
     waiting = link.trial is not None and not link.trial.armed
-    link.tell({"type": "prompt", "text": "NEXT prepares another trial"})
+    why = f"{link.trial.recording.events[-1]['text']}; " if link.trial and waiting else ""
+    link.tell({"type": "prompt", "text": f"{why}NEXT prepares another trial"})
     while request := next_request(link, stopped):
         kind = request["type"]
         if kind == "choose":

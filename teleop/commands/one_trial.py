@@ -78,6 +78,7 @@ class TrialRunner:
             if self.link:
                 self.link.show_result(trial)
                 if not (trial.armed or trial.fault or self.interrupted):
+                    print_error(f"not armed: {switch.page.reason}")
                     if record:
                         record.unlink(missing_ok=True)
                     return 0

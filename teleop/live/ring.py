@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from mmap import mmap
+from struct import Struct
 from time import monotonic
 
 import numpy as np
@@ -61,12 +62,12 @@ class RingWriter:
         self, buffer: mmap, slots: int, size: int, now: Callable[[], float] = monotonic
     ) -> None:
         self.newest = 0
-        self._bytes = memoryview(buffer)
-        self._words = self._bytes.cast("Q")
-        self._times = self._bytes.cast("d")
+        self._words = memoryview(buffer).cast("Q")
+        self._buffer = buffer
         self._slots = slots
         self._size = size
         self._stride = stride(size)
+        self._pack = Struct(f"@QQd{stride(size) - BEFORE - AFTER}sQ").pack_into
         self._now = now
 
     def write(self, message: bytes) -> None:
@@ -82,13 +83,9 @@ class RingWriter:
             raise ValueError(f"a message of {length} bytes: expected at most {self._size}")
         number = self.newest + 1
         start = HEAD + number % self._slots * self._stride
-        words, word = self._words, start >> 3
-        words[word] = number
-        words[word + 1] = length
-        self._times[word + 2] = self._now()
-        self._bytes[start + BEFORE : start + BEFORE + length] = message
-        words[(start + self._stride - AFTER) >> 3] = number
-        words[0] = self.newest = number
+        # The fields are written in this order, so that the numbers enclose the message.
+        self._pack(self._buffer, start, number, length, self._now(), message, number)
+        self._words[0] = self.newest = number
 
 
 class RingReader:

@@ -12,7 +12,7 @@ from typing import Any
 from sim_backend import PointerOperator
 from teleop.errors import InputError, reason
 from teleop.json_documents import dumps, loads
-from teleop.live.cells import SIZE, CellReader
+from teleop.live.cells import SIZE, STOP, CellReader
 from teleop.live.ring import SLOTS, RingWriter, ring_size
 from teleop.live.shared_file import SharedFile
 from teleop.recording.cdr import CDR, MESSAGE_NAME
@@ -120,6 +120,8 @@ class LiveLink(Sink):
             raise InputError(f"live page: {ready['problem']}")
         self.url, self.foxglove_url = str(ready["url"]), str(ready.get("foxglove", ""))
         self._cells = CellReader(files["cells"].buffer)
+        self._stops = 0
+        """Number of STOP requests until the end of the last trial."""
         self._ring = RingWriter(files["ring"].buffer, *sizes["ring"])
         self._events = RingWriter(files["events"].buffer, *sizes["events"])
 
@@ -154,7 +156,7 @@ class LiveLink(Sink):
                 "by_page": self._by_page,
             }
         )
-        return PageRequests(self._cells, self._by_page)
+        return PageRequests(self._cells, self._by_page, self._stops)
 
     def push(self, message: bytes) -> None:
         """Write the message of one tick to the ring."""
@@ -166,6 +168,7 @@ class LiveLink(Sink):
 
     def close(self) -> Outcome:
         """Announce the end of the trial. The live process continues."""
+        self._stops = self._cells.counts[STOP]
         self.tell({"type": "end", "text": ""})
         return Outcome(None, 0, 0, "")
 

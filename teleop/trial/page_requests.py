@@ -12,6 +12,9 @@ from teleop.safety.channels import DetectedFault
 
 PROCESS_SILENCE = 0.3
 """Longest time between two heartbeats of the live process, if a page armed the trial [s]."""
+WAITING_SILENCE = 5.0
+"""The same while the trial waits for START and nothing moves [s]. A busy machine may delay the live
+process, but a trial that nobody can start any more has to end."""
 PAGE_SILENCE = 2.0
 """Longest time between two heartbeats of the page in control, if a page armed the trial [s]."""
 STOPPED = DetectedFault(Fault.EMERGENCY_STOP, "live page", math.nan, math.nan, math.nan)
@@ -35,7 +38,8 @@ class NoPage:
 class PageRequests(NoPage):
     """Requests of the live page in one trial.
 
-    A request that was made before the trial has no effect on it.
+    A request that was made before the trial has no effect on it, except STOP before a trial that
+    the page does not arm.
 
     Parameters
     ----------
@@ -43,19 +47,26 @@ class PageRequests(NoPage):
         Cells that the live process writes.
     by_page
         Whether the page arms the trial.
+    stops
+        Number of STOP requests that concern earlier trials, for a trial that the page does not arm.
     now
         Returns the present time [s].
     """
 
     def __init__(
-        self, cells: CellReader, by_page: bool, now: Callable[[], float] = monotonic
+        self,
+        cells: CellReader,
+        by_page: bool,
+        stops: int = 0,
+        now: Callable[[], float] = monotonic,
     ) -> None:
         self.arms = not by_page
         self._counts = cells.counts
         self._by_page = by_page
         self._now = now
         counts = self._counts
-        self._stop, self._end, self._arm = counts[STOP], counts[END], counts[ARM]
+        self._stop = counts[STOP] if by_page else stops
+        self._end, self._arm = counts[END], counts[ARM]
         self._beats = counts[PROCESS], counts[PAGE]
         self._seen = [now(), now()]
 
@@ -80,8 +91,9 @@ class PageRequests(NoPage):
         if counts[PAGE] != page:
             seen[1] = now
         self._beats = counts[PROCESS], counts[PAGE]
-        if now - seen[0] > PROCESS_SILENCE:
-            self._lose(f"the live process was silent for {PROCESS_SILENCE:g} s")
+        longest = PROCESS_SILENCE if self.arms else WAITING_SILENCE
+        if now - seen[0] > longest:
+            self._lose(f"the live process was silent for {longest:g} s")
         elif self.arms and now - seen[1] > PAGE_SILENCE:
             self._lose(f"the page was silent for {PAGE_SILENCE:g} s")
 
