@@ -1,0 +1,34 @@
+// Size of a canvas in pixels: that of its box on the screen, within a limit on the cost.
+
+const MOST_PIXELS = 1.2e6; // of one canvas
+const sizes = new ResizeObserver((entries) => {
+  for (const entry of entries) entry.target.resized();
+});
+
+// Keep a canvas as large as its box; `changed` is called after each change.
+export function fit(canvas, changed) {
+  canvas.resized = () => {
+    const { clientWidth, clientHeight } = canvas;
+    if (!clientWidth || !clientHeight) return;
+    const most = Math.sqrt(MOST_PIXELS / (clientWidth * clientHeight));
+    const ratio = Math.min(devicePixelRatio || 1, 2, Math.max(most, 0.5));
+    const width = Math.round(clientWidth * ratio);
+    const height = Math.round(clientHeight * ratio);
+    if (width === canvas.width && height === canvas.height) return;
+    canvas.width = width;
+    canvas.height = height;
+    canvas.ratio = (ratio * rem()) / 16; // lines and text grow with the text of the page
+    changed();
+  };
+  sizes.observe(canvas);
+  canvas.resized();
+}
+
+function rem() {
+  return parseFloat(getComputedStyle(document.documentElement).fontSize);
+}
+
+export function clear(context, colour) {
+  context.fillStyle = colour;
+  context.fillRect(0, 0, context.canvas.width, context.canvas.height);
+}

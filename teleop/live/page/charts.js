@@ -1,0 +1,81 @@
+// The strip charts of the main page: which columns they show, in which unit and style.
+
+import { Scale } from "./scale.js";
+import { colours, estimatorColour, estimatorDash } from "./theme.js";
+
+const LIMIT = { colour: "limit", dash: [3, 4] };
+const TRUTH = { colour: "truth", dash: [10, 5] };
+
+function line(name, colour, label, width = 1.8, dash = []) {
+  return { name, label, swatch: colour, colour: () => colours[colour], width, dash };
+}
+
+function estimated(estimators, key, columns) {
+  const name = (index) => (index === null || index === undefined ? undefined : columns[index].name);
+  return estimators.map((e, index) => ({
+    name: name(e[key]),
+    std: name(e[`${key}_std`]),
+    held: name(e.held),
+    settled: { value: name(e.k), std: name(e.k_std) },
+    label: e.name,
+    index,
+    swatch: index % 5,
+    colour: () => estimatorColour(index),
+    width: 1.8,
+    dash: estimatorDash(index),
+  }));
+}
+
+function levels(values, style, text) {
+  return values.filter(Number.isFinite).map((value) => ({ value, text, ...style }));
+}
+
+// Charts for the columns in `welcome` and the limits and true values in `trial`.
+export function charts(welcome, trial) {
+  const limits = (trial && trial.limits) || {};
+  const truth = (trial && trial.truth) || {};
+  const force = [limits.soft_force, limits.hard_force].filter(Number.isFinite);
+  const position = limits.soft_position || [];
+  return [
+    {
+      id: "position", title: "position", unit: "mm", factor: 1e3, digits: 1, share: 1.5, scale: new Scale(2),
+      traces: [
+        ...(trial && trial.target ? [{ ...line("target", "target", "target", 4), marker: "target-marker" }] : []),
+        line("master_position", "muted", "handle", 1.3, [3, 3]),
+        { ...line("slave_position", "own", "tool", 2.2), marker: "own-marker" },
+      ],
+      levels: levels(position, LIMIT, "soft limit"),
+    },
+    {
+      id: "force", title: "contact force", unit: "N", factor: 1, digits: 1, share: 1.1, scale: new Scale(2),
+      traces: [line("contact_force", "force", "contact force")],
+      levels: [
+        ...levels(force.slice(0, 1), LIMIT, "soft limit"),
+        ...levels(force.slice(1), LIMIT, "hard limit"),
+      ],
+    },
+    {
+      id: "velocity", title: "velocity", unit: "mm/s", factor: 1e3, digits: 0, share: 0.8, scale: new Scale(10),
+      traces: [line("slave_velocity", "velocity", "velocity", 1.6)],
+      levels: levels([limits.max_velocity, -limits.max_velocity], LIMIT, "soft limit"),
+    },
+    {
+      id: "stiffness", title: "stiffness k", unit: "N/m", factor: 1, digits: 0, share: 1.5, scale: new Scale(100),
+      traces: estimated(welcome.estimators, "k", welcome.columns),
+      levels: levels([truth.k], TRUTH, "true"),
+      robust: true,
+    },
+    {
+      id: "damping", title: "damping b", unit: "N s/m", factor: 1, digits: 0, share: 1, scale: new Scale(20),
+      traces: estimated(welcome.estimators, "b", welcome.columns),
+      levels: levels([truth.b], TRUTH, "true"),
+      robust: true,
+    },
+    {
+      id: "excitation", title: "excitation", unit: "", factor: 1, digits: 2, share: 0.5, scale: new Scale(0.2),
+      traces: [line("excitation", "text", "excitation", 1.5)],
+      levels: [],
+    },
+    { id: "axis", axis: true, traces: [], levels: [], factor: 1, scale: new Scale(1) },
+  ];
+}

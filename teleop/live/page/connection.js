@@ -1,0 +1,112 @@
+// WebSocket to the live process: hello, reconnection, heartbeat, and detection of missing data.
+
+const KIND_TICKS = 1;
+const CLEAR = 1;
+const HEADER = 24; // bytes before the rows
+const BEAT = 250; // ms
+const SILENCE = 350; // ms without data after which data count as missing
+const CHECK = 50; // ms
+const DO_NOT_RETRY = 1008;
+
+export class Connection {
+  constructor(view, store) {
+    this.view = view;
+    this.store = store;
+    this.handlers = new Map();
+    this.token = new URLSearchParams(location.hash.slice(1)).get("t") || "";
+    this.words = "connecting";
+    this.expecting = () => false; // whether data should be arriving at present
+    this.fresh = false;
+    this.lastBatch = 0;
+    this.roundTrip = NaN;
+    this.sentAt = NaN; // sending time of the newest batch on the clock of the server [s]
+    this.socket = null;
+    this.delay = 500;
+    this.beats = 0;
+    setInterval(() => this.#beat(), BEAT);
+    setInterval(() => this.#check(), CHECK);
+    this.#open();
+  }
+
+  on(type, handler) {
+    if (!this.handlers.has(type)) this.handlers.set(type, []);
+    this.handlers.get(type).push(handler);
+  }
+
+  // Send a request; returns false if there is no connection.
+  send(message) {
+    if (!this.socket || this.socket.readyState !== WebSocket.OPEN) return false;
+    this.socket.send(JSON.stringify(message));
+    return true;
+  }
+
+  #emit(type, message) {
+    for (const handler of this.handlers.get(type) || []) handler(message);
+  }
+
+  #open() {
+    const scheme = location.protocol === "https:" ? "wss" : "ws";
+    const socket = new WebSocket(`${scheme}://${location.host}/ws`);
+    socket.binaryType = "arraybuffer";
+    socket.onopen = () => socket.send(JSON.stringify({ type: "hello", token: this.token, view: this.view }));
+    socket.onmessage = (event) => this.#receive(event.data);
+    socket.onclose = (event) => this.#closed(event);
+    this.socket = socket;
+  }
+
+  #closed(event) {
+    this.#say(event.reason ? `connection refused: ${event.reason}` : "no connection to teleop");
+    this.#emit("closed", event);
+    if (event.code === DO_NOT_RETRY) return;
+    setTimeout(() => this.#open(), this.delay);
+    this.delay = Math.min(2 * this.delay, 2000);
+  }
+
+  #receive(data) {
+    if (typeof data !== "string") return this.#ticks(data);
+    const message = JSON.parse(data);
+    if (message.type === "pong") this.roundTrip = performance.now() - message.at;
+    if (message.type === "welcome") {
+      this.store.setColumns(message.columns.map((column) => column.name));
+      this.delay = 500;
+      this.#say("connected");
+    }
+    this.#emit(message.type, message);
+  }
+
+  #ticks(buffer) {
+    const header = new DataView(buffer, 0, HEADER);
+    if (header.getUint32(0, true) !== KIND_TICKS) return;
+    const rows = header.getUint32(4, true);
+    const columns = header.getUint32(8, true);
+    if (header.getUint32(12, true) & CLEAR) this.store.clear();
+    this.sentAt = header.getFloat64(16, true);
+    if (!rows) return;
+    this.store.append(new Float64Array(buffer, HEADER, rows * columns), rows, columns);
+    this.lastBatch = performance.now();
+    this.#emit("ticks", rows);
+  }
+
+  #say(words) {
+    if (words === this.words) return;
+    this.words = words;
+    this.#emit("words", words);
+  }
+
+  #beat() {
+    this.beats += 1;
+    if (!this.send({ type: "beat", n: this.beats })) return;
+    if (this.beats % 4 === 0) this.send({ type: "ping", at: performance.now() });
+  }
+
+  // "fresh" is false while data that should arrive do not.
+  #check() {
+    const open = this.socket.readyState === WebSocket.OPEN;
+    const now = performance.now();
+    if (!this.expecting()) this.lastBatch = now;
+    const fresh = open && now - this.lastBatch <= SILENCE;
+    if (fresh === this.fresh) return;
+    this.fresh = fresh;
+    this.#emit("fresh", fresh);
+  }
+}

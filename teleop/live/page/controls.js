@@ -1,0 +1,99 @@
+// Requests to the trial: unlock and start, end, next, choices, notes, and who holds control.
+
+const MOST_BYTES = 900; // of a message
+const CHOICES = ["condition", "specimen", "duration"];
+
+export class Controls {
+  constructor(byId, connection) {
+    this.byId = byId;
+    this.connection = connection;
+    this.welcome = null;
+    this.series = null;
+    this.state = null;
+    for (const type of ["unlock", "start", "end", "next", "repeat", "skip"]) {
+      byId(type).addEventListener("click", () => this.#request({ type }));
+    }
+    byId("control").addEventListener("click", () => {
+      connection.send({ type: this.state.control === "you" ? "release" : "control" });
+    });
+    for (const name of CHOICES) byId(name).addEventListener("change", () => this.#choose());
+    byId("notes-save").addEventListener("click", () => this.#saveNotes());
+    connection.on("welcome", (message) => this.#welcome(message));
+    connection.on("trial", (message) => this.#trial(message));
+    connection.on("state", (message) => this.#update(message));
+    connection.on("closed", () => this.#update(null));
+    this.#update(null);
+  }
+
+  // Whether requests are possible; asks for control if nobody holds it.
+  take() {
+    if (this.state && this.state.control === "none") this.connection.send({ type: "control" });
+    return Boolean(this.state && this.state.control !== "other");
+  }
+
+  #request(message) {
+    if (this.take()) this.connection.send(message);
+  }
+
+  #welcome(message) {
+    this.welcome = message;
+    const choices = message.choices || {};
+    for (const name of CHOICES) {
+      const values = choices[name] || [];
+      const select = this.byId(name);
+      select.replaceChildren(...values.map((value) => new Option(name === "duration" ? `${value} s` : value, value)));
+      select.parentElement.hidden = values.length < 2;
+    }
+    this.byId("choices").hidden = !CHOICES.some((name) => (choices[name] || []).length > 1);
+    this.#update(this.state);
+  }
+
+  #trial(message) {
+    const chosen = message.choice || message;
+    for (const name of CHOICES) if (name in chosen) this.byId(name).value = chosen[name];
+    this.series = message.series;
+    this.byId("series-text").textContent = this.series ? `trial ${this.series.position} of ${this.series.of}` : "";
+  }
+
+  #choose() {
+    const message = { type: "choose" };
+    for (const name of CHOICES) {
+      const values = ((this.welcome || {}).choices || {})[name] || [];
+      if (values.length) message[name] = values[this.byId(name).selectedIndex];
+    }
+    this.#request(message);
+  }
+
+  #saveNotes() {
+    const message = { type: "notes", text: this.byId("notes").value };
+    const fits = new TextEncoder().encode(JSON.stringify(message)).length <= MOST_BYTES;
+    if (fits) this.#request(message);
+    const saved = this.series ? "Saved with this trial." : "They will be in the next recording.";
+    this.byId("notes-text").textContent = fits ? saved : "Too long: shorten the notes.";
+  }
+
+  #update(state) {
+    this.state = state;
+    const { byId, welcome } = this;
+    const allowed = Boolean(state && welcome && welcome.kind === "live" && state.control !== "other");
+    const mode = state ? state.mode : "";
+    const running = mode === "active" || mode === "stopping";
+    const mayArm = allowed && Boolean(welcome.may_arm) && mode === "ready";
+    const between = allowed && (mode === "ended" || mode === "idle");
+    byId("skip").hidden = !this.series;
+    byId("next").hidden = byId("repeat").hidden = !this.series && Boolean(welcome && !welcome.may_arm);
+    for (const name of ["next", "repeat", "skip"]) byId(name).disabled = !between;
+    byId("unlock").disabled = !mayArm;
+    byId("unlock").hidden = byId("start").hidden = Boolean(welcome && !welcome.may_arm);
+    byId("start").disabled = !(mayArm && state.unlocked);
+    byId("start").classList.toggle("ready", mayArm && Boolean(state.unlocked));
+    byId("end").disabled = !(allowed && running);
+    for (const name of CHOICES) byId(name).disabled = !allowed || running;
+    byId("notes-save").disabled = !between;
+    const control = byId("control");
+    const mine = Boolean(state && state.control === "you");
+    control.disabled = !state || state.control === "other";
+    control.hidden = mine && state.clients < 2;
+    control.textContent = mine ? "Release control" : control.disabled && state ? "Another page has control" : "Take control";
+  }
+}

@@ -1,0 +1,63 @@
+// Table of the estimates: k and b with their 95 % intervals, held and misfit.
+
+import { percent, withInterval } from "./format.js";
+
+const LARGE_MISFIT = 0.05;
+
+export class Estimates {
+  constructor(body, store) {
+    this.body = body;
+    this.store = store;
+    this.rows = [];
+  }
+
+  build(welcome) {
+    const name = (index) => (index === null || index === undefined ? "" : welcome.columns[index].name);
+    this.rows = welcome.estimators.map((estimator, index) => {
+      const row = document.createElement("tr");
+      const head = document.createElement("th");
+      head.scope = "row";
+      const swatch = document.createElement("i");
+      swatch.className = `swatch swatch-${index % 5}`;
+      head.append(swatch, estimator.name);
+      const cells = ["k", "b", "held", "misfit"].map((key) => {
+        const cell = document.createElement("td");
+        cell.className = `cell-${key}`;
+        row.append(cell);
+        return cell;
+      });
+      row.prepend(head);
+      const columns = {};
+      for (const key of ["k", "b", "k_std", "b_std", "held", "misfit"]) columns[key] = name(estimator[key]);
+      return { estimator: estimator.name, row, cells, columns };
+    });
+    this.body.replaceChildren(...this.rows.map((one) => one.row));
+  }
+
+  update() {
+    const { store } = this;
+    for (const { row, cells, columns } of this.rows) {
+      const newest = store.newest(columns.k);
+      const last = (key) => (newest >= 0 && columns[key] ? store.column(columns[key]).at(newest) : NaN);
+      for (const [i, key] of ["k", "b"].entries()) {
+        const [value, half] = withInterval(last(key), 1.96 * last(`${key}_std`));
+        const strong = document.createElement("b");
+        strong.textContent = value;
+        cells[i].replaceChildren(strong, " ", half);
+      }
+      const held = last("held") === 1;
+      cells[2].textContent = held ? "held" : "–";
+      row.classList.toggle("held", held || newest < store.count - 1);
+      const misfit = last("misfit");
+      cells[3].textContent = misfit > LARGE_MISFIT ? `▲ ${percent(misfit)}` : percent(misfit);
+    }
+  }
+
+  // The first estimate as a sentence.
+  sentence() {
+    if (!this.rows.length) return "";
+    const { estimator, columns } = this.rows[0];
+    const [value, half] = withInterval(this.store.last(columns.k), 1.96 * this.store.last(columns.k_std));
+    return value === "–" ? "" : `${estimator}: k ${value} ${half.replace("±", "plus or minus")} N/m`;
+  }
+}

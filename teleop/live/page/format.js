@@ -1,0 +1,21 @@
+// Numbers as text.
+
+const MINUS = "\u2212";
+
+export function fixed(value, digits = 0) {
+  if (!Number.isFinite(value)) return "–";
+  const text = value.toFixed(digits);
+  return Number(text) === 0 ? text.replace("-", "") : text.replace("-", MINUS);
+}
+
+// Value with its 95 % half-interval, rounded to two digits of the interval.
+export function withInterval(value, half) {
+  if (!Number.isFinite(value)) return ["–", ""];
+  if (!Number.isFinite(half)) return [fixed(value, Math.abs(value) < 10 ? 1 : 0), ""];
+  const digits = half > 0 ? Math.min(Math.max(1 - Math.floor(Math.log10(half)), 0), 1) : 1;
+  return [fixed(value, digits), half >= 1e5 ? "± >99999" : `± ${fixed(half, digits)}`];
+}
+
+export function percent(share) {
+  return Number.isFinite(share) ? `${fixed(100 * share)} %` : "–";
+}

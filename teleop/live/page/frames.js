@@ -1,0 +1,33 @@
+// One loop of animation frames. A drawing is called in each frame, or in every n-th frame.
+
+const WINDOW = 120; // frames
+
+export class Frames {
+  constructor() {
+    this.drawings = [];
+    this.frame = 0;
+    this.times = new Float64Array(WINDOW);
+    requestAnimationFrame((now) => this.#run(now));
+  }
+
+  // `every` in frames; `phase` spreads drawings over different frames.
+  add(draw, every = 1, phase = 0) {
+    this.drawings.push({ draw, every, phase });
+  }
+
+  get rate() {
+    const n = Math.min(this.frame, WINDOW) - 1;
+    const last = this.times[(this.frame - 1) % WINDOW];
+    const first = this.times[(this.frame - 1 - n) % WINDOW];
+    return n > 0 ? (1000 * n) / (last - first) : NaN;
+  }
+
+  #run(now) {
+    requestAnimationFrame((next) => this.#run(next));
+    this.times[this.frame % WINDOW] = now;
+    this.frame += 1;
+    for (const { draw, every, phase } of this.drawings) {
+      if (this.frame % every === phase % every) draw(now, this.frame);
+    }
+  }
+}

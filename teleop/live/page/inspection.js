@@ -1,0 +1,20 @@
+// Read-only view of the page's data, for tests and for the console of the browser.
+
+export function publish({ store, connection, status, frames, hand }) {
+  const view = {
+    rows: () => store.count,
+    last: (name) => store.last(name),
+    series: (name) => {
+      const column = store.column(name);
+      const values = [];
+      for (let row = store.first; column && row < store.count; row++) values.push(column.at(row));
+      return values;
+    },
+    state: () => ({ ...status.state }),
+    fresh: () => connection.fresh,
+    frameRate: () => frames.rate,
+    sentAt: () => connection.sentAt,
+    hand: () => ({ ...hand }),
+  };
+  Object.defineProperty(window, "teleop", { value: Object.freeze(view) });
+}

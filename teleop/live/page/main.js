@@ -1,0 +1,112 @@
+// The main page.
+
+import { Connection } from "./connection.js";
+import { Controls } from "./controls.js";
+import { CueText } from "./cue.js";
+import { Estimates } from "./estimates.js";
+import { ForceDisplacement } from "./force_displacement.js";
+import { Frames } from "./frames.js";
+import { HELP, Pointer } from "./pointer.js";
+import { Replay } from "./replay.js";
+import { publish } from "./inspection.js";
+import { startSpeech } from "./speech.js";
+import { Status } from "./status.js";
+import { Stop } from "./stop.js";
+import { Store } from "./store.js";
+import { Strips } from "./strips.js";
+import { summaryParts } from "./summary.js";
+import { startTheme } from "./theme.js";
+import { Tool } from "./tool.js";
+
+const TEXTS = 200; // ms between two updates of texts
+const RANGES = 80; // ms between two updates of the ranges of the plots
+
+const byId = (id) => document.getElementById(id);
+startTheme(byId("theme"));
+const store = new Store();
+const connection = new Connection("main", store);
+const status = new Status(byId, store, connection);
+connection.expecting = () => status.expecting();
+const controls = new Controls(byId, connection);
+new Replay(byId, connection, status);
+new Stop(byId("stop"), connection, {
+  tell: (text) => status.tell(text),
+  stopped: () => status.stopped(),
+  available: () => status.kind !== "replay",
+});
+const strips = new Strips(byId("strips"), store);
+const estimates = new Estimates(byId("estimates").tBodies[0], store);
+const plane = new ForceDisplacement(byId("xy"), store);
+const cue = new CueText(byId("cue-error"), byId("cue-rms"), byId("count-in"));
+let welcome = null;
+let trial = null;
+
+const pointer = new Pointer(byId("tool"), (message) => connection.send(message), {
+  depthAt: (share) => tool.depthAt(share),
+  allowed: () => Boolean(welcome && welcome.pointer && status.state.mode === "active" && controls.take()),
+  present: () => store.last("slave_position") || 0,
+});
+const tool = new Tool(byId("tool"), store, pointer.hand);
+byId("tool-help").textContent = HELP;
+
+function build() {
+  if (!welcome) return;
+  strips.build(welcome, trial);
+  estimates.build(welcome);
+  plane.build(welcome);
+  tool.build(trial);
+  byId("cue-panel").hidden = !strips.preview;
+  document.body.classList.toggle("has-pointer", Boolean(welcome.pointer));
+}
+
+connection.on("welcome", (message) => {
+  welcome = message;
+  trial = null;
+  build();
+});
+connection.on("trial", (message) => {
+  trial = message;
+  store.clear();
+  byId("summary").close();
+  build();
+});
+connection.on("summary", (message) => {
+  byId("summary-body").replaceChildren(...summaryParts(message));
+  byId("summary").show();
+});
+connection.on("closed", () => pointer.release());
+byId("summary-close").addEventListener("click", () => byId("summary").close());
+byId("operator-link").hash = location.hash;
+
+function hint() {
+  if (!welcome || !welcome.pointer || !status.state) return "";
+  if (status.state.mode === "ready") return "Press Unlock, then Start. Then press here, hold, and move down.";
+  if (status.state.mode !== "active") return "";
+  if (status.state.control === "other") return "Another page has control.";
+  return pointer.hand.grip ? "Down presses, up lifts. Release to let go." : "Press here and hold. Or hold G and use the arrow keys.";
+}
+
+let updated = 0;
+let ranged = 0;
+const frames = new Frames();
+frames.add((now) => pointer.frame(now));
+frames.add((now) => {
+  if (now - ranged < RANGES) return;
+  ranged = now;
+  strips.scale(now);
+});
+frames.add((now, frame) => strips.draw(frame));
+frames.add((now, frame) => (frame % 2 || pointer.hand.grip) && tool.draw());
+frames.add((now) => plane.draw(now), 4, 1);
+frames.add((now) => {
+  if (now - updated < TEXTS) return;
+  updated = now;
+  strips.write();
+  estimates.update();
+  status.update();
+  if (strips.preview) cue.update(store, strips.preview);
+  const text = hint();
+  if (byId("tool-hint").textContent !== text) byId("tool-hint").textContent = text;
+});
+startSpeech(byId("spoken"), store, status, () => estimates.sentence());
+publish({ store, connection, status, frames, hand: pointer.hand });

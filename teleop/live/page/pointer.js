@@ -1,0 +1,128 @@
+// The hand of the operator: mouse, touch, keyboard or gamepad. Press and hold is the grip.
+
+const SPEED = 0.03; // m/s of the hand while an arrow key is held
+const REACH = 0.018; // m at the end of a gamepad's axis
+const GRIP_KEY = "g";
+const ARROWS = { ArrowDown: 1, ArrowUp: -1 };
+
+export const HELP =
+  "Mouse or touch: press and hold to grip, move down to press, release to let go. " +
+  "Keyboard: hold G to grip, arrow down and arrow up move the hand. " +
+  "Gamepad: hold the first button or the right trigger, move the left stick.";
+
+export class Pointer {
+  // `depthAt` converts a share of the canvas's height to a depth; `allowed` says whether a grip is possible.
+  constructor(canvas, send, { depthAt, allowed, present }) {
+    this.canvas = canvas;
+    this.send = send;
+    this.depthAt = depthAt;
+    this.allowed = allowed;
+    this.present = present;
+    this.hand = { depth: 0, grip: false };
+    this.source = null; // what grips: "mouse", "keys" or "pad"
+    this.arrows = new Set();
+    this.before = NaN;
+    canvas.addEventListener("pointerdown", (event) => this.#down(event));
+    canvas.addEventListener("pointermove", (event) => this.#move(event));
+    for (const type of ["pointerup", "pointercancel", "lostpointercapture"]) {
+      canvas.addEventListener(type, () => this.release("mouse"));
+    }
+    canvas.addEventListener("contextmenu", (event) => event.preventDefault());
+    addEventListener("keydown", (event) => this.#keyDown(event));
+    addEventListener("keyup", (event) => this.#keyUp(event));
+    addEventListener("blur", () => this.release());
+    addEventListener("pagehide", () => this.release());
+    document.addEventListener("visibilitychange", () => document.hidden && this.release());
+  }
+
+  // Let go, if `source` (by default any) holds the grip.
+  release(source = this.source) {
+    if (!this.hand.grip || source !== this.source) return;
+    this.#forget();
+    this.#tell();
+  }
+
+  #forget() {
+    this.hand.grip = false;
+    this.source = null;
+    this.arrows.clear();
+  }
+
+  // Called in each frame: sends the hand while it grips.
+  frame(now) {
+    const dt = Math.min((now - this.before) / 1000, 0.05) || 0;
+    this.before = now;
+    this.#pad();
+    if (!this.hand.grip) return;
+    if (!this.allowed()) {
+      this.#forget(); // the trial has ended, or another page has control: both let go by themselves
+      return;
+    }
+    for (const key of this.arrows) this.hand.depth += ARROWS[key] * SPEED * dt;
+    this.#limit();
+    this.#tell();
+  }
+
+  #tell() {
+    this.send({ type: "pointer", depth: this.hand.depth, grip: this.hand.grip });
+  }
+
+  #grip(source, depth) {
+    if (this.hand.grip || !this.allowed()) return false;
+    this.source = source;
+    this.hand.depth = depth;
+    this.#limit();
+    this.hand.grip = true;
+    return true;
+  }
+
+  #limit() {
+    this.hand.depth = Math.min(Math.max(this.hand.depth, this.depthAt(0)), this.depthAt(1));
+  }
+
+  #depthOf(event) {
+    const box = this.canvas.getBoundingClientRect();
+    return this.depthAt((event.clientY - box.top) / box.height);
+  }
+
+  #down(event) {
+    if (event.button !== 0 || !this.#grip("mouse", this.#depthOf(event))) return;
+    this.canvas.setPointerCapture(event.pointerId);
+    this.pointerId = event.pointerId;
+    event.preventDefault();
+    this.canvas.focus({ preventScroll: true });
+  }
+
+  #move(event) {
+    if (this.source === "mouse" && event.pointerId === this.pointerId) this.hand.depth = this.#depthOf(event);
+  }
+
+  #keyDown(event) {
+    if (typing(event) || event.ctrlKey || event.altKey || event.metaKey) return;
+    if (event.key.toLowerCase() === GRIP_KEY && !event.repeat && this.#grip("keys", this.present())) event.preventDefault();
+    if (event.key in ARROWS && this.source === "keys") {
+      this.arrows.add(event.key);
+      event.preventDefault();
+    }
+  }
+
+  #keyUp(event) {
+    if (event.key.toLowerCase() === GRIP_KEY) this.release("keys");
+    this.arrows.delete(event.key);
+  }
+
+  #pad() {
+    if (!navigator.getGamepads) return;
+    const pad = [...navigator.getGamepads()].find((one) => one && one.connected);
+    const pressed = Boolean(pad && [0, 7].some((i) => pad.buttons[i] && pad.buttons[i].pressed));
+    if (this.source === "pad" && !pressed) this.release("pad");
+    if (!pressed) return;
+    const depth = (pad.axes[1] || 0) * REACH;
+    if (this.source === "pad") this.hand.depth = depth;
+    else this.#grip("pad", depth);
+  }
+}
+
+export function typing(event) {
+  return /^(TEXTAREA|SELECT|INPUT)$/.test(event.target.tagName);
+}

@@ -1,0 +1,139 @@
+// Mode, text, trial time, health of the loop and the state of the connection, in words.
+
+import { fixed } from "./format.js";
+
+const RUNNING = ["ready", "active", "stopping"]; // modes in which ticks arrive
+// Names of the values of the column "mode".
+const MODES = ["disconnected", "idle", "ready", "active", "stopping", "fault"];
+
+export class Status {
+  constructor(byId, store, connection) {
+    this.byId = byId;
+    this.store = store;
+    this.connection = connection;
+    this.state = null;
+    this.trial = null;
+    this.notice = "";
+    this.faulted = false; // whether the trial was stopped by a fault
+    connection.on("welcome", (message) => {
+      this.kind = message.kind;
+      document.body.classList.toggle("is-replay", message.kind === "replay");
+    });
+    connection.on("trial", (message) => this.#trial(message));
+    connection.on("state", (message) => this.#state(message));
+    connection.on("error", (message) => {
+      const isLate = message.text.startsWith("pointer"); // sent before the end of the trial was known
+      if (!isLate) this.tell(message.text, 6000);
+    });
+    connection.on("words", () => this.#connection());
+    connection.on("fresh", () => this.#fresh());
+    connection.on("closed", () => this.#fresh());
+  }
+
+  // Whether ticks should be arriving.
+  expecting() {
+    if (this.kind === "replay") return Boolean(this.playing);
+    return Boolean(this.state) && RUNNING.includes(this.state.mode);
+  }
+
+  stopped() {
+    return !this.state || !["active", "stopping"].includes(this.state.mode) || this.kind === "replay";
+  }
+
+  // Show a notice above everything else.
+  tell(text, duration = 15000) {
+    this.notice = text;
+    this.byId("alert").textContent = text;
+    clearTimeout(this.timer);
+    this.timer = setTimeout(() => {
+      this.notice = "";
+      this.#fresh();
+    }, duration);
+    this.#fresh();
+  }
+
+  #trial(message) {
+    this.trial = message;
+    this.faulted = false;
+    const subject = this.byId("subject");
+    if (!subject) return;
+    const parts = [message.condition, message.specimen, message.simulated ? "simulated rig" : message.rig];
+    if (message.operator) parts.push(message.operator);
+    subject.textContent = parts.filter(Boolean).join(" · ");
+  }
+
+  #state(message) {
+    this.state = message;
+    if (message.armed_at !== undefined) this.store.setOrigin(message.armed_at);
+    const mode = this.byId("mode");
+    if (message.mode === "fault") this.faulted = true;
+    const failed = this.faulted && message.mode === "ended";
+    if (this.kind !== "replay") {
+      mode.textContent = failed ? "ended by a fault" : message.mode;
+      mode.dataset.mode = document.body.dataset.mode = failed ? "fault" : message.mode;
+    }
+    const text = sentence(message.text);
+    if (this.byId("text").textContent !== text) this.byId("text").textContent = text;
+    document.title = `${mode.textContent} · teleop`;
+    this.#connection();
+    this.#fresh();
+  }
+
+  #connection() {
+    const { connection, state } = this;
+    const parts = [connection.words];
+    if (connection.words === "connected") {
+      if (Number.isFinite(connection.roundTrip)) parts.push(`${fixed(connection.roundTrip)} ms`);
+      if (state && state.clients > 1) parts.push(`${state.clients} pages`);
+      if (state && state.armed_by) parts.push(`armed by the ${state.armed_by}`);
+    }
+    this.byId("connection").textContent = parts.join(" · ");
+    document.body.classList.toggle("is-connected", connection.words === "connected");
+  }
+
+  #fresh() {
+    const { connection } = this;
+    const connected = connection.words === "connected";
+    const over = Boolean(this.state && this.state.mode === "ended" && this.state.loop === "gone");
+    if (over && !connected) this.byId("text").textContent = "The session has ended.";
+    const stale = !over && !connection.fresh && (connected || this.state !== null || connection.words !== "connecting");
+    let text = this.notice;
+    if (!text && stale) {
+      text = connected ? "No new data from the control loop. The values are old." : `${sentence(connection.words)} The values are old.`;
+    }
+    const box = this.byId("stale");
+    box.hidden = !text;
+    if (box.textContent !== text) box.textContent = text;
+    document.body.classList.toggle("is-stale", stale);
+  }
+
+  update() {
+    const { store, trial, byId } = this;
+    const time = store.trialTime(store.last("time"));
+    const duration = trial ? trial.duration : NaN;
+    if (this.kind === "replay") {
+      const shown = MODES[store.last("mode")];
+      byId("mode").textContent = shown ? `replay: ${shown}` : "replay";
+      byId("mode").dataset.mode = shown === "fault" ? "fault" : "replay";
+    }
+    const ended = Number.isFinite(duration) ? ` of ${fixed(duration)}` : "";
+    byId("clock").textContent = Number.isFinite(time) ? `${fixed(Math.max(time, 0), 1)}${ended} s` : "";
+    if (byId("progress")) byId("progress").value = Number.isFinite(duration) ? Math.min(Math.max(time, 0) / duration, 1) || 0 : 0;
+    if (byId("health")) byId("health").textContent = this.#health();
+    this.#connection();
+  }
+
+  #health() {
+    const health = this.state && this.state.health;
+    if (!health) return "";
+    const count = (value) => (Number.isFinite(value) ? fixed(value) : "–");
+    return (
+      `loop: lateness ${fixed(1e6 * health.lateness_max)} µs, overruns ${count(health.overruns)}, ` +
+      `skipped ${count(health.skipped)}, dropped ${count(health.dropped)}`
+    );
+  }
+}
+
+function sentence(words) {
+  return words && `${words[0].toUpperCase()}${words.slice(1)}${/[.!?]$/.test(words) ? "" : "."}`;
+}

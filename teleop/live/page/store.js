@@ -1,0 +1,101 @@
+// Samples of the last seconds: one pre-allocated ring of doubles for each column.
+
+const CAPACITY = 4096; // rows, a power of two; 16 s at 250 rows per second
+const MASK = CAPACITY - 1;
+
+export class Store {
+  constructor() {
+    this.names = [];
+    this.data = [];
+    this.index = new Map();
+    this.count = 0; // rows received since the last `clear`
+    this.generation = 0; // changes when earlier rows became invalid
+    this.version = 0; // changes with each change of the rows
+    this.origin = 0; // value of the column "time" at which the trial began [s]; null before
+  }
+
+  setColumns(names) {
+    this.names = names;
+    this.data = names.map(() => new Float64Array(CAPACITY));
+    this.index = new Map(names.map((name, i) => [name, i]));
+    this.clear();
+  }
+
+  clear() {
+    this.count = 0;
+    this.generation += 1;
+    this.version += 1;
+  }
+
+  // Append rows, given as one array in row order. A time that runs backwards begins anew.
+  append(values, rows, columns) {
+    if (columns !== this.data.length) throw new Error(`${columns} columns, expected ${this.data.length}`);
+    const time = this.index.get("time");
+    this.version += 1;
+    for (let r = 0; r < rows; r++) {
+      const start = r * columns;
+      if (this.count && values[start + time] < this.data[time][(this.count - 1) & MASK]) this.clear();
+      const slot = this.count & MASK;
+      for (let c = 0; c < columns; c++) this.data[c][slot] = values[start + c];
+      this.count += 1;
+    }
+  }
+
+  setOrigin(origin) {
+    if (origin === this.origin) return;
+    this.origin = origin;
+    this.generation += 1;
+  }
+
+  // Time of the trial [s], which begins when the drives are armed.
+  trialTime(t) {
+    return this.origin === null ? -Infinity : t - this.origin;
+  }
+
+  // First row that is still stored.
+  get first() {
+    return Math.max(0, this.count - CAPACITY);
+  }
+
+  // Column as an object with `at(row)`, or null if there is no such column.
+  column(name) {
+    const i = this.index.get(name);
+    return i === undefined ? null : new Column(this.data[i]);
+  }
+
+  last(name) {
+    const i = this.index.get(name);
+    return i === undefined || !this.count ? NaN : this.data[i][(this.count - 1) & MASK];
+  }
+
+  // Newest row in which a column has a value, or -1.
+  newest(name) {
+    const i = this.index.get(name);
+    if (i === undefined) return -1;
+    for (let row = this.count - 1; row >= this.first; row--) if (!Number.isNaN(this.data[i][row & MASK])) return row;
+    return -1;
+  }
+
+  // First row whose time is at least t.
+  rowAt(t) {
+    const time = this.data[this.index.get("time")];
+    let low = this.first;
+    let high = this.count;
+    while (low < high) {
+      const middle = (low + high) >> 1;
+      if (time[middle & MASK] < t) low = middle + 1;
+      else high = middle;
+    }
+    return low;
+  }
+}
+
+class Column {
+  constructor(array) {
+    this.array = array;
+  }
+
+  at(row) {
+    return this.array[row & MASK];
+  }
+}

@@ -1,0 +1,234 @@
+// The strip charts: elements, ranges, labels, and present values as text.
+
+import { fit } from "./canvas.js";
+import { charts } from "./charts.js";
+import { Strip } from "./strip.js";
+import { fixed } from "./format.js";
+import { percentiles } from "./scale.js";
+import { onTheme } from "./theme.js";
+import { previewOf } from "./target.js";
+
+export const SPAN = 10; // s
+export const PREVIEW = 1.2; // s
+const SAMPLED = 8; // every so many rows are used for the range of estimates
+const room = new Float64Array(4096 * 8);
+
+function element(tag, name, text = "") {
+  const one = document.createElement(tag);
+  one.className = name;
+  one.textContent = text;
+  return one;
+}
+
+// Whether the 95 % interval of the stiffness is smaller than the stiffness in a row.
+function settled(store, trace) {
+  const k = store.column(trace.settled.value);
+  const std = store.column(trace.settled.std);
+  return (row) => !std || !(1.96 * std.at(row) > Math.abs(k.at(row)));
+}
+
+function legend(trace) {
+  const one = element("span", "legend", trace.label);
+  one.prepend(element("i", `swatch swatch-${trace.swatch}`));
+  return one;
+}
+
+export class Strips {
+  constructor(parent, store) {
+    this.parent = parent;
+    this.store = store;
+    this.rows = [];
+    onTheme(() => this.invalidate());
+  }
+
+  build(welcome, trial) {
+    this.parent.replaceChildren();
+    this.preview = previewOf(trial);
+    this.timing = { span: SPAN, preview: this.preview ? PREVIEW : 0 };
+    this.rows = charts(welcome, trial)
+      .filter((chart) => chart.axis || chart.traces.length)
+      .map((chart) => (chart.axis ? this.#axis(chart) : this.#row(chart)));
+  }
+
+  // Time of the trial below the strips.
+  #axis(chart) {
+    const plot = element("div", "time-axis");
+    const canvas = element("canvas", "");
+    plot.append(canvas);
+    this.parent.append(plot);
+    const strip = new Strip(canvas, this.store, chart, this.timing);
+    fit(canvas, () => strip.invalidate());
+    return { chart, strip, markers: [] };
+  }
+
+  #row(chart) {
+    if (chart.id === "position") chart.preview = this.preview;
+    const box = element("section", `strip strip-${chart.id}`);
+    box.style.flexGrow = chart.share;
+    const title = element("h2", "strip-title", chart.title);
+    const unit = element("span", "unit", chart.unit && `[${chart.unit}]`);
+    title.append(" ", unit);
+    const notes = element("span", "strip-notes");
+    const value = element("span", "strip-value");
+    if (chart.traces.length > 1) title.append(...chart.traces.map(legend));
+    const plot = element("div", "plot");
+    const canvas = element("canvas", "");
+    canvas.setAttribute("role", "img");
+    canvas.setAttribute("aria-label", `${chart.title} over the last ten seconds`);
+    const ticks = element("div", "ticks");
+    plot.append(canvas);
+    const markers = chart.traces.filter((trace) => trace.marker).map((trace) => element("i", `marker ${trace.marker}`));
+    plot.append(...markers);
+    if (this.timing.preview) {
+      const now = element("i", "now-line");
+      now.style.left = `${(100 * SPAN) / (SPAN + this.timing.preview)}%`;
+      plot.append(now);
+    }
+    box.append(title, notes, value, ticks, plot);
+    this.parent.append(box);
+    const strip = new Strip(canvas, this.store, chart, this.timing);
+    const row = { chart, strip, notes, value, ticks, plot, markers, canvas };
+    fit(canvas, () => {
+      chart.scale.reset();
+      strip.invalidate();
+    });
+    return row;
+  }
+
+  invalidate() {
+    for (const row of this.rows) row.strip.invalidate();
+  }
+
+  // The strip that an operator follows is drawn in each frame, the others in each second frame.
+  draw(frame) {
+    const time = this.store.last("time");
+    for (const row of this.rows) {
+      if (!(row.chart.preview || frame % 2)) continue;
+      if (row.strip.draw(time) && row.markers.length) this.#mark(row);
+    }
+  }
+
+  #mark(row) {
+    const { store } = this;
+    const x = (SPAN / (SPAN + this.timing.preview)) * row.canvas.clientWidth;
+    const scale = row.canvas.clientHeight / row.canvas.height;
+    const marked = row.chart.traces.filter((trace) => trace.marker);
+    marked.forEach((trace, i) => {
+      const y = row.strip.y(store.last(trace.name)) * scale;
+      row.markers[i].hidden = !Number.isFinite(y);
+      row.markers[i].style.transform = `translate(${x}px, ${Number.isFinite(y) ? y : 0}px)`;
+    });
+  }
+
+  // Present values as text.
+  write() {
+    for (const { chart, value } of this.rows) {
+      if (chart.axis || chart.robust) continue;
+      const text = fixed(this.store.last(chart.traces.at(-1).name) * chart.factor, chart.digits);
+      if (value.textContent !== text) value.textContent = text;
+    }
+  }
+
+  // Adapt the ranges to the data.
+  scale(now) {
+    if (!this.store.count) return;
+    for (const row of this.rows) {
+      if (row.chart.axis) continue;
+      const [low, high] = row.chart.robust ? this.#robust(row.chart) : this.#extremes(row.chart);
+      const most = Math.max(1.5, row.canvas.clientHeight / 22);
+      if (row.chart.scale.cover(low, high, most, now)) {
+        row.strip.invalidate();
+        this.#label(row);
+      }
+    }
+  }
+
+  #label(row) {
+    const { scale, levels, factor } = row.chart;
+    const place = (value) => `${100 * (1 - (value - scale.low) / (scale.high - scale.low))}%`;
+    row.ticks.replaceChildren(
+      ...scale.ticks.map((tick) => {
+        const label = element("span", "tick", fixed(tick, scale.digits()));
+        label.style.top = place(tick);
+        return label;
+      }),
+    );
+    for (const old of row.plot.querySelectorAll(".level")) old.remove();
+    const outside = [];
+    for (const level of levels) {
+      const value = level.value * factor;
+      const text = `${level.text} ${fixed(value)}`;
+      if (value > scale.low && value < scale.high) {
+        const label = element("span", `level level-${level.colour}`, text);
+        label.style.top = place(value);
+        label.classList.toggle("below", value > scale.high - 0.25 * (scale.high - scale.low));
+        row.plot.append(label);
+      } else if (value >= scale.high) {
+        outside.push(`${text} ↑`);
+      }
+    }
+    row.notes.textContent = outside.join("  ");
+  }
+
+  #extremes(chart) {
+    const { store } = this;
+    let low = Infinity;
+    let high = -Infinity;
+    const start = store.rowAt(store.last("time") - SPAN);
+    for (const trace of chart.traces) {
+      const values = store.column(trace.name);
+      for (let row = start; values && row < store.count; row++) {
+        const value = values.at(row);
+        if (value < low) low = value;
+        if (value > high) high = value;
+      }
+    }
+    if (chart.id === "excitation") return [0, Math.max(high, 0.2)];
+    if (chart.preview) {
+      low = Math.min(low, chart.preview.low);
+      high = Math.max(high, chart.preview.high);
+    }
+    return [low * chart.factor, high * chart.factor];
+  }
+
+  // Range of the settled estimates and of the true values.
+  #robust(chart) {
+    const { store } = this;
+    const start = store.rowAt(store.last("time") - SPAN);
+    let low = Infinity;
+    let high = -Infinity;
+    let margin = Infinity; // of the estimator with the narrowest band
+    for (const trace of chart.traces) {
+      const values = store.column(trace.name);
+      const std = store.column(trace.std);
+      if (!values) continue;
+      let n = 0;
+      let bands = 0;
+      const half = room.length / 2;
+      const isSettled = settled(store, trace);
+      for (let row = start; row < store.count; row += SAMPLED) {
+        const value = values.at(row);
+        if (!Number.isFinite(value) || !isSettled(row)) continue;
+        room[n++] = value;
+        const s = std ? std.at(row) : NaN;
+        if (Number.isFinite(s)) room[half + bands++] = 1.96 * s;
+      }
+      const [bottom, top] = percentiles(room.subarray(0, half), n, [0.1, 0.9]);
+      const [usual] = percentiles(room.subarray(half), bands, [0.5]);
+      if (usual < margin) margin = usual;
+      if (bottom < low) low = bottom;
+      if (top > high) high = top;
+    }
+    if (Number.isFinite(margin)) {
+      margin = Math.min(margin, 0.5 * Math.max(high - low, chart.scale.smallest));
+      low -= margin;
+      high += margin;
+    }
+    for (const level of chart.levels) {
+      if (level.text !== "true") continue;
+      low = Math.min(low, level.value);
+      high = Math.max(high, level.value);
+    }
+    return [low, high];
+  }
+}

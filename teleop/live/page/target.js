@@ -1,0 +1,11 @@
+// The target of the condition mimic, for times that the loop has not reached yet.
+
+// Function of time with its extremes, or null if the trial has no target.
+export function previewOf(trial) {
+  const target = trial && trial.target;
+  if (!target) return null;
+  const { frequency, depth, low, count_in: countIn } = target;
+  const position = (t) =>
+    low + 0.5 * (depth - low) * (1 - Math.cos(2 * Math.PI * frequency * Math.max(t - countIn, 0)));
+  return Object.assign(position, { low, high: depth, countIn: countIn || 0 });
+}

@@ -1,0 +1,245 @@
+"""A headless browser, and servers of the live page that it opens."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+import shutil
+import threading
+import time
+
+import numpy as np
+import pytest
+
+from teleop.live.feed import Feed, estimator_indices, shown_columns
+from teleop.live.history import History
+from teleop.live.pages import read_pages
+from teleop.live.server import Server
+from teleop.recording.tick_columns import COLUMNS
+
+TOKEN = "0123456789abcdef" * 2
+BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+RATE = 250.0
+
+
+def wait_for(page, expression, argument=None, timeout=10.0):
+    """Return the value of a JavaScript expression as soon as it is true.
+
+    `wait_for_function` of Playwright does not work under the content security policy of the page.
+    """
+    end = time.monotonic() + timeout
+    while not (value := page.evaluate(expression, argument)):
+        assert time.monotonic() < end, f"never true: {expression} {argument or ''}"
+        time.sleep(0.02)
+    return value
+
+
+@pytest.fixture(scope="session")
+def browser():
+    playwright = pytest.importorskip("playwright.sync_api", reason="needs playwright")
+    path = next((found for name in BROWSERS if (found := shutil.which(name))), None)
+    if path is None:
+        pytest.skip(f"needs a browser: one of {', '.join(BROWSERS)}")
+    with playwright.sync_playwright() as run:
+        started = run.chromium.launch(executable_path=path, args=["--no-sandbox"])
+        yield started
+        started.close()
+
+
+@pytest.fixture
+def open_page(browser):
+    """Return a function that opens a page; at the end of the test, no page may have an error."""
+    opened, origins, requested, problems = [], set(), [], []
+
+    def open_one(url, fake_time=False, size=(1280, 800), scheme="dark"):
+        width, height = size
+        context = browser.new_context(
+            viewport={"width": width, "height": height}, color_scheme=scheme
+        )
+        page = context.new_page()
+        if fake_time:
+            page.clock.install()
+        origins.add(url.split("/")[2])
+        page.on("console", lambda m: problems.append(m.text) if m.type == "error" else None)
+        page.on("pageerror", lambda error: problems.append(str(error)))
+        page.on("request", lambda request: requested.append(request.url))
+        opened.append(context)
+        page.goto(url)
+        wait_for(page, "Boolean(window.teleop && teleop.state().mode)")
+        return page
+
+    yield open_one
+    for context in opened:
+        context.close()
+    lost = "WebSocket connection to"  # a test has closed the server
+    assert [text for text in problems if lost not in text] == []
+    others = [url for url in requested if not url.startswith("data:")]
+    assert {url.split("/")[2] for url in others} <= origins
+
+
+class Serving:
+    """A server of the live page in a thread, which can be closed early."""
+
+    def __init__(self, feed):
+        self._started = threading.Event()
+        self._loop = asyncio.new_event_loop()
+        self._thread = threading.Thread(target=self._run, args=[feed])
+        self._thread.start()
+        assert self._started.wait(10.0)
+
+    def url(self, view=""):
+        return f"http://127.0.0.1:{self._port}/{view}#t={TOKEN}"
+
+    def _run(self, feed):
+        self._loop.run_until_complete(self._serve(feed))
+        self._loop.close()
+
+    async def _serve(self, feed):
+        self._end = asyncio.Event()
+        server = Server(feed, TOKEN, read_pages())
+        async with server.serving("127.0.0.1", 0) as self._port:
+            sending = asyncio.create_task(server.run())
+            self._started.set()
+            await self._end.wait()
+            sending.cancel()
+
+    def close(self):
+        if self._thread.is_alive():
+            self._loop.call_soon_threadsafe(self._end.set)
+            self._thread.join()
+
+
+@pytest.fixture
+def serve():
+    """Return a function that starts a server for a feed."""
+    started = []
+
+    def start(feed):
+        started.append(Serving(feed))
+        return started[-1]
+
+    yield start
+    for one in started:
+        one.close()
+
+
+class TrialFeed(Feed):
+    """A trial that moves the slave along a sine and carries out the requests of the page."""
+
+    estimators = ("rls", "me")
+
+    def __init__(self, mode="active", **trial):
+        known = [column.name for column in COLUMNS] + ["dropped", "pointer_depth", "pointer_grip"]
+        parts = ("k", "b", "k_std", "b_std", "held", "misfit")
+        known += [f"{name}_{part}" for name in self.estimators for part in parts]
+        self.names = shown_columns(known, self.estimators)
+        self.history = History(len(self.names))
+        self.mode = mode
+        self.text = "a text"
+        self.is_sending = True
+        self.is_over = False
+        self.armed_at = 0.0
+        self.requests = []
+        self.welcome = {
+            "type": "welcome",
+            "version": 1,
+            "kind": "live",
+            "columns": [{"name": name, "unit": "-", "meaning": ""} for name in self.names],
+            "estimators": estimator_indices(self.names, self.estimators),
+            "rate": 1000.0,
+            "may_arm": True,
+            "pointer": True,
+            "choices": {
+                "condition": ["free", "mimic"],
+                "specimen": ["soft", "hard"],
+                "duration": [10.0, 20.0],
+            },
+        }
+        self.trial = {
+            "type": "trial",
+            "number": 1,
+            "condition": "free",
+            "specimen": "soft",
+            "duration": 10.0,
+            "rig": "simulated",
+            "simulated": True,
+            "limits": {
+                "soft_position": [-0.01, 0.02],
+                "soft_force": 40.0,
+                "hard_force": 60.0,
+                "max_velocity": 0.2,
+            },
+            "truth": {"k": 2000.0, "b": 3.0},
+            "target": None,
+            "feedback": None,
+            "operator": "",
+            "series": None,
+            **trial,
+        }
+        self.news = []
+        self._start = time.monotonic()
+        self._row = 0
+
+    def row(self, t):
+        depth = 0.008 - 0.006 * math.cos(2.0 * math.pi * t)
+        values = dict.fromkeys(self.names, 0.0) | {
+            "time": t,
+            "slave_position": depth,
+            "contact_force": 2000.0 * depth,
+            "target": 0.008,
+            "mode": 3.0,
+            "rls_k": 2000.0 + t,
+            "rls_k_std": 10.0,
+            "rls_b": 3.0,
+            "rls_b_std": 1.0,
+            "me_k": 2100.0,
+            "me_k_std": 40.0,
+            "me_held": 1.0,
+            "me_misfit": 0.12,
+        }
+        return [values[name] for name in self.names]
+
+    def advance(self):
+        end = int((time.monotonic() - self._start) * RATE)
+        if self.is_sending and end > self._row:
+            self.history.add(np.array([self.row(i / RATE) for i in range(self._row, end)]))
+            self._row = end
+        news, self.news = self.news, []
+        return news
+
+    def documents(self):
+        return [self.welcome, self.trial]
+
+    def state(self):
+        health = {"overruns": 2, "skipped": 1, "dropped": 0, "lateness_max": 55e-6}
+        return {
+            "mode": self.mode,
+            "text": self.text,
+            "armed_by": None,
+            "armed_at": self.armed_at,
+            "loop": "gone" if self.is_over else "running",
+            "health": health,
+        }
+
+    def request(self, request):
+        self.requests.append(request)
+        if request["type"] == "stop":
+            self.mode, self.text = "fault", "emergency stop: STOP was pressed on the page"
+        if request["type"] == "start":
+            self.mode = "active"
+        if request["type"] == "end":
+            self.mode = "ended"
+
+    def kinds(self):
+        return [request["type"] for request in self.requests]
+
+    def beat(self):
+        """Do nothing."""
+
+    def lost(self):
+        """Do nothing."""
+
+
+@pytest.fixture
+def trial_feed():
+    return TrialFeed

@@ -1,0 +1,151 @@
+"""STOP, arming and the other controls of the live page."""
+
+from __future__ import annotations
+
+import pytest
+
+from .conftest import wait_for
+
+FAULT = "document.getElementById('mode').textContent === 'fault'"
+
+
+def press_stop(page, how):
+    if how == "button":
+        page.get_by_role("button", name="STOP").click()
+    else:
+        page.keyboard.press(how)
+
+
+def wait_for_request(page, feed, kind):
+    for _ in range(500):
+        if kind in feed.kinds():
+            return
+        page.wait_for_timeout(20)
+    raise AssertionError(f"no request {kind}: {feed.kinds()}")
+
+
+@pytest.mark.parametrize("view", ["", "operator"])
+@pytest.mark.parametrize("how", ["button", "Space", "Escape"])
+def test_stop_is_sent_and_the_fault_is_shown_in_words(how, view, trial_feed, serve, open_page):
+    feed = trial_feed()
+    page = open_page(serve(feed).url(view))
+    press_stop(page, how)
+    wait_for(page, FAULT)
+    assert feed.kinds() == ["stop"]
+    assert page.locator("#text").inner_text() == "Emergency stop: STOP was pressed on the page."
+
+
+@pytest.mark.parametrize("focus", ["#unlock", "#condition", "#tool", "#notes-area summary"])
+def test_space_stops_wherever_the_focus_is_and_presses_nothing(focus, trial_feed, serve, open_page):
+    feed = trial_feed(mode="ready")
+    page = open_page(serve(feed).url())
+    page.locator("#notes-area summary").click()
+    page.focus(focus)
+    page.keyboard.press("Space")
+    wait_for(page, FAULT)
+    assert feed.kinds() == ["stop"]
+
+
+def test_space_in_the_notes_writes_a_space_and_escape_stops(trial_feed, serve, open_page):
+    feed = trial_feed(mode="ended")
+    page = open_page(serve(feed).url())
+    page.locator("#notes-area summary").click()
+    page.focus("#notes")
+    page.keyboard.type("a b")
+    page.locator("#notes-save").press("Enter")
+    wait_for_request(page, feed, "notes")
+    assert feed.requests == [{"type": "notes", "text": "a b"}]
+    page.focus("#notes")
+    page.keyboard.press("Escape")
+    wait_for(page, FAULT)
+
+
+def test_a_page_without_control_can_stop_but_not_arm(trial_feed, serve, open_page):
+    feed = trial_feed(mode="ready")
+    server = serve(feed)
+    first, second = open_page(server.url()), open_page(server.url())
+    first.get_by_role("button", name="Take control").click()
+    wait_for(second, "teleop.state().control === 'other'")
+    assert second.get_by_role("button", name="Unlock").is_disabled()
+    assert second.get_by_role("button", name="Start").is_disabled()
+    assert second.get_by_role("button", name="Another page has control").is_disabled()
+    press_stop(second, "button")
+    wait_for(first, FAULT)
+    wait_for(second, FAULT)
+    assert feed.kinds() == ["stop"]
+
+
+def test_start_is_possible_only_after_unlock(trial_feed, serve, open_page):
+    feed = trial_feed(mode="ready")
+    page = open_page(serve(feed).url())
+    start = page.get_by_role("button", name="Start")
+    assert start.is_disabled()
+    page.get_by_role("button", name="Unlock").click()
+    start.click()
+    wait_for(page, "teleop.state().mode === 'active'")
+    assert feed.kinds() == ["start"]
+    assert start.is_disabled()
+
+
+def test_start_is_disabled_again_if_it_is_not_pressed(trial_feed, serve, open_page):
+    page = open_page(serve(trial_feed(mode="ready")).url())
+    page.get_by_role("button", name="Unlock").click()
+    wait_for(page, "!document.getElementById('start').disabled")
+    wait_for(page, "document.getElementById('start').disabled")
+
+
+def test_stop_is_first_in_the_order_of_the_tab_key(trial_feed, serve, open_page):
+    page = open_page(serve(trial_feed()).url())
+    page.keyboard.press("Tab")
+    assert page.evaluate("document.activeElement.id") == "stop"
+
+
+def test_choices_are_sent_as_the_server_listed_them(trial_feed, serve, open_page):
+    feed = trial_feed(mode="ready")
+    page = open_page(serve(feed).url())
+    page.select_option("#duration", index=1)
+    wait_for_request(page, feed, "choose")
+    expected = {"type": "choose", "condition": "free", "specimen": "soft", "duration": 20.0}
+    assert feed.requests == [expected]
+
+
+def test_a_series_has_next_repeat_and_skip(trial_feed, serve, open_page):
+    feed = trial_feed(mode="ended", series={"position": 2, "of": 5})
+    page = open_page(serve(feed).url())
+    assert page.locator("#series-text").inner_text() == "trial 2 of 5"
+    for name in ("Next", "Repeat", "Skip"):
+        page.get_by_role("button", name=name).click()
+        wait_for_request(page, feed, name.lower())
+    assert feed.kinds() == ["next", "repeat", "skip"]
+
+
+def test_the_result_shows_the_tracking(trial_feed, serve, open_page):
+    feed = trial_feed()
+    page = open_page(serve(feed).url())
+    feed.news.append(
+        {
+            "type": "summary",
+            "estimates": {
+                "rls": {
+                    "k_end": 2034.2,
+                    "k_interval": 21.0,
+                    "b_end": 3.1,
+                    "b_interval": 0.9,
+                    "held": 0.25,
+                    "misfit": 0.01,
+                }
+            },
+            "tracking": {"gain": 0.91, "phase_deg": -98.9, "delay_s": 0.275, "rms_m": 0.0074},
+        }
+    )
+    page.locator("#summary").wait_for(state="visible")
+    text = page.locator("#summary").inner_text()
+    for part in ("2034 ± 21", "3.1 ± 0.9", "25 %", "0.91", "\u221299°", "275 ms", "7.4 mm"):
+        assert part in text
+
+
+def test_the_health_of_the_loop_is_shown(trial_feed, serve, open_page):
+    page = open_page(serve(trial_feed()).url())
+    wait_for(page, "document.getElementById('health').textContent.includes('lateness 55')")
+    text = page.locator("#health").inner_text()
+    assert "overruns 2, skipped 1, dropped 0" in text

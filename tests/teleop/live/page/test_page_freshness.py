@@ -1,0 +1,82 @@
+"""The live page reports missing data and a lost connection."""
+
+from __future__ import annotations
+
+import time
+
+from .conftest import wait_for
+
+IS_STALE = "document.body.classList.contains('is-stale')"
+
+
+def test_old_values_are_marked_within_half_a_second(trial_feed, serve, open_page):
+    feed = trial_feed()
+    page = open_page(serve(feed).url(), fake_time=True)
+    wait_for(page, "teleop.rows() > 20 && teleop.fresh()")
+    page.clock.pause_at(page.evaluate("Date.now()") + 1)
+    feed.is_sending = False
+    time.sleep(0.3)  # what was sent arrives, while no time passes for the page
+    page.clock.run_for(200)
+    assert not page.evaluate(IS_STALE)
+    page.clock.run_for(300)
+    assert page.evaluate(IS_STALE)
+    assert "No new data" in page.locator("#stale").inner_text()
+    feed.is_sending = True
+    page.clock.resume()
+    wait_for(page, f"!{IS_STALE}")
+    assert not page.locator("#stale").is_visible()
+
+
+def test_a_lost_connection_is_reported_and_stop_says_that_it_was_not_sent(
+    trial_feed, serve, open_page
+):
+    feed = trial_feed()
+    server = serve(feed)
+    page = open_page(server.url())
+    wait_for(page, "teleop.fresh()")
+    server.close()
+    wait_for(page, IS_STALE)
+    assert "no connection" in page.locator("#connection").inner_text()
+    page.get_by_role("button", name="STOP").click()
+    assert "STOP was NOT sent" in page.locator("#stale").inner_text()
+    assert feed.kinds() == []
+
+
+def test_an_ended_trial_is_not_reported_as_missing_data(trial_feed, serve, open_page):
+    feed = trial_feed()
+    page = open_page(serve(feed).url())
+    wait_for(page, "teleop.rows() > 20")
+    feed.mode, feed.is_sending = "ended", False
+    wait_for(page, "teleop.state().mode === 'ended'")
+    page.wait_for_timeout(700)
+    assert not page.evaluate(IS_STALE)
+
+
+def test_a_stop_without_effect_is_reported(trial_feed, serve, open_page):
+    feed = trial_feed()
+    feed.request = feed.requests.append
+    page = open_page(serve(feed).url())
+    page.keyboard.press("Escape")
+    wait_for(page, "document.getElementById('stale').textContent.includes('not confirmed')")
+    assert feed.kinds() == ["stop"]
+
+
+def test_the_end_of_the_session_is_no_alarm(trial_feed, serve, open_page):
+    feed = trial_feed()
+    server = serve(feed)
+    page = open_page(server.url())
+    wait_for(page, "teleop.rows() > 20")
+    feed.mode, feed.is_sending, feed.is_over = "ended", False, True
+    wait_for(page, "teleop.state().loop === 'gone'")
+    server.close()
+    wait_for(page, "document.getElementById('text').textContent === 'The session has ended.'")
+    assert not page.evaluate(IS_STALE)
+
+
+def test_a_loop_that_hangs_is_reported_although_the_server_knows_it(trial_feed, serve, open_page):
+    feed = trial_feed()
+    page = open_page(serve(feed).url())
+    wait_for(page, "teleop.rows() > 20")
+    feed.is_sending, feed.is_over = False, True
+    wait_for(page, "teleop.state().loop === 'gone'")
+    wait_for(page, IS_STALE)

@@ -1,0 +1,103 @@
+"""Sizes, themes and texts of the live page."""
+
+from __future__ import annotations
+
+import pytest
+
+from .conftest import wait_for
+
+TARGET = {"frequency": 1.0, "depth": 0.015, "low": 0.0015, "count_in": 60.0}
+SIZES = [(1280, 800), (3840, 2160), (390, 844)]
+
+
+@pytest.mark.parametrize("view", ["", "operator"])
+@pytest.mark.parametrize("size", SIZES)
+def test_stop_is_visible_and_nothing_is_cut_off(size, view, trial_feed, serve, open_page):
+    page = open_page(serve(trial_feed(target=TARGET)).url(view), size=size)
+    wait_for(page, "teleop.rows() > 50")
+    width, height = size
+    box = page.get_by_role("button", name="STOP").bounding_box()
+    assert box["x"] >= 0
+    assert box["x"] + box["width"] <= width
+    assert box["y"] >= 0
+    assert box["y"] + box["height"] <= height
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    if size != (390, 844) or view:
+        assert page.evaluate("document.documentElement.scrollHeight") <= height
+    note = page.locator("#stop-note").inner_text()
+    assert "does not replace the emergency stop of the hardware" in note
+
+
+@pytest.mark.parametrize("scheme", ["dark", "light"])
+def test_the_theme_follows_the_system_and_can_be_changed(scheme, trial_feed, serve, open_page):
+    page = open_page(serve(trial_feed()).url(), scheme=scheme)
+    colour = "getComputedStyle(document.body).backgroundColor"
+    brightness = f"Number({colour}.match(/\\d+/)[0])"
+    assert (page.evaluate(brightness) < 100) == (scheme == "dark")
+    page.locator("#theme").click()
+    assert (page.evaluate(brightness) < 100) == (scheme == "light")
+
+
+def test_limits_and_true_values_are_labelled(trial_feed, serve, open_page):
+    page = open_page(serve(trial_feed()).url())
+    wait_for(page, "document.querySelector('.strip-stiffness .level-truth') !== null")
+    assert page.locator(".strip-stiffness .level-truth").inner_text() == "true 2000"
+    force = page.locator(".strip-force").inner_text()
+    assert "soft limit 40" in force
+    assert "hard limit 60" in force
+
+
+def test_held_and_misfit_are_shown_as_text(trial_feed, serve, open_page):
+    page = open_page(serve(trial_feed()).url())
+    wait_for(page, "document.querySelector('#estimates tbody').textContent.includes('held')")
+    row = page.locator("#estimates tbody tr").nth(1)
+    assert row.locator(".cell-held").inner_text() == "held"
+    assert row.locator(".cell-misfit").inner_text() == "▲ 12 %"
+
+
+def test_the_count_in_is_shown(trial_feed, serve, open_page):
+    page = open_page(serve(trial_feed(target=TARGET)).url())
+    wait_for(page, "/^starts in [0-9]+$/.test(document.getElementById('count-in').textContent)")
+
+
+def test_values_are_spoken_seldom_and_politely(trial_feed, serve, open_page):
+    page = open_page(serve(trial_feed()).url(), fake_time=True)
+    assert page.locator("#spoken").get_attribute("aria-live") == "polite"
+    wait_for(page, "teleop.rows() > 20")
+    assert page.locator("#spoken").text_content() == ""
+    page.clock.run_for(6500)
+    text = page.locator("#spoken").text_content()
+    assert "newtons" in text
+    assert "rls: k" in text
+
+
+def test_the_time_of_the_trial_begins_when_the_drives_are_armed(trial_feed, serve, open_page):
+    feed = trial_feed(mode="ready", target=TARGET)
+    feed.armed_at = None
+    page = open_page(serve(feed).url())
+    wait_for(page, "teleop.last('time') > 1.5")
+    assert page.locator("#clock").inner_text() == ""
+    feed.mode, feed.armed_at = "active", page.evaluate("teleop.last('time')")
+    wait_for(page, "document.getElementById('clock').textContent.startsWith('0.')")
+    assert page.locator("#count-in").inner_text() == "starts in 60"
+
+
+RANGES = """async () => {
+  const { Scale } = await import('./scale.js');
+  const found = [];
+  for (let i = 0; i < 2000; i++) {
+    const low = 20 * Math.sin(i), size = 10 ** (3 * Math.sin(7 * i));
+    const scale = new Scale(1e-3);
+    scale.cover(low, low + size, 1.5 + 6 * Math.abs(Math.sin(3 * i)), 0);
+    found.push([low, low + size, scale.low, scale.high, scale.ticks.length]);
+  }
+  return found;
+}"""
+
+
+def test_every_range_covers_its_values_and_has_at_least_two_labels(trial_feed, serve, open_page):
+    page = open_page(serve(trial_feed()).url())
+    for low, high, bottom, top, labels in page.evaluate(RANGES):
+        assert bottom <= low
+        assert high <= top
+        assert 2 <= labels <= 12

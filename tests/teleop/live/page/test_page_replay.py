@@ -1,0 +1,164 @@
+"""The live page shows a recording."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from teleop.cli import main
+from teleop.live.replay import Replay
+from teleop.recording.recording import load
+
+from .conftest import wait_for
+
+PICTURE = "document.querySelector('.strip-position canvas').toDataURL()"
+
+PIXELS = """[...document.querySelectorAll('.strip canvas')].map((canvas) => {
+  const { data } = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height);
+  return Array.from(data).filter((_, i) => i % 4 === 0);
+})"""
+"""Red of all pixels of the strips."""
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory):
+    path = tmp_path_factory.mktemp("replay") / "mimic.mcap"
+    arguments = ["--clock", "virtual", "--condition", "mimic", "--duration", "30", "--record"]
+    assert main(["run", *arguments, str(path), "--json"]) == 0
+    return load(path)
+
+
+def feed_of(recording):
+    target = {"frequency": 1.0, "depth": 0.0155, "low": 0.00155, "count_in": 0.0}
+    trial = {
+        "type": "trial",
+        "number": 1,
+        "condition": "mimic",
+        "specimen": "<img src=x onerror=alert(1)>",
+        "duration": 30.0,
+        "rig": "simulated",
+        "simulated": True,
+        "limits": {"soft_position": [-0.008, 0.023], "soft_force": 66.0, "hard_force": 90.0},
+        "truth": None,
+        "target": target,
+        "series": None,
+    }
+    units = recording.units.items()
+    descriptions = [{"name": name, "unit": unit, "meaning": ""} for name, unit in units]
+    events = recording.events
+    return Replay(recording.columns, descriptions, recording.estimators, events, trial, 1000.0)
+
+
+@pytest.fixture
+def page(recording, serve, open_page):
+    return open_page(serve(feed_of(recording)).url())
+
+
+def pause(page):
+    page.get_by_role("button", name="Pause").click()
+    wait_for(page, "document.getElementById('play').textContent === 'Play'")
+    rows = -1
+    while rows != (rows := page.evaluate("teleop.rows()")):
+        page.wait_for_timeout(100)
+
+
+def test_curves_move(page):
+    before = page.evaluate(PICTURE)
+    rows = page.evaluate("teleop.rows()")
+    wait_for(page, "(rows) => teleop.rows() > rows + 50", rows)
+    assert page.evaluate(PICTURE) != before
+
+
+def test_the_picture_that_moves_equals_one_that_is_drawn_at_once(page):
+    wait_for(page, "teleop.last('time') > 3")
+    pause(page)
+    page.wait_for_timeout(5000)  # until the ranges rest
+    moved = page.evaluate(PIXELS)
+    page.locator("#theme").click()
+    page.locator("#theme").click()
+    page.wait_for_timeout(200)
+    drawn = page.evaluate(PIXELS)
+    for one, other in zip(moved, drawn, strict=True):
+        assert len(one) == len(other) > 1000
+        different = np.abs(np.array(one) - np.array(other)) > 40
+        assert different.mean() < 0.03
+        assert len(set(one)) > 4
+
+
+def test_values_are_those_of_the_recording(page, recording):
+    wait_for(page, "teleop.last('time') > 2")
+    pause(page)
+    shown = np.array(page.evaluate("teleop.series('time')"))
+    rows = np.searchsorted(recording["time"], shown)
+    assert len(rows) > 200
+    for name in ("time", "slave_position", "contact_force", "rls_k", "me_b_std", "excitation"):
+        values = np.array(page.evaluate("(name) => teleop.series(name)", name), float)
+        np.testing.assert_array_equal(values, recording[name][rows])
+
+
+def test_the_table_shows_the_latest_estimates_and_intervals(page, recording):
+    wait_for(page, "teleop.last('time') > 2")
+    pause(page)
+    page.wait_for_timeout(400)
+    row = int(np.searchsorted(recording["time"], page.evaluate("teleop.last('time')")))
+    k, half = recording["rls_k"][row], 1.96 * recording["rls_k_std"][row]
+    cell = page.locator("#estimates tbody tr").first.locator(".cell-k").inner_text()
+    value, interval = cell.replace("±", "").split()
+    assert float(value) == pytest.approx(k, abs=0.51)
+    assert float(interval) == pytest.approx(half, abs=0.51)
+
+
+def test_error_and_rms_of_the_target_are_shown(page, recording):
+    wait_for(page, "teleop.last('time') > 3")
+    pause(page)
+    page.wait_for_timeout(400)
+    t = np.array(page.evaluate("teleop.series('time')"))
+    rows = np.searchsorted(recording["time"], t[t >= t[-1] - 5.0])
+    error = 1e3 * (recording["slave_position"] - recording["target"])[rows]
+    shown = page.locator("#cue-error").inner_text().replace("\u2212", "-").split()[0]
+    assert float(shown) == pytest.approx(error[-1], abs=0.051)
+    rms = float(page.locator("#cue-rms").inner_text().split()[0])
+    assert rms == pytest.approx(np.sqrt(np.nanmean(error**2)), abs=0.051)
+
+
+def test_the_slider_moves_to_another_time(page):
+    pause(page)
+    page.evaluate(
+        "(() => { const s = document.getElementById('seek'); s.value = 4;"
+        " s.dispatchEvent(new Event('input')); })()"
+    )
+    wait_for(page, "Math.abs(teleop.last('time') - 4) < 0.02")
+    wait_for(page, "document.getElementById('replay-time').textContent.startsWith('4.0')")
+
+
+def test_space_pauses_and_plays_and_there_is_no_stop(page):
+    assert not page.get_by_role("button", name="STOP").is_visible()
+    page.keyboard.press("Space")
+    wait_for(page, "document.getElementById('play').textContent === 'Play'")
+    page.keyboard.press("Space")
+    wait_for(page, "document.getElementById('play').textContent === 'Pause'")
+
+
+def test_a_paused_replay_is_not_reported_as_missing_data(page):
+    pause(page)
+    page.wait_for_timeout(600)
+    assert not page.locator("#stale").is_visible()
+
+
+def test_texts_of_a_recording_are_not_read_as_html(page):
+    assert "<img src=x" in page.locator("#subject").inner_text()
+    assert page.locator("#subject img").count() == 0
+
+
+def test_the_operator_view_shows_cue_and_force(recording, serve, open_page):
+    page = open_page(serve(feed_of(recording)).url("operator"))
+    wait_for(page, "teleop.last('time') > 1")
+    picture = "document.getElementById('pursuit').toDataURL()"
+    before = page.evaluate(picture)
+    wait_for(page, "(t) => teleop.last('time') > t", page.evaluate("teleop.last('time') + 0.3"))
+    assert page.evaluate(picture) != before
+    wait_for(page, "document.getElementById('force-text').textContent.endsWith(' N')")
+    wait_for(page, "document.getElementById('cue-error').textContent.endsWith(' mm')")
+    assert json.loads(page.evaluate("JSON.stringify(teleop.state())"))["view"] == "operator"

@@ -1,0 +1,66 @@
+"""A trial that is palpated with the mouse in the page of `teleop run --live`."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from .conftest import wait_for
+
+LATEST = "[teleop.last('rls_k'), teleop.last('contact_force'), teleop.last('slave_position')]"
+
+
+@pytest.fixture
+def trial(tmp_path):
+    """Start a trial for the pointer; return its process and the URL of its page."""
+    command = [sys.executable, "-m", "teleop", "run", "--live", "--operator", "pointer"]
+    options = ["--duration", "10", "--record", str(tmp_path / "trial.mcap"), "--json"]
+    process = subprocess.Popen(
+        [*command, *options],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        env={**os.environ, "PYTHONUNBUFFERED": "1"},
+        text=True,
+    )
+    url = next((line.split()[-1] for line in process.stderr if "http" in line), None)
+    assert url
+    yield process, url
+    process.terminate()
+    process.communicate()
+
+
+def test_palpation_with_the_mouse_estimates_the_stiffness(trial, open_page):
+    process, url = trial
+    page = open_page(url)
+    wait_for(page, "teleop.state().mode === 'ready'")
+    page.get_by_role("button", name="Unlock").click()
+    page.get_by_role("button", name="Start").click()
+    wait_for(page, "teleop.state().mode === 'active'")
+    box = page.locator("#tool").bounding_box()
+    x = box["x"] + box["width"] / 2
+    page.mouse.move(x, box["y"] + 0.4 * box["height"])
+    page.mouse.down()
+    found = []
+    for i in range(50):
+        page.mouse.move(x, box["y"] + (0.66 - 0.14 * math.cos(i / 4)) * box["height"])
+        page.wait_for_timeout(40)
+        found.append(page.evaluate(LATEST))
+    page.mouse.up()
+    k, force, depth = np.array(found[20:], float).T
+    true = float(page.locator(".strip-stiffness .level-truth").inner_text().split()[-1])
+    assert depth.max() - depth.min() > 2e-3
+    assert np.median(k) == pytest.approx(true, rel=0.1)
+    assert np.median(k) == pytest.approx(np.median(force / depth), rel=0.1)
+    page.locator("#summary").wait_for(state="visible", timeout=20000)
+    shown = page.locator("#summary").inner_text()
+    process.terminate()
+    out, _ = process.communicate()
+    result = json.loads(out)
+    assert f"{result['estimates']['rls']['k_end']:.0f}" in shown
+    assert result["recording"]["complete"]
