@@ -148,7 +148,8 @@ class TrialSettings:
         except ValueError as error:
             yield str(error)
         if not 0.0 < self.duration <= ranges.DURATION:
-            yield f"duration {self.duration:g} s: expected more than 0, at most {ranges.DURATION:g} s"
+            longest = ranges.DURATION
+            yield f"duration {self.duration:g} s: expected more than 0 and at most {longest:g} s"
 
     def _inconsistent_values(self) -> Iterator[str]:
         if self.condition == "mimic" and not isinstance(self.excitation, Sine):
