@@ -115,7 +115,7 @@ def emulate(
                 continue
             when = "after this trial" if emulator.mechanism.driven else "now"
             emulator.mechanism.exchange(palpated.rig)
-            print_error(f"{when}: {line.strip()}")
+            print_error(f"{when}: {palpated.text}")
 
     urgency: RealtimeName = "try" if (os.cpu_count() or 1) > 1 else "off"
     folder = Path(tempfile.mkdtemp(prefix="teleop-"))

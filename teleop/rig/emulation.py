@@ -119,6 +119,12 @@ class Palpation:
     mimic: type[MimickedSine] = MimickedSine
     """Class of the operator, if the condition of the settings is mimic."""
 
+    @property
+    def text(self) -> str:
+        """Condition and body, such as `mimic, soft cube`."""
+        is_any = self.mimic is AttentiveOperator
+        return f"{ANY if is_any else self.settings.condition}, {self.settings.palpated}"
+
     def rig(self, now: Callable[[], float]) -> SimulatedRig:
         """Return a new telemanipulator; `now` returns the time [s]."""
         return make_simulated_rig(self.settings, now, NEVER, self.mimic)

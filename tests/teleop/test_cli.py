@@ -286,7 +286,7 @@ def test_the_progress_line_shows_live_estimates_and_is_cleared_at_the_end():
     terminal.process.communicate(timeout=20)
     assert terminal.process.returncode == 0
     assert b"of 0.5 s  k, b:  rls" in terminal.text
-    assert terminal.text.endswith(b"\r\x1b[K")
+    assert terminal.text.endswith(b"\r\x1b[K\r")
 
 
 def test_in_mimic_the_progress_line_has_the_mode_and_the_cue_to_follow():

@@ -86,6 +86,8 @@ class Emulated:
             stderr=subprocess.STDOUT,
             text=True,
         )
+        self.limit = threading.Timer(120.0, self.process.kill)
+        self.limit.start()
         self.wait_until("run against it")
 
     def wait_until(self, text):
@@ -107,6 +109,7 @@ def emulator(tmp_path):
     yield made
     made.process.send_signal(signal.SIGTERM)
     made.process.communicate(timeout=20)
+    made.limit.cancel()
 
 
 def test_a_series_on_devices_is_run_with_keys_and_ends_in_table_and_figures(emulator, tmp_path):
@@ -124,17 +127,17 @@ def test_a_series_on_devices_is_run_with_keys_and_ends_in_table_and_figures(emul
             key = keys.get((trial, prompts[trial]), "")
             series.type(key)
             if not key:
-                armed[trial, re.search(r"board: \w+, \w+, depth [\d.]+ mm", prompt)[0]] += 1
+                armed[trial, re.search(r"board: \w+, \w+, 1.5 s, depth [\d.]+ mm", prompt)[0]] += 1
                 assert series.wait_until(r"Enter for none\."), series.text
                 series.type("a note")
         codes.append(series.end())
     assert codes == [0, 0]
     assert armed.keys() == {
-        (1, "board: autonomous, soft, depth 10.3 mm"),
-        (3, "board: free, soft, depth 15.5 mm"),
-        (4, "board: free, medium, depth 6.5 mm"),
+        (1, "board: autonomous, soft, 1.5 s, depth 10.3 mm"),
+        (3, "board: free, soft, 1.5 s, depth 15.5 mm"),
+        (4, "board: free, medium, 1.5 s, depth 6.5 mm"),
     }
-    assert armed[1, "board: autonomous, soft, depth 10.3 mm"] >= 2
+    assert armed[1, "board: autonomous, soft, 1.5 s, depth 10.3 mm"] >= 2
     with (tmp_path / "study" / "trials.csv").open(newline="") as file:
         rows = [*csv.DictReader(file)]
     assert [row["cube"] for row in rows] == ["soft", "soft", "medium"]

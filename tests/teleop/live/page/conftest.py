@@ -34,7 +34,7 @@ def wait_for(page, expression, argument=None, timeout=10.0):
     return value
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")  # its event loop must not run in the tests of other files
 def browser():
     playwright = pytest.importorskip("playwright.sync_api", reason="needs playwright")
     path = next((found for name in BROWSERS if (found := shutil.which(name))), None)
