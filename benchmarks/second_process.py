@@ -45,7 +45,7 @@ WIRED = ("nothing, wired", "refused run")
 It stops if samples are older than 20 ms, which cannot happen with the simulated rig.
 """
 STATED = ("--specimen", "soft", "--depth", "10mm", "--yes")
-"""Options that a run on a rig of devices needs."""
+"""Options that a run on a hardware rig needs."""
 DURATION = 3600.0
 """Duration of the first run, which is ended earlier [s]."""
 LONGEST = {"nothing": 3.0, "nothing, wired": 6.0, "rig emulate": 4.0, "reproduce": 5.0}

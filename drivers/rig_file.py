@@ -133,7 +133,10 @@ def valid_sections(tree: Mapping[str, Any]) -> dict[str, Any]:
 
 @cache
 def device_validator(settings: type[DeviceSettings]) -> TypeAdapter[DeviceSettings]:
-    """Return the validator of the settings of a kind of device; one is made of each kind."""
+    """Return the validator of the settings for a kind of device.
+
+    Each validator is created once and then used again.
+    """
     return TypeAdapter(settings)
 
 

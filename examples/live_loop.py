@@ -30,7 +30,7 @@ wanted = middle + swing * np.sin(2.0 * np.pi * t)  # [m]
 # %%
 # The loop
 # --------
-# The clock is virtual here. With a ``RealClock`` and a rig of devices the loop is the same.
+# The clock is virtual here. With a ``RealClock`` and a hardware rig the loop is the same.
 clock, conditioner = VirtualClock(rate=1000.0), MatchedFilter(bandwidth=20.0)
 bank = replace(
     paper_preset("soft"),

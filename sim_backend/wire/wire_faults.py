@@ -216,7 +216,7 @@ class ErrorFrames(WireFault):
         self._identifier = identifier
 
     def frames(self, frames: list[Frame], now: float) -> list[Frame]:
-        """Return an error frame, followed by the frames."""
+        """Return a CAN error frame, and then the given frames."""
         error = can.Message(
             arbitration_id=self._identifier, is_error_frame=True, is_extended_id=False, dlc=8
         )

@@ -60,7 +60,7 @@ def compare(
         Names of estimators, such as rls,kalman, or all. Default: those of the run, and rls,ai,me
         for a table.
     model
-        Model of the environment, for the estimators that support any model.
+        Model of the environment for those of the estimators that can use any model.
     preset
         Settings of the estimators: scaled from the data (scaled), or the paper's (paper).
         Default: those of the run, and scaled for a table.

@@ -32,7 +32,7 @@ class LiveOptions:
     """Show the trial in a page of the browser, and print its address. On the simulated rig, the
     page starts the trials (UNLOCK, then START), unless --yes is given."""
     live_arm: Annotated[bool, Parameter(negative="")] = False
-    """Let the live page arm the drives of a rig of devices."""
+    """Let the live page arm the drives of a hardware rig."""
     open: Annotated[bool, Parameter(negative="")] = False
     """Open the live page in the browser."""
     host: str = "127.0.0.1"

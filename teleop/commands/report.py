@@ -49,7 +49,7 @@ def report(
         Names of estimators, such as rls,kalman, or all. Default: those of the run, and rls,ai,me
         for a table.
     model
-        Model of the environment, for the estimators that support any model.
+        Model of the environment for those of the estimators that can use any model.
     preset
         Settings of the estimators: scaled from the data (scaled), or the paper's (paper).
         Default: those of the run for a recording, scaled for CSV and TSV.

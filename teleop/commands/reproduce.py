@@ -38,7 +38,7 @@ def reproduce(
     estimators
         Further estimators to compare on the same trials: names such as kalman,rls_sift, or all.
     model
-        Model of the environment, for further estimators that support any model.
+        Model of the environment for those of the further estimators that can use any model.
     json
         Print one JSON document instead of tables.
     """

@@ -1,4 +1,4 @@
-"""`teleop run`: run one trial on the simulated rig or a rig of devices."""
+"""`teleop run`: run one trial on the simulated rig or a hardware rig."""
 
 from __future__ import annotations
 
@@ -129,7 +129,7 @@ def run(
     estimators
         Names of estimators, such as rls,kalman,rls_sift, or all. Default: rls,ai,me.
     model
-        Model of the environment, for the estimators that support any model. Default:
+        Model of the environment for those of the estimators that can use any model. Default:
         kelvin-voigt.
     realtime
         Real-time settings, used with --clock real: real-time scheduling, locked memory, no garbage
@@ -145,7 +145,7 @@ def run(
     plot
         Plot the estimates to this .png, .svg or .pdf file.
     yes
-        Arm the drives of a rig of devices without asking, for scripts.
+        Arm the drives of a hardware rig without asking, for scripts.
     plot_force
         Plot the measured and the predicted force to this .png, .svg or .pdf file.
     plot_tracking

@@ -44,23 +44,22 @@ def series(
     Parameters
     ----------
     plan
-        File with the plan of the series (TOML), or paper for the nine trials of the paper.
+        File with the plan of the trials (TOML), or the word `paper` for the paper's nine trials.
     rig
-        Rig file (TOML) of a rig of devices. The trials run on this rig, in real time. Default: the
+        Rig file (TOML) of a hardware rig. The trials run on this rig, in real time. Default: the
         rig of the plan, or the simulated rig.
     tare
         File with the zero offsets of the channels, from `teleop rig tare`. Default: the tare of
         the plan.
     out
         Folder for the recordings, the table trials.csv with a row for each trial and estimator,
-        and the journal journal.jsonl. Default: series-NAME, with the name in the plan.
+        and the journal journal.jsonl. Default: series-NAME, where NAME is the name in the plan.
     ask
-        Ask before each trial: Enter runs it, s skips it, r asks for the previous trial again to
-        repeat it, q quits.
-        Text after the letter is stored as a note. After each trial, ask for a note. Default: ask
-        if a trial has a rig of devices and the command runs in a terminal.
+        Ask before each trial: Enter runs it, s skips it, r returns to the previous trial to repeat
+        it, q quits. Text after s, r or q is stored as a note. After each trial, ask for a note.
+        Default: ask if a trial has a hardware rig and the command runs in a terminal.
     yes
-        Arm the drives of a rig of devices without asking.
+        Arm the drives of a hardware rig without asking.
     dry_run
         Print the order of the trials, and run none.
     json

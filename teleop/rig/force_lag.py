@@ -95,7 +95,7 @@ class SpringFit(NamedTuple):
 
 
 class SpringRecord:
-    """Record of the position and force of a spring. `fit` fits it for any lag and lost motion.
+    """Record of the position and force of a spring. `fit` fits its stiffness for a given lag and lost motion.
 
     Parameters
     ----------

@@ -14,12 +14,12 @@ from teleop.trial.stop_switch import StopSwitch
 
 
 def check_stated(settings: TrialSettings) -> None:
-    """Check that a trial on a rig of devices states its specimen and its depth.
+    """Check that a trial on a hardware rig states its specimen and its depth.
 
     Raises
     ------
     InputError
-        The settings have a rig of devices, and no specimen or no depth.
+        The settings have a hardware rig, and no specimen or no depth.
     """
     missing = []
     if not settings.specimen:

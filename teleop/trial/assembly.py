@@ -41,7 +41,7 @@ def make_clock(settings: TrialSettings) -> Clock:
 def make_rig(
     settings: TrialSettings, now: Callable[[], float], pointer: PointerOperator | None = None
 ) -> Rig:
-    """Return a new rig of devices, or a new simulated rig if the settings have no rig file.
+    """Return a new hardware rig, or a new simulated rig if the settings have no rig file.
 
     Parameters
     ----------

@@ -50,7 +50,7 @@ def read_configuration(path: Path) -> TrialSettings:
     try:
         settings = from_document(document) if recorded else settings_from(document, path.parent)
         if settings.rig and settings.custom_limits:
-            raise InputError("custom_limits: not with a rig of devices: expected tightened_limits")
+            raise InputError("custom_limits: not with a hardware rig: expected tightened_limits")
         return settings
     except InputError as error:
         lines = str(error).splitlines()

@@ -19,4 +19,4 @@ NOTES = 10_000
 FREQUENCY = {"mimic": 1.0, "autonomous": 2.0}
 """Frequency of the sine in a condition, if the settings have no signal [Hz]."""
 COUNT_IN = 3.0
-"""Time at the start of mimic in which the target does not move, on a rig of devices [s]."""
+"""Time at the start of mimic in which the target does not move, on a hardware rig [s]."""

@@ -66,7 +66,7 @@ def run_trial(
     ------
     InputError
         The machine cannot run at the rate, the recording cannot be written, a required real-time
-        step failed, or a trial on a rig of devices does not state specimen and depth.
+        step failed, or a trial on a hardware rig does not state specimen and depth.
     RigError
         The rig cannot be opened, a device cannot be read, or the drives did not get ready.
     Exception

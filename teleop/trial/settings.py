@@ -46,7 +46,7 @@ class TrialSettings:
     condition: ConditionName = "free"
     """Control condition: free, mimic or autonomous."""
     cube: CubeName = "soft"
-    """Cube of the simulated rig: soft, medium or hard. Not used on a rig of devices."""
+    """Cube of the simulated rig: soft, medium or hard. Not used on a hardware rig."""
     specimen: str = ""
     """Name of the specimen; empty for the cube of the simulated rig."""
     operator: str = ""
@@ -68,7 +68,7 @@ class TrialSettings:
     Default: a sine of 1 Hz in mimic and of 2 Hz otherwise."""
     count_in: float | None = None
     """Time at the start of a mimic trial in which the target does not move [s]. Default: 3 s on a
-    rig of devices and 0 on the simulated rig."""
+    hardware rig and 0 on the simulated rig."""
     admittance: AdmittanceParameters = field(default_factory=AdmittanceParameters)
     """Virtual dynamics of the master."""
     coupling: Coupling = field(default_factory=Coupling)
@@ -85,7 +85,7 @@ class TrialSettings:
     """Lag of the force channel that matched conditioning compensates [s]."""
     preset: Preset | None = None
     """All settings of the estimators. Default: those of the paper. The adaptation gain is that of
-    this cube. On a rig of devices, it is that of the soft cube times (d / depth)^2, where d is the
+    this cube. On a hardware rig, it is that of the soft cube times (d / depth)^2, where d is the
     depth of palpation for the soft cube."""
     estimators: tuple[str, ...] = PAPER
     """Names of the estimators. Not used if all their settings are given."""
@@ -107,9 +107,9 @@ class TrialSettings:
     tare: Tare = NO_TARE
     """Zero offsets of force and position."""
     rig: RigFile | None = None
-    """The rig of devices. Default: the simulated rig."""
+    """The hardware rig. Default: the simulated rig."""
     depth: float | None = None
-    """Depth of palpation [m], needed on a rig of devices. Default: that of the paper."""
+    """Depth of palpation [m], needed on a hardware rig. Default: that of the paper."""
 
     def __post_init__(self) -> None:
         problems = [*self._values_out_of_range()] or [*self._inconsistent_values()]
@@ -163,7 +163,7 @@ class TrialSettings:
         if self.operator_model.aim_force and self.condition != "free":
             yield f"operator_model.aim_force: not in {self.condition}: expected condition free"
         if self.rig and self.clock != "real":
-            yield "clock virtual: a rig of devices runs in real time: expected real"
+            yield "clock virtual: a hardware rig runs in real time: expected real"
         try:
             self.tare.check(self.rig_name)
         except InputError as error:
@@ -235,12 +235,12 @@ class TrialSettings:
 
     @property
     def limits(self) -> Limits:
-        """Limits of the safety supervisor, relative to the tare."""
+        """Limits of the safety supervisor for readings from which the tare is subtracted."""
         return self.raw_limits.shifted(self.tare.zeros)
 
     @property
     def raw_limits(self) -> Limits:
-        """The same limits relative to the raw readings of the sensors, without the tare."""
+        """Limits of the safety supervisor for the raw readings, before the tare is subtracted."""
         return self.tightened_limits.applied(self.untightened_limits)
 
     @property

@@ -126,9 +126,9 @@ class StopKey:
     def _watch(self, ended: int) -> None:
         """Read keys until the end of the run.
 
-        Ctrl-D has no special meaning. A read can return no data, or fail. If standard input is
-        still a terminal then, the process is in the background, or another program has changed
-        the modes of the terminal, and the read is repeated. Otherwise the terminal is lost.
+        Ctrl-D has no special meaning. A read fails or returns no data while the process is in the
+        background, or after another program has changed the modes of the terminal. It is then
+        repeated. If standard input is no longer a terminal, `lost` becomes true.
         """
         while not self.lost:
             try:

@@ -10,7 +10,10 @@ from teleop.trial.settings_json import from_document
 
 
 def tracking_of(recording: Recording, settings: TrialSettings) -> Tracking | None:
-    """Return the tracking of a recorded trial, see `Trial.tracking`."""
+    """Return gain, phase and error of the slave relative to its target in a recorded trial.
+
+    None if the condition is not mimic, or if the recording has no target.
+    """
     if settings.condition != "mimic" or "target" not in recording.columns:
         return None
     t, target, position = (recording[name] for name in ("time", "target", "slave_position"))
@@ -18,7 +21,7 @@ def tracking_of(recording: Recording, settings: TrialSettings) -> Tracking | Non
 
 
 def recorded_tracking(recording: Recording) -> Tracking | None:
-    """Return the tracking of a recorded trial; None for other conditions and older recordings."""
+    """Do the same as `tracking_of`, with the recorded settings; None if they are not valid."""
     try:
         return tracking_of(recording, from_document(recording.settings))
     except InputError:

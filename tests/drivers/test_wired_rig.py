@@ -1,4 +1,4 @@
-"""A rig of devices: channels, drives and failures."""
+"""A hardware rig: channels, drives and failures."""
 
 from __future__ import annotations
 

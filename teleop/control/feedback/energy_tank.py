@@ -40,7 +40,10 @@ class EnergyTank:
         self.energy = min(self.energy + energy, self._capacity)
 
     def affordable(self, cost: float) -> float:
-        """Return the greatest fraction, 0 to 1, of a change of this cost [J] that can be paid."""
+        """Return the largest fraction of a change, 0 to 1, that the energy in the tank permits.
+
+        `cost` is the energy that the whole change needs [J].
+        """
         return 1.0 if cost <= self.energy else self.energy / cost
 
     def pay(self, cost: float) -> None:

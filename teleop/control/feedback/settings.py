@@ -33,11 +33,11 @@ class FeedbackSettings:
     """Ratio of the displayed force to the contact force, > 0."""
     glued: bool | None = None
     """Whether the specimen is glued to the slave's plate, so that it also pulls. Default: as the
-    body of the simulated rig; glued on a rig of devices."""
+    body of the simulated rig; glued on a hardware rig."""
 
     stiffness: float | None = None
     """Largest expected stiffness of the specimen [N/m], for the estimate of the stability of
-    position-force. Default: that of the simulated rig; unknown on a rig of devices."""
+    position-force. Default: that of the simulated rig; unknown on a hardware rig."""
 
     def __post_init__(self) -> None:
         if self.stiffness is not None and not 0.0 < self.stiffness < math.inf:

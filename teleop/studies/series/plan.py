@@ -37,7 +37,7 @@ class Plan(BaseModel):
     description: str = ""
     factors: dict[Name, list[Name]] = Field(min_length=1)
     """Levels of each factor. The factors condition, cube, specimen and operator set the setting of
-    the same name. On a rig of devices, the factor cube sets the specimen, and the depth in which
+    the same name. On a hardware rig, the factor cube sets the specimen, and the depth in which
     the paper palpated this cube under the condition, unless the settings have a depth."""
     blocks: list[Name] = []
     """Factors such as the subject: all trials of one level are run before those of the next."""
@@ -76,7 +76,7 @@ class PlannedTrial:
 
 
 def on_rig(plan: Plan, rig: Path, tare: Path | None = None) -> Plan:
-    """Return a plan whose trials run on a rig of devices.
+    """Return a plan whose trials run on a hardware rig.
 
     Parameters
     ----------

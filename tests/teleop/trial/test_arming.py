@@ -1,4 +1,4 @@
-"""What a trial on a rig of devices must state, and how a person arms it."""
+"""What a trial on a hardware rig must state, and how a person arms it."""
 
 from __future__ import annotations
 

@@ -35,7 +35,7 @@ RIGS = Path(__file__).parents[3] / "rigs"
 
 
 class SteppedRig(WiredRig):
-    """A rig of devices, emulated synchronously with its clock."""
+    """A hardware rig, emulated synchronously with its clock."""
 
     def __init__(
         self,
