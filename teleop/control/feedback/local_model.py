@@ -114,7 +114,7 @@ class LocalModel:
         return Environment(k, k3, max(estimate.b, 0.0), self._prior.glued)
 
     def _half_interval(self, x: float) -> float:
-        """Return the half width of the 95 % interval of the predicted elastic force [N] at x [m]."""
+        """Return half the width of the 95 % interval of the predicted force [N] at x [m]."""
         state, cube = self._estimator.state, x * x * x
         of_k, of_k3 = state.C[1], state.C[2]
         variance = (of_k[1] * x + 2.0 * of_k[2] * cube) * x + of_k3[2] * cube * cube
