@@ -95,7 +95,9 @@ class SpringFit(NamedTuple):
 
 
 class SpringRecord:
-    """Record of the position and force of a spring. `fit` fits its stiffness for a given lag and lost motion.
+    """Record of the position and force of a spring.
+
+    `fit` fits the stiffness of the spring for a given lag and lost motion.
 
     Parameters
     ----------
