@@ -127,7 +127,7 @@ def facts(recording: Recording) -> Iterator[tuple[str, str]]:
     for name in STATED:
         if recording.settings.get(name) not in (None, ""):
             yield name.removesuffix("_s"), str(recording.settings[name])
-    for name in ("software", "python", "machine"):
+    for name in ("software", "python", "libraries", "machine"):
         yield name, session.get(name, "not known")
 
 

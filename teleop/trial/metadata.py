@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import platform
 from collections.abc import Iterator
 from datetime import datetime
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 
 from drivers.registry import device_class
 from teleop.json_documents import dumps
@@ -16,12 +17,24 @@ TEXTS = ("operator", "notes")
 """Settings that are part of the session metadata if they are not empty."""
 
 
+COMPUTE = ("numpy", "scipy", "numba")
+"""Packages that compute the numbers of a trial; numba is optional."""
+
+
+def libraries() -> Iterator[str]:
+    """Yield name and version of each installed package of `COMPUTE`."""
+    for name in COMPUTE:
+        with contextlib.suppress(PackageNotFoundError):
+            yield f"{name} {version(name)}"
+
+
 def session_metadata(settings: TrialSettings) -> dict[str, dict[str, str]]:
     """Return the metadata of a recording: the records `session` and `settings`, as text by name."""
     return {
         "session": {
             "software": f"teleop {version('teleop')}",
             "python": platform.python_version(),
+            "libraries": ", ".join(libraries()),
             "machine": f"{platform.node()}, {platform.platform()}",
             "created": datetime.now().astimezone().isoformat(timespec="seconds"),
             "seed": str(settings.seed),

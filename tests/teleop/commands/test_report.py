@@ -31,6 +31,7 @@ def test_the_page_has_what_was_run_the_result_the_figures_events_and_all_setting
     for text in (
         recording.session["created"],
         recording.session["software"],
+        recording.session["libraries"],
         "autonomous",
         "medium",
         "force lag",

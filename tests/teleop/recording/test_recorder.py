@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy
 
 from estimation import paper_preset
 from teleop.errors import InputError
@@ -77,6 +78,7 @@ def test_another_library_reads_every_tick_by_name(tmp_path):
     zero = next(record.log_time for record, tick in ticks if tick.time >= 0.0)
     assert abs(zero - time.time_ns()) < 20e9
     assert metadata["session"]["software"].startswith("teleop ")
+    assert f"numpy {np.__version__}, scipy {scipy.__version__}" in metadata["session"]["libraries"]
     assert json.loads(metadata["settings"]["json"])["seed"] == 0
     channel = next(c for c in summary.channels.values() if c.topic == "/tick")
     assert channel.metadata == trial.recording.units
