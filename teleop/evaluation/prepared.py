@@ -17,11 +17,11 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-from scipy.signal import lfilter
 
 from estimation.baseline import FEWEST_CYCLES, baseline_order, without_baseline
 from estimation.coherent_band import CoherentBand, block_means, coherent_band
 from estimation.compiled import Floats
+from estimation.filters import Lag
 from estimation.smoothing import kernel_width, slope, smooth
 from teleop.evaluation.signals import Signals
 from teleop.evaluation.smallest_step import repeated_rounding, smallest_step
@@ -155,9 +155,7 @@ def prepare(signals: Signals, bandwidth: float | None = None, force_lag: float =
             continue
         even = t[0] + period * np.arange(count)
         x, f = (np.interp(even, t, channel[start:end]) for channel in (signals.x, signals.f))
-        if force_lag > 0.0:
-            decay = np.exp(-period / force_lag)
-            x = lfilter([1.0 - decay], [1.0, -decay], x - x[0]) + x[0]
+        x = Lag(force_lag).run(x, np.full(count, period))
         pieces.append((even, x, f))
     if not pieces:
         raise ValueError(

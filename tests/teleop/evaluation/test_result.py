@@ -50,6 +50,19 @@ def test_a_record_that_supports_no_stiffness_gives_a_reason(kind):
     assert result.reasons
 
 
+@pytest.mark.parametrize("rate", [100.0, 1000.0])
+@pytest.mark.parametrize("lag", [2e-3, 15.9e-3])
+def test_a_compensated_force_lag_does_not_change_stiffness_and_damping(rate, lag):
+    w, t = 2.0 * np.pi, np.arange(round(10.0 * rate)) / rate
+    response = 1.0 / (1.0 + 1j * w * lag)  # of the force channel
+    motion = 1e-3 * np.exp(1j * w * t)
+    f = np.imag((2000.0 + 20j * w) * response * motion)
+    f += np.random.default_rng(0).normal(0.0, 1e-3, len(t))
+    result = analyse(signals_of(t, np.imag(motion), f), lag).result
+    assert result.k == pytest.approx(2000.0, rel=1e-3)
+    assert result.b == pytest.approx(20.0, abs=0.2)
+
+
 def test_a_drift_of_the_position_is_not_taken_for_the_motion():
     evaluation = evaluate(sine(drift=8e-3), EstimateSettings())
     assert 0.9 < evaluation.kept_force_variance <= 1.0
