@@ -130,7 +130,9 @@ def sweep(
             text += f", {ended.failed} failed: see the column error"
         plain_console().print(f"{text}\n{' '.join(files)}", soft_wrap=True)
         if not ended.parquet:
-            shown.print(f"{PARQUET} needs pyarrow: pip install '.[sweep]'", soft_wrap=True)
+            shown.print(
+                f"{PARQUET} needs pyarrow: pip install '.[sweep]'", soft_wrap=True, markup=False
+            )
     if plot or plot_map:
         from estimation.figure_style import figure_style
         from teleop.output.figure_files import save

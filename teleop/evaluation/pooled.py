@@ -67,6 +67,9 @@ def evaluate_together(evaluations: Mapping[str, Evaluation]) -> dict[str, Any]:
     reasons = [
         f"Kelvin-Voigt does not fit all files: {symbol} differs by a factor of {ratio:.3g} between "
         f"them (95 % interval {ratios[symbol]['low']:.3g} to {ratios[symbol]['high']:.3g})"
+        if math.isfinite(ratio)
+        else f"Kelvin-Voigt does not fit all files: the sign of {symbol} differs between them, or "
+        f"{symbol} is negative"
         for symbol, ratio in misfit.items()
     ]
     within = [

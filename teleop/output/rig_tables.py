@@ -206,10 +206,12 @@ def print_tare(tare: Tare, noise: float, path: Path, rig: Path | None) -> None:
     """
     on_rig = f"--rig {rig} " if rig else ""
     needed = " --specimen NAME --depth DEPTH" if rig else ""
+    contact = tare.slave_position
+    datum = f"{contact * 1e3:+.4f} mm" if contact else "at position 0, not measured (see --contact)"
     plain_console().print(
         f"master force zero {tare.master_force:+.4f} N\n"
         f"contact force zero {tare.contact_force:+.4f} N, noise {noise:.3f} N rms\n"
-        f"contact datum {tare.slave_position * 1e3:+.4f} mm\n"
+        f"contact datum {datum}\n"
         f"stored in {path}, {tare.date}; apply it with: teleop run {on_rig}--tare {path}{needed}",
         soft_wrap=True,
     )

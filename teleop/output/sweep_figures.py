@@ -124,7 +124,7 @@ def draw_effect(
             means.append(float(np.mean(values)))
             halves.append(LEVEL_95 * spread / np.sqrt(len(values)))
     marker = "osD^v"[number % 5]
-    style = line(number) | {"marker": marker, "markersize": 4}
+    style = line(number) | {"marker": marker, "markersize": 4, "markevery": None}
     axes.errorbar(places, means, halves, label=name, capsize=2, **style)
 
 

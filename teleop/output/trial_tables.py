@@ -141,9 +141,9 @@ def print_feedback(console: Console, feedback: Mapping[str, Any] | None) -> None
     if feedback["law"] != "none" and feedback["rendered_k"] == feedback["rendered_k"]:
         console.print(
             f"  the hand felt k = {feedback['rendered_k']:.0f} N/m "
-            f"({feedback['rendered_k_error']:+.1%} of that at the slave); error of the felt force "
-            f"{feedback['felt_force_error']:.1%} rms;\n  lowest energy at the hand "
-            f"{feedback['energy_min_j'] * 1e3:.1f} mJ"
+            f"({feedback['rendered_k_error']:+.1%} of that at the slave);\n"
+            f"  error of the felt force {feedback['felt_force_error']:.1%} rms, lowest energy at "
+            f"the hand {feedback['energy_min_j'] * 1e3 + 0.0:.1f} mJ"
         )
     if not feedback["stable"]:
         console.print("  not stable", style="yellow")
@@ -175,7 +175,11 @@ def print_loop(console: Console, summary: Mapping[str, Any]) -> None:
             style="red",
         )
     if loop["mean_rate_hz"] < 0.99 * loop["rate_hz"]:
-        console.print("  the loop did not hold its rate", style="yellow")
+        console.print(
+            "  the loop was slower than its rate: k and b use the measured times, but the control "
+            "was less accurate",
+            style="yellow",
+        )
 
 
 def print_rejected(console: Console, rejected: Mapping[str, Mapping[str, int]]) -> None:

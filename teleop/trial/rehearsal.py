@@ -104,9 +104,10 @@ def check_rate(settings: TrialSettings) -> float:
         cost = min(cost, tick_cost(settings))
         if cost <= SHARE / settings.rate:
             return cost
+    other = "or fewer programs at the same time" if settings.rig else "or --clock virtual"
     raise InputError(
         f"rate {settings.rate:g} Hz: a tick takes {cost * 1e6:.0f} us on this machine, "
-        f"expected a rate of at most {SHARE / cost:.0f} Hz, or --clock virtual"
+        f"expected a rate of at most {SHARE / cost:.0f} Hz, {other}"
     )
 
 

@@ -139,16 +139,16 @@ def conduct(
                     journal.write("skipped", trial.number, note=note)
                 repeated = None
                 continue
-            repeated = None
+            repeated, was_run = None, True
             try:
                 problem = attempt(folder, journal, trial, run, note)
             except (InputError, RigError) as error:
                 if ask is unattended:
                     raise
-                problem = str(error)
+                problem, was_run = str(error), False
             rested = time.monotonic()
             report(f"{trial.number} of {len(trials)}, {trial.label}: {problem or 'done'}")
-            if after := ask_note(trial):
+            if was_run and (after := ask_note(trial)):
                 attempts = journal.attempts(trial.number)
                 journal.write("note", trial.number, attempt=attempts, note=after)
             write_results(folder, trials, journal)
