@@ -164,7 +164,7 @@ class Estimator(ABC):
         return tuple(UNITS[name] for name in self.names)
 
     def note(self, estimates: Estimates) -> str | None:
-        """Return a one-line warning about these estimates of this estimator, or None."""
+        """Return a warning about the estimates in one line; None if there is no warning."""
         return None
 
     def update(
@@ -195,7 +195,7 @@ class Estimator(ABC):
         return self.advance([v, x, *further], f, dt)
 
     def advance(self, phi: list[float], f: float, dt: float) -> Estimate:
-        """Process one sample phi = [v, x, ...], f [N], dt [s] which is valid (`is_valid`)."""
+        """Process one valid sample (`is_valid`): phi = [v, x, ...], f [N] and dt [s]."""
         if self.constant:
             phi = [*phi, 1.0]
         state = self.state
@@ -257,14 +257,14 @@ class Estimator(ABC):
         )
 
     def step_samples(self, samples: Samples) -> Samples:
-        """Return the samples with all regressors of the step: with 1 as last one if `constant`."""
+        """Return the samples with all regressors of the step; if `constant`, the last is 1."""
         if not self.constant:
             return samples
         return samples._replace(phi=np.column_stack((samples.phi, np.ones(len(samples.f)))))
 
     @property
     def law(self) -> Law:
-        """The step function together with its constant settings."""
+        """The step function and the values of its constant settings."""
         return Law(type(self).step, self.parameters)
 
     def check_further(self, count: int) -> None:

@@ -1,4 +1,4 @@
-"""Gate that holds estimates while there is no contact or no motion."""
+"""Contact gate: the estimates do not change while there is no contact or no motion."""
 
 from __future__ import annotations
 
@@ -49,10 +49,10 @@ class GateState(State):
 def step(
     parameters: GateParameters, state: GateState, phi: Regressors, f: float, dt: float
 ) -> None:
-    """Update the mean squares of velocity and force. Set `held` if one is below its threshold.
+    """Update the mean squares of velocity and force. Set `held` if one of the two is too small.
 
-    `held` is also set at a sample whose own force is below the threshold of the force. So the gate
-    closes at the first sample out of contact, before the mean square has decayed.
+    `held` is also set if the force of the present sample is below the threshold of the force. So
+    the gate closes at the first sample out of contact, before the mean square has decayed.
     """
     v = phi[0]
     share = dt / (parameters.window + dt)

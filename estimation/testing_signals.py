@@ -62,7 +62,7 @@ def further_regressors(estimator: Estimator, x: Floats, v: Floats, f: Floats) ->
 
 
 def degenerate(estimator: Estimator) -> Iterator[Signals]:
-    """Yield signals for which sums, products or differences are zero, very small or large."""
+    """Yield signals with zero, very small or very large sums, products or differences."""
     rng = np.random.default_rng(0)
     n = 40
     zero, one, wave = np.zeros(n), np.ones(n), np.sin(np.arange(n))

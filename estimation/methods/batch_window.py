@@ -1,4 +1,4 @@
-"""Ordinary least squares (OLS) over a sliding window. It is the reference for other methods."""
+"""Ordinary least squares (OLS) over a sliding window, the reference for the other methods."""
 
 from __future__ import annotations
 
@@ -12,7 +12,10 @@ from estimation.model import KELVIN_VOIGT, Model
 from estimation.step import Matrix, Regressors, State, Vector, below, diagonal, zeros
 
 SINGULAR = 1e-10
-"""Smallest fraction of the sum of squares of a regressor that must be independent of the others."""
+"""Smallest fraction of a regressor's sum of squares that is orthogonal to the other regressors.
+
+If a fraction is smaller, the window does not determine all parameters.
+"""
 SMALLEST_SQUARES = 1e-60
 """Sum of squares below which a regressor counts as zero."""
 LONGEST = 1_000_000

@@ -10,7 +10,7 @@ STIFFNESS, DAMPING, EXPONENT = 2, 3, 4
 HERTZ = 1.5
 """Initial guess of n: the exponent of a sphere on a plane (Hertz)."""
 STEEPEST = 5.0
-"""Upper limit of n; the lower limit is 0."""
+"""Upper limit of the exponent n; the lower limit is 0."""
 PRIOR = 1e-8
 """Weight of the initial guess n = 1.5 and B = 0, relative to the weight of the samples."""
 TOUCH = 1e-6

@@ -13,8 +13,8 @@ FASTEST = 500.0
 SLOWEST = 0.5
 """Smallest angular frequency of a motion [rad/s]."""
 DISTINCT = 0.3
-"""Smallest determinant of the equations F = b V + k X that are solved, relative to that of a sine.
-"""
+"""Smallest determinant at which the equations F = b V + k X are solved, divided by the determinant
+for a sine."""
 
 
 @dataclass(frozen=True, slots=True)
