@@ -52,7 +52,7 @@ class Master:
         self._period = min(self._period, heartbeat_period)
 
     def end_tick(self, drive: str, bus: CanBus) -> None:
-        """Send SYNC, and the heartbeat if it is due; do nothing if this is not the last drive.
+        """If this drive is the last on the bus, send SYNC, and the heartbeat if it is due.
 
         Parameters
         ----------

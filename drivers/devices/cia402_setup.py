@@ -87,7 +87,7 @@ PDO mappings are declared as records, because canopen does not write mappings th
 
 
 def object_dictionary() -> ObjectDictionary:
-    """Return canopen's dictionary of the objects of CiA 301 and CiA 402-2 that are used here."""
+    """Return canopen's dictionary of the objects of CiA 301 and CiA 402-2 in this file."""
     dictionary = ObjectDictionary()  # type: ignore[no-untyped-call]
     for index, kind in VARIABLES.items():
         dictionary.add_object(variable(index, 0, kind))
@@ -137,7 +137,7 @@ class Setup:
         Raises
         ------
         RigError
-            The drive does not answer, is not the expected one, or refuses a setting.
+            The drive does not answer, is not the expected drive, or refuses a setting.
         """
         self._identify()
         self._monitor()
@@ -163,7 +163,7 @@ class Setup:
             self._write(0x60A9, 0, unit)
 
     def _monitor(self) -> None:
-        """Set up the heartbeats of drive and controller, and what the drive does without them."""
+        """Set up both heartbeats, and the reaction of the drive to a missing heartbeat."""
         watchdog = self._settings.watchdog_ms
         self._write(0x1017, 0, watchdog // 4)
         self._write(0x1016, 1, NODE << 16 | watchdog)

@@ -30,7 +30,7 @@ class CanWire(Wire):
         self.devices = list(devices)
 
     def exchange(self, old: EmulatedDevice, new: EmulatedDevice) -> None:
-        """Replace the old device on the bus by the new one."""
+        """Replace the old device on the bus by the new device."""
         if old in self.devices:
             assert isinstance(new, EmulatedCanDevice)
             self.devices = [new if device is old else device for device in self.devices]

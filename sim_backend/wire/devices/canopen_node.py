@@ -77,7 +77,7 @@ class CanopenNode(EmulatedCanDevice):
 
     @abstractmethod
     def connection_lost(self) -> None:
-        """Do what the application does when the master is lost or ends the operational state."""
+        """Apply the reaction to a loss of the master, or to the end of the operational state."""
 
     @abstractmethod
     def reset(self) -> None:
