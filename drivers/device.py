@@ -165,7 +165,7 @@ class Device(ABC):
 
 
 class SerialDevice(Device):
-    """A device that is the only one on its serial port."""
+    """A device on a serial port that no other device uses."""
 
     @abstractmethod
     def start(self, port: SerialPort) -> None:

@@ -54,7 +54,7 @@ def read_input(path: Path, largest: int = LARGEST) -> bytes:
 
 
 def check_regular(mode: int) -> None:
-    """Raise OSError unless a file mode is that of a regular file."""
+    """Raise OSError if a file mode (`st_mode`) is not the mode of a regular file."""
     if not stat.S_ISREG(mode):
         kind = next((kind for is_one, kind in KINDS if is_one(mode)), "special file")
         raise OSError(errno.EINVAL, f"expected a file, this is a {kind}")

@@ -91,6 +91,6 @@ def positive_values(name: str, values: Sequence[float], model: Model) -> tuple[f
 
 
 def check_correlation(correlation: float) -> None:
-    """Raise ValueError unless the number of samples per independent noise sample is >= 1."""
+    """Raise ValueError unless the number of samples per independent value of the noise is >= 1."""
     if not 1.0 <= correlation < math.inf:
         raise ValueError(f"correlation must be at least 1, got {correlation}")

@@ -127,7 +127,7 @@ def compiled_sweep(law: Law, state: State, samples: Samples) -> Floats:
 
 
 interpreted = cache(own_copy)
-"""Function that returns a copy of a step for the interpreter; one copy is made of each step."""
+"""Function that returns the copy of a step for the interpreter. Each step is copied only once."""
 
 
 @cache

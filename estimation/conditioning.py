@@ -90,7 +90,7 @@ class Conditioner(ABC):
         """Process a sample as in `update`, which has checked the values."""
 
     def correlation(self, dt: float) -> float:
-        """Return the number of samples, `dt` [s] apart, per independent sample of force noise."""
+        """Return the number of samples, `dt` [s] apart, per independent value of force noise."""
         return 1.0
 
     def run(self, x: ArrayLike, f: ArrayLike, dt: ArrayLike) -> Regression:
@@ -258,7 +258,7 @@ class MatchedFilter(Conditioner):
             part.reset()
 
     def correlation(self, dt: float) -> float:
-        """Return the number of samples, `dt` [s] apart, per independent sample of force noise.
+        """Return the number of samples, `dt` [s] apart, per independent value of force noise.
 
         The equivalent noise bandwidth of this filter is pi/4 times its natural frequency.
         """

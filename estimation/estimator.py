@@ -74,7 +74,7 @@ class Estimates(NamedTuple):
     """Estimates of the parameters besides b and k, by name."""
 
     def part(self, samples: slice) -> Estimates:
-        """Return the estimates of some of the samples."""
+        """Return the estimates of some of the samples, given by a slice."""
         further = {name: Series(*(s[samples] for s in series)) for name, series in self[5].items()}
         b, k, b_std, k_std, held = (
             self.b[samples],
@@ -107,7 +107,7 @@ class Estimator(ABC):
     """
 
     gated: ClassVar[bool] = True
-    """Whether the gate of a bank applies, so that theta changes only during contact and motion."""
+    """Whether the contact gate applies: theta changes only during contact and motion."""
     constant: ClassVar[bool] = False
     """Whether the step needs a constant regressor 1 after the regressors of the model."""
 

@@ -14,7 +14,7 @@ from estimation.step import Regressors, State
 
 
 class GateSettings(NamedTuple):
-    """Thresholds of a gate, above which the estimators process a sample."""
+    """Settings of a contact gate, which is open above the thresholds of force and speed."""
 
     force: float
     """Root mean square force [N] above which there is contact."""
@@ -72,7 +72,7 @@ class Gate:
     Parameters
     ----------
     settings
-        Force and speed above which the gate is open.
+        Thresholds of force and speed, above which the gate is open, and a time constant.
 
     Raises
     ------

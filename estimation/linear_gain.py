@@ -51,7 +51,7 @@ class LinearGainParameters:
     """Constant settings of the function `correct`."""
 
     correlation: float
-    """Number of samples per independent sample of the force noise, >= 1."""
+    """Number of samples per independent value of the force noise, >= 1."""
 
 
 @dataclass(slots=True)
@@ -162,7 +162,7 @@ class LinearGainEstimator(Estimator):
     ----------
     parameters, initial_state, model
         As in `Estimator`. The field `correlation` of the parameters is the number of samples per
-        independent sample of the force noise. It is 1 for white noise. It is r / 2B if the noise
+        independent value of the force noise. It is 1 for white noise. It is r / 2B if the noise
         is filtered by a low-pass of noise bandwidth B [Hz] and sampled at the rate r [Hz].
 
     Raises

@@ -81,7 +81,7 @@ class Preset(MethodSettings):
 def paper_preset(cube: str = "soft") -> Preset:
     """Return the settings of the paper.
 
-    These are the equations (17) to (19), the forgetting factor 0.98 per sample at 1 kHz, and the
+    The settings are equations (17) to (19), the forgetting factor 0.98 per sample at 1 kHz, and the
     forgetting rate 10 1/s of the multi-estimator. The adaptation gain (18) depends on the cube.
     All other settings are the same for all cubes.
 

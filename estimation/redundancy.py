@@ -55,7 +55,7 @@ def redundancy(gamma: Candidate, epsilon: Candidate, plant: Candidate) -> Redund
     Parameters
     ----------
     gamma, epsilon
-        Two distinct candidates (b, k) [N s/m], [N/m]; one may be the plant itself.
+        Two different candidates (b, k) [N s/m], [N/m]. One candidate may be equal to the plant.
     plant
         The true (b, k).
 
@@ -78,13 +78,13 @@ class Ambiguity(NamedTuple):
     candidates: Floats
     """Number of candidates within the margin of the best candidate, including the best one."""
     b_low: Floats
-    """Smallest damping of these candidates [N s/m]."""
+    """Smallest damping of the candidates within the margin [N s/m]."""
     b_high: Floats
-    """Largest damping of these candidates [N s/m]."""
+    """Largest damping of the candidates within the margin [N s/m]."""
     k_low: Floats
-    """Smallest stiffness of these candidates [N/m]."""
+    """Smallest stiffness of the candidates within the margin [N/m]."""
     k_high: Floats
-    """Largest stiffness of these candidates [N/m]."""
+    """Largest stiffness of the candidates within the margin [N/m]."""
 
 
 def ambiguity(

@@ -197,7 +197,7 @@ class Methods(Mapping[str, Factory]):
         KeyError
             The name is unknown.
         ValueError
-            The package that registers it cannot be imported, or has no such factory.
+            The package that registers the estimator cannot be imported, or has no such factory.
         """
         if name in BUILT_IN:
             return BUILT_IN[name]

@@ -89,7 +89,7 @@ def degenerate(estimator: Estimator) -> Iterator[Signals]:
 
 
 def held_and_gaps(s: Signals) -> Iterator[Signals]:
-    """Yield two variants of the signals: one with a time at rest, one with gaps in time."""
+    """Yield two variants of the signals: with a time at rest, and with gaps in time."""
     moving = np.ones_like(s.x)
     moving[200:400] = 0.0
     yield Signals(s.x * moving, s.v * moving, s.f * moving, s.dt, s.further)

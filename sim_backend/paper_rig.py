@@ -51,7 +51,7 @@ DEPTH = {
     "mimic": {"soft": 15.5e-3, "medium": 6.5e-3, "hard": 1.3e-3},
     "autonomous": {"soft": 10.3e-3, "medium": 4.3e-3, "hard": 0.86e-3},
 }
-"""Intended depth of palpation [m], by condition and cube."""
+"""Intended depth of palpation [m], by control condition and cube."""
 
 
 @dataclass(frozen=True)

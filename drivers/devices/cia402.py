@@ -231,7 +231,7 @@ class Cia402(CanDevice, VelocityDrive):
         return self._answered
 
     def rearm(self) -> None:
-        """Clear the error, unless the drive has lost its set-up."""
+        """Clear the error, unless the drive no longer has its set-up."""
         self.error = self._lost
 
     def enable(self) -> bool:
@@ -242,7 +242,7 @@ class Cia402(CanDevice, VelocityDrive):
         Raises
         ------
         RigError
-            The drive has lost its set-up.
+            The drive no longer has its set-up.
         """
         assert self._bus
         if self._lost:

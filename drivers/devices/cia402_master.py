@@ -11,7 +11,7 @@ from drivers.transports.can_bus import CanBus
 NODE = 127
 """Node id of the controller."""
 LONGEST = 8e-3
-"""Time without a SYNC after which `keep_sampling` sends one [s]."""
+"""Time without a SYNC after which `keep_sampling` sends a SYNC [s]."""
 
 
 class Master:

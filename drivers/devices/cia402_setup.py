@@ -41,7 +41,7 @@ QUICK_STOP_IF_MASTER_LOST = 3
 RAMP_THEN_DISABLE = 2
 """Value of object 605Ah: decelerate on the quick stop ramp, then go to switch on disabled."""
 KEEP_NMT_STATE = 1
-"""Value of object 1029h: after a communication error, keep the NMT state and go on sending."""
+"""Value of object 1029h: after a communication error, keep the NMT state and continue to send."""
 EVERY_SYNC = 1
 """Transmission type of a PDO: at every SYNC."""
 VELOCITY_UNITS = {"counts_per_s": 0x00B50300, "rpm": 0x00B44700}

@@ -114,7 +114,7 @@ class CanBus(Bus):
     def poll(self) -> None:
         """Pass each received frame to the function attached for its identifier.
 
-        The arrival time is the time stamp of the frame if the interface gives one. Otherwise it is
+        The arrival time is the time stamp that the interface gives. Without a time stamp, it is
         estimated by the mean of the times of this reading and of the previous reading.
 
         Raises

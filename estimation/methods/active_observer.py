@@ -35,7 +35,7 @@ class ActiveObserver(RandomWalkKalman):
     model
         Model that defines the regressors phi. The regressor 1 of p is not part of the model.
     correlation
-        Number of samples per independent sample of the force noise, see `LinearGainEstimator`.
+        Number of samples per independent value of the force noise, see `LinearGainEstimator`.
 
     Raises
     ------

@@ -17,7 +17,7 @@ SINGULAR = 1e-10
 If a fraction is smaller, the window does not determine all parameters.
 """
 SMALLEST_SQUARES = 1e-60
-"""Sum of squares below which a regressor counts as zero."""
+"""Sum of squares below which a regressor is treated as zero."""
 LONGEST = 1_000_000
 """Largest number of samples in a window."""
 
@@ -29,7 +29,7 @@ class WindowParameters:
     samples: int
     """Number of samples in a full window."""
     correlation: float
-    """Number of samples per independent sample of the force noise, >= 1."""
+    """Number of samples per independent value of the force noise, >= 1."""
     window: float
     """Length of the window [s]. A longer gap in the data empties the window."""
 
@@ -218,7 +218,7 @@ class BatchWindow(Estimator):
     model
         Model that defines the regressors.
     correlation
-        Number of samples per independent sample of the force noise, see `LinearGainEstimator`.
+        Number of samples per independent value of the force noise, see `LinearGainEstimator`.
 
     Raises
     ------

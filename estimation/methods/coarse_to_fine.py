@@ -42,7 +42,7 @@ class CoarseToFineParameters:
     patience: float
     """The spacing is halved after this time without a best candidate at the edge [s]."""
     correlation: float
-    """Number of samples per independent sample of the force noise, >= 1."""
+    """Number of samples per independent value of the force noise, >= 1."""
     finest_b: float
     """Smallest spacing of b [N s/m]."""
     finest_k: float
@@ -153,9 +153,9 @@ class CoarseToFine(Estimator):
     spacing
         Initial spacing of b [N s/m] and k [N/m]. It has little effect on the result.
     half
-        Number of candidates on either side of the middle one, along each axis.
+        Number of candidates on either side of the middle candidate, along each axis.
     correlation
-        Number of samples per independent sample of the force noise, see `LinearGainEstimator`.
+        Number of samples per independent value of the force noise, see `LinearGainEstimator`.
 
     Raises
     ------

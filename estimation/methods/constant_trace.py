@@ -73,7 +73,7 @@ class ConstantTrace(FactoredEstimator):
     model
         Model that defines the regressors.
     correlation
-        Number of samples per independent sample of the force noise, see `LinearGainEstimator`.
+        Number of samples per independent value of the force noise, see `LinearGainEstimator`.
 
     Raises
     ------

@@ -40,7 +40,7 @@ class DoubleStageParameters:
     v0: float
     """Typical velocity [m/s]."""
     threshold: float
-    """Largest force that counts as no contact [N]."""
+    """Largest force that is treated as no contact [N]."""
     log_x0: float
     """ln x0."""
 
@@ -170,7 +170,7 @@ class DoubleStage(Estimator):
     displacement, velocity
         Typical displacement x0 [m] and velocity v0 [m/s], used for scaling.
     threshold
-        Largest force [N] that counts as no contact, > 0: one or two standard deviations of the
+        Largest force [N] that is treated as no contact, > 0: one or two standard deviations of the
         force noise. A sample with a smaller force, or with x <= 0, does not change the estimate.
 
     Raises

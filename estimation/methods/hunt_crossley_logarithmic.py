@@ -35,9 +35,9 @@ class LogarithmicParameters:
     v0: float
     """Typical velocity [m/s]."""
     threshold: float
-    """Largest force that counts as no contact [N]."""
+    """Largest force that is treated as no contact [N]."""
     correlation: float
-    """Number of samples per independent sample of the force noise, >= 1."""
+    """Number of samples per independent value of the force noise, >= 1."""
     log_x0: float
     """ln x0."""
 
@@ -259,12 +259,12 @@ class Logarithmic(Estimator):
     displacement, velocity
         Typical displacement x0 [m] and velocity v0 [m/s], used for scaling.
     threshold
-        Largest force [N] that counts as no contact, > 0: one or two standard deviations of the
+        Largest force [N] that is treated as no contact, > 0: one or two standard deviations of the
         force noise. A larger threshold causes a bias, because weak forces are then used only if
         noise increases them. A sample with a force below the threshold, or with x <= 0, does not
         change the estimate.
     correlation
-        Number of samples per independent sample of the force noise, see `LinearGainEstimator`.
+        Number of samples per independent value of the force noise, see `LinearGainEstimator`.
 
     Raises
     ------

@@ -39,7 +39,7 @@ class MultiEstimatorParameters:
     b: GridAxis
     k: GridAxis
     correlation: float
-    """Number of samples per independent sample of the force noise, >= 1."""
+    """Number of samples per independent value of the force noise, >= 1."""
 
 
 def step(
@@ -81,7 +81,7 @@ class MultiEstimator(Estimator):
     forgetting_rate
         lambda in (11) [1/s], >= 0. The weight of a squared error decays as e^(-2 lambda t).
     correlation
-        Number of samples per independent sample of the force noise, see `LinearGainEstimator`.
+        Number of samples per independent value of the force noise, see `LinearGainEstimator`.
     own
         Additional parameters of the step of a subclass, by name.
 
@@ -125,7 +125,7 @@ class MultiEstimator(Estimator):
         return np.maximum(signal + 2.0 * b * k * s.vx, 0.0)
 
     def ties(self, margin: float) -> Floats:
-        """Return the candidates whose monitoring signal is near the smallest one.
+        """Return the candidates whose monitoring signal is near the smallest monitoring signal.
 
         Parameters
         ----------

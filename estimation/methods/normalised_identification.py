@@ -95,14 +95,14 @@ class NormalisedIdentification(LinearGainEstimator):
         Rate [1/s] at which the parameters converge.
     sizes
         Typical root mean square of each regressor, [m/s] for v, [m] for x. The order of
-        magnitude is sufficient: a mean square of 0.1 to 100 times the typical one is fully
-        compensated.
+        magnitude is sufficient: a mean square of 0.1 to 100 times the typical mean square is
+        fully compensated.
     memory
         Time constant [s] of the mean squares.
     model
         Model that defines the regressors.
     correlation
-        Number of samples per independent sample of the force noise, see `LinearGainEstimator`.
+        Number of samples per independent value of the force noise, see `LinearGainEstimator`.
 
     Raises
     ------

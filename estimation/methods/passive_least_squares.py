@@ -148,7 +148,7 @@ class PassiveLeastSquares(FactoredEstimator):
     model
         Model that defines the regressors.
     correlation
-        Number of samples per independent sample of the force noise, see `LinearGainEstimator`.
+        Number of samples per independent value of the force noise, see `LinearGainEstimator`.
 
     Raises
     ------

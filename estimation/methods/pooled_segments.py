@@ -25,7 +25,7 @@ class SegmentParameters:
     length: float
     """Length of a segment [s]."""
     correlation: float
-    """Number of samples per independent sample of the force noise, >= 1."""
+    """Number of samples per independent value of the force noise, >= 1."""
 
 
 @dataclass(slots=True)
@@ -171,7 +171,7 @@ class PooledSegments(Estimator):
         Length of a segment [s], about one period of the motion. b and k must be distinguishable
         from the motion in one segment.
     correlation
-        Number of samples per independent sample of the force noise, see `LinearGainEstimator`.
+        Number of samples per independent value of the force noise, see `LinearGainEstimator`.
 
     Raises
     ------
@@ -202,7 +202,7 @@ class PooledSegments(Estimator):
 
     @property
     def correlation(self) -> float:
-        """Number of samples per independent sample of the force noise, >= 1.
+        """Number of samples per independent value of the force noise, >= 1.
 
         A new value applies from the next sample on.
 

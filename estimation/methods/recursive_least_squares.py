@@ -65,7 +65,7 @@ class RecursiveLeastSquares(FactoredEstimator):
     model
         Model that defines the regressors.
     correlation
-        Number of samples per independent sample of the force noise, see `LinearGainEstimator`.
+        Number of samples per independent value of the force noise, see `LinearGainEstimator`.
     guess_variance
         Variance of the error of the initial guess theta = 0, in the units of the initial
         covariance. It has an effect only on the standard deviations. Give it if the initial

@@ -236,7 +236,7 @@ class FactoredEstimator(LinearGainEstimator):
     model
         Model that defines the regressors.
     correlation
-        Number of samples per independent sample of the force noise, see `LinearGainEstimator`.
+        Number of samples per independent value of the force noise, see `LinearGainEstimator`.
     guess_variance
         Variance of the error of the initial guess. Default: the initial covariance.
     own

@@ -48,7 +48,7 @@ class CanWire(Wire):
         return min((device.due() for device in self.devices), default=math.inf)
 
     def serve(self, now: float) -> None:
-        """Pass the CAN frames of the host to the devices, and those of each device to all others.
+        """Pass CAN frames of the host to all devices, and frames of a device to all other devices.
 
         The host receives the frames of all devices, changed by the fault if there is one.
         """
