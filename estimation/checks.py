@@ -29,7 +29,7 @@ def is_valid(dt: float, size: float) -> bool:
 
 
 def sample_error(dt: float, further: Sequence[float] = (), **values: float) -> ValueError:
-    """Return the error for a sample that is not valid, with its values by name."""
+    """Return the ValueError for an invalid sample. The message contains the values by name."""
     values |= {f"further[{i}]": value for i, value in enumerate(further)}
     got = ", ".join(f"{name}={value!r}" for name, value in values.items())
     return ValueError(

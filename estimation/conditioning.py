@@ -25,7 +25,7 @@ uses the same ratio. A smaller bandwidth removes more noise.
 SETTLED_FIRST, SETTLED_SECOND = 4.605, 6.638
 """Time after which the error of a step response is 1 %, in time constants.
 
-The first value is that of a first-order lag, the second that of a critically damped filter of
+The first value is for a first-order lag, the second value is for a critically damped filter of
 second order.
 """
 

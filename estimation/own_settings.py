@@ -13,7 +13,7 @@ from estimation.methods.grid import Grid
 
 @dataclass(frozen=True)
 class OwnSettings:
-    """Settings of one estimator that replace those of the preset.
+    """Settings of one estimator that replace settings of the preset.
 
     None keeps the value of the preset. Units and ranges are those of `MethodSettings`.
     """

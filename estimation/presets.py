@@ -18,7 +18,7 @@ from estimation.own_settings import OwnSettings, with_own_settings
 from estimation.registry import METHODS, PAPER, named_estimators
 
 GATE = GateSettings(force=0.1, speed=2e-3, window=0.02)
-"""Thresholds of the default gate, for palpation by hand."""
+"""Settings of the default contact gate, for palpation by hand."""
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class Preset(MethodSettings):
     """
 
     gate: GateSettings | None = GATE
-    """Thresholds of the gate, which does not apply to the paper's estimators; None for no gate."""
+    """Settings of the contact gate; None for no gate. No effect on the paper's estimators."""
     estimators: tuple[str, ...] = PAPER
     """Names of the estimators; they are keys of `METHODS`."""
     own: Mapping[str, OwnSettings] = field(default_factory=dict)

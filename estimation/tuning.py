@@ -21,7 +21,7 @@ TRACE = 2.2e-4
 
 The settling time is 0.29 s, and 0.30 s for 0.8 times this value. Let q = phi_i^2 P0_i be the square
 of a scaled regressor. With c1 = m (1 - beta) / q, `rls_trace` forgets as fast as `rls`. At the
-typical sizes of a preset q is 1e4, so with this value it forgets 2.2 times as fast.
+typical sizes of a preset q is 1e4. With this value, `rls_trace` then forgets 2.2 times as fast.
 """
 PASSIVE_FORGETTING = 1.25
 """Forgetting factor of `passive`, as an exponent of the preset's forgetting factor.

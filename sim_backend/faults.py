@@ -165,7 +165,7 @@ class FaultyRig(Rig):
     def write(self, command: Command) -> Command:
         """Send the command, changed by the fault, to the drives; return the unchanged command.
 
-        Before the drives are enabled, a command to stand still is sent and returned.
+        Before the drives are enabled, zero velocity is sent and returned instead.
         """
         if not self._enabled:
             return self.rig.write(STANDSTILL)

@@ -30,7 +30,7 @@ ARM = Arm(stiffness=400.0, damping=12.0)
 TREMOR_AMPLITUDE = 0.1e-3
 """Amplitude of each of the three tremor components of the intended motion [m]."""
 MOVED = 0.35
-"""Handle position above which the handle moves by itself, not by the waiting hand, per depth.
+"""Handle position, divided by the depth, above which the rig and not the hand moves the handle.
 
 The hand waits at 0.1 of the depth. Its tremor moves the handle by at most 0.1 mm, less than a tenth
 of the smallest depth of the paper.

@@ -70,7 +70,7 @@ class Identity(NamedTuple):
 
     sequence: int
     time: int
-    """Time of the board's clock [us]."""
+    """Time of the answer on the board's clock [us]."""
     version: int
     """Version of the protocol."""
     firmware: tuple[int, int] = (0, 0)
@@ -87,7 +87,7 @@ class Configured(NamedTuple):
 
     sequence: int
     time: int
-    """Time of the board's clock [us]."""
+    """Time of the answer on the board's clock [us]."""
     watchdog: int
     """Watchdog time [ms]."""
     sample_rate: int
@@ -99,7 +99,7 @@ class Sample(NamedTuple):
 
     sequence: int
     time: int
-    """Time of the board's clock [us]."""
+    """Time of the measurements on the board's clock [us]."""
     state: int
     """One of `State`."""
     axes: int

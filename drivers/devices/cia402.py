@@ -220,7 +220,7 @@ class Cia402(CanDevice, VelocityDrive):
             self._fail("the fault is not cleared by a reset")
 
     def ping(self) -> bool:
-        """Send a SYNC, which the drive answers with TPDO1; return False before the set-up."""
+        """Send a SYNC, which the drive answers with TPDO1. Before the set-up, return False."""
         if self._bus and self._running:
             self._answered = False
             self._master.synchronise(self._bus)

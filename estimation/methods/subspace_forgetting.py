@@ -18,7 +18,7 @@ from estimation.model import KELVIN_VOIGT, Model
 from estimation.step import Regressors, below
 
 LEAST = 1e-100
-"""Smallest square of a threshold."""
+"""Lower limit of epsilon, the square of the threshold."""
 
 
 @dataclass(frozen=True, slots=True)

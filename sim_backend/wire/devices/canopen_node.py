@@ -211,7 +211,7 @@ class CanopenNode(EmulatedCanDevice):
             self._errors.clear()
 
     def emergency(self, code: int, register: int) -> None:
-        """Send an EMCY frame if the node is (pre-)operational. Code 0 is the end of all errors."""
+        """Send EMCY if the node is (pre-)operational. Code 0: all errors have ended."""
         self.objects[0x1001, 0].value = register
         if self.nmt in (PRE_OPERATIONAL, OPERATIONAL):
             self._send(
