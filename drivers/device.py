@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class Sample(NamedTuple):
-    """Value of a signal, in its unit, and its sampling time on the controller's clock [s]."""
+    """Value of a signal, in its unit, and time of sampling [s], on the controller's clock."""
 
     value: float
     time: float
@@ -93,7 +93,8 @@ class Device(ABC):
     Attributes
     ----------
     samples
-        Latest sample of each signal, by the name of the signal; `NO_SAMPLE` before the first.
+        Latest sample of each signal, by the name of the signal. Before the first sample, it is
+        `NO_SAMPLE`.
     error
         Error that the device reports, as text; empty for none.
     emergency_stop
@@ -164,7 +165,7 @@ class Device(ABC):
 
 
 class SerialDevice(Device):
-    """A device that is the only one on its serial port."""
+    """A device on a serial port that no other device uses."""
 
     @abstractmethod
     def start(self, port: SerialPort) -> None:

@@ -7,26 +7,26 @@ import math
 DRIFT = 100e-6
 """Largest relative drift between the crystal clocks of the device and of this computer [s/s]."""
 WRAP = 1 << 32
-"""Number of values of a time stamp; a larger time stamp starts at zero again."""
+"""Number of different time stamps; after the last value, time stamps start at zero again."""
 MICROSECOND = 1e-6
 
 
 class DeviceClock:
     """Conversion of a device's time stamps, 32-bit microseconds, to the controller's clock.
 
-    A sample is always taken before the port is read. The time of the reading minus the newest
-    time stamp in the data is therefore the offset between the two clocks plus the age of the
-    newest sample, and this age is positive. The same is true for the mean of the times of two
-    successive readings minus the mean of their newest time stamps, also after a delay of the
-    controller or of the device. The minimum of these differences (lower envelope) is the offset
-    plus the smallest age. From one reading to the next, the minimum may increase by the largest
-    drift between two crystal clocks, `DRIFT`.
+    A sample is always taken before the port is read. The difference between the time of the
+    reading and the newest time stamp in the data is therefore the offset between the two clocks
+    plus the age of the newest sample. This age is positive. The same is true for the means of
+    two successive readings, also after a delay of the controller or of the device: the mean of
+    the times minus the mean of the newest time stamps. The minimum of these differences (lower
+    envelope) is the offset plus the smallest age. From one reading to the next, the minimum may
+    increase by the largest drift between two crystal clocks, `DRIFT`.
 
     A converted time is therefore never too early. It is too late by the smallest age, which is
     the smallest latency, well below 1 ms on USB, plus at most one sample period. The computed age
     of a sample that arrived just before the reading can therefore be negative, by up to half a
-    sample period. A sample that was delayed, for example in a queue, does not change the minimum:
-    its age is larger by the delay.
+    sample period. A sample that was delayed, for example in a queue, does not change the minimum,
+    because the delay makes its age larger.
 
     If the clock of a device is slow by more than `DRIFT`, for example because the device has no
     crystal, the error of the converted times increases steadily.
@@ -46,7 +46,7 @@ class DeviceClock:
         newest
             Newest time stamp in the data of this reading [us].
         now
-            Mean of the times of this reading and of the previous one [s].
+            Mean of the times of this reading and of the previous reading [s].
         """
         stamp = self._continued(newest)
         before = stamp if self._newest is None else self._newest

@@ -1,4 +1,4 @@
-"""Reads regular files only. To read a FIFO or a device file may never end, so it is an error."""
+"""Reading of regular files only. FIFOs and device files are errors: reading them may never end."""
 
 from __future__ import annotations
 
@@ -54,15 +54,15 @@ def read_input(path: Path, largest: int = LARGEST) -> bytes:
 
 
 def check_regular(mode: int) -> None:
-    """Raise OSError unless a file mode is that of a regular file."""
+    """Raise OSError if a file mode (`st_mode`) is not the mode of a regular file."""
     if not stat.S_ISREG(mode):
         kind = next((kind for is_one, kind in KINDS if is_one(mode)), "special file")
         raise OSError(errno.EINVAL, f"expected a file, this is a {kind}")
 
 
 def without_waiting(path: str, flags: int) -> int:
-    """Open a file without waiting for the writer of a FIFO; for the argument `opener` of `open`.
+    """Open a file without waiting, also a FIFO that has no writer; return the file descriptor.
 
-    The result is a file descriptor.
+    This function is used as the argument `opener` of `open`.
     """
     return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))

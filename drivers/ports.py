@@ -48,7 +48,7 @@ An interface whose library is not installed finds no buses.
 
 
 def description(config: can.typechecking.AutoDetectedConfig) -> str:
-    """Return the properties that python-can found of a bus, except interface and channel."""
+    """Return the properties that python-can gives for a bus, except interface and channel."""
     known = {k: v for k, v in config.items() if k not in ("interface", "channel")}
     return ", ".join(f"{name} {value}" for name, value in known.items())
 

@@ -1,4 +1,4 @@
-"""Texts for the problems of a file: those of its TOML syntax, and those that pydantic finds."""
+"""Texts for the problems of a file: errors in its TOML syntax, and errors that pydantic finds."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from typing import Any
 
 PLACE = re.compile(r" \(at (?:line (\d+), column (\d+)|end of document)\)$")
-"""End of a message of `tomllib` with the place of the problem."""
+"""Pattern of the line and column at the end of an error message of `tomllib`."""
 LONGEST_INPUT = 60
-"""Largest number of characters of a given value in a message."""
+"""Largest number of characters that a message shows of an invalid value."""
 EXPECTED = {
     "bool": "true or false",
     "dataclass": "a table",
@@ -47,7 +47,9 @@ def syntax_problem(error: Exception, text: str) -> str:
 
 
 def value_problem(part: Mapping[str, Any]) -> str:
-    """Return one problem that pydantic found in a value, and the value, without the key.
+    """Return a text with one problem that pydantic found in a value, and with the value.
+
+    The text does not contain the key.
 
     Parameters
     ----------
@@ -78,12 +80,12 @@ def value_problem(part: Mapping[str, Any]) -> str:
 
 
 def tag_name(part: Mapping[str, Any]) -> str:
-    """Return the name of the key that selects one of several kinds of a table."""
+    """Return the name of the key that states the kind of a table."""
     return str(part["ctx"]["discriminator"]).strip("'")
 
 
 def given(value: Any) -> str:
-    """Return a text that states a given value; empty for a table."""
+    """Return a text with the value that a file contains; empty for a table."""
     if isinstance(value, dict):
         return ""
     text = repr(value)

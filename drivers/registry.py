@@ -21,7 +21,7 @@ BUILT_IN = {
     "odrive": "drivers.devices.odrive:ODrive",
     "reaction_force": "drivers.devices.reaction_force:ReactionForceObserver",
 }
-"""Module and name of the class of each kind in this package."""
+"""Module and class name for each kind of device in this package."""
 
 
 def kinds() -> list[str]:

@@ -10,7 +10,7 @@ from typing import Annotated, NamedTuple, Self, get_origin, get_type_hints
 
 
 class RigError(Exception):
-    """A device failed or does not send. The message names the device and what was expected."""
+    """A device failed or sends no data. The message names the device and what was expected."""
 
 
 def reason(error: Exception) -> str:

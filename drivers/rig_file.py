@@ -190,8 +190,8 @@ def validation_problems(error: ValidationError, where: tuple[str, ...]) -> list[
 def reference_problems(rig: RigFile, declared: frozenset[str]) -> Iterator[str]:
     """Yield the problems of the references between sections of a rig file.
 
-    A reference is the name of a bus, device, signal or drive. It is a problem if this part does not
-    exist or is used twice, or if a signal has an unexpected unit.
+    A reference is the name of a bus, device, signal or drive. Problems are: a name that no part of
+    the rig has, a part that is used twice, and a signal with an unexpected unit.
 
     Parameters
     ----------
@@ -267,7 +267,7 @@ def bus_problems(
 def channel_problem(
     name: str, channel: ChannelSettings, devices: Mapping[str, Device]
 ) -> str | None:
-    """Return the problem of the device, the signal or the scale of a channel; None for none."""
+    """Return the problem of a channel's device, signal or scale; None for none."""
     if channel.device not in devices:
         return f"device: {channel.device!r}: expected one of {', '.join(devices)}"
     units = devices[channel.device].signals()
@@ -280,7 +280,7 @@ def channel_problem(
 
 
 def drive_problem(drive: DriveSettings, devices: Mapping[str, Device]) -> str | None:
-    """Return the problem of the device and the drive in a section of a drive; None for none."""
+    """Return the problem of the device or drive that a drive section names; None for none."""
     if drive.device not in devices:
         return f"device: {drive.device!r}: expected one of {', '.join(devices)}"
     if not sole_drive(devices[drive.device], drive.drive):

@@ -265,7 +265,7 @@ class WiredRig(Rig):
 
 
 def make_bus(name: str, file: RigFile, now: Callable[[], float]) -> Bus:
-    """Return the serial port or CAN bus that a rig file describes under a name; it is not open."""
+    """Return the serial port or CAN bus with this name in a rig file. The bus is not yet open."""
     settings = file.sections.buses[name]
     if isinstance(settings, CanSettings):
         return CanBus(

@@ -16,8 +16,8 @@ from estimation.gate import Gate
 class Bank(Mapping[str, Estimator]):
     """Named estimators that process the same samples.
 
-    An estimator whose model has further regressors uses all regressors of a sample. An estimator
-    with the Kelvin-Voigt model uses v and x only.
+    A sample may have regressors besides v and x. An estimator with the Kelvin-Voigt model uses v
+    and x only. An estimator with another model uses all regressors of the sample.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ class Bank(Mapping[str, Estimator]):
     Raises
     ------
     ValueError
-        There is no estimator, or two models have different further regressors.
+        There is no estimator, or two estimators have different models, both not Kelvin-Voigt.
 
     Examples
     --------

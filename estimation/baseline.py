@@ -1,12 +1,13 @@
 """Baselines: the part of a signal that is slower than the palpation.
 
 A baseline is a sum of the cosines cos(pi j (t - t0) / T), j = 0 ... m, and of a parabola. The
-highest frequency of the cosines is m / (2 T). Their slope is zero at both ends of the record; that
-of a drift is not, so that the coefficients of a drift decrease as 1 / j^2 only, and a part of it
-has the frequency of the palpation. The parabola takes up the slopes at the ends, and the
-coefficients of the rest decrease as 1 / j^4 (Lanczos). If these terms are among the regressors of a
-fit, a slow drift of force and position does not affect the other parameters (Frisch and Waugh). The
-information in the slow part of the motion is lost.
+highest frequency of the cosines is m / (2 T). The slope of a cosine is zero at both ends of the
+record, but the slope of a drift is not. With cosines only, the coefficients of a drift therefore
+decrease as 1 / j^2, and a part of the drift remains at the frequency of the palpation. The parabola
+has the slopes of the drift at the ends. The cosine coefficients of the remaining drift decrease as
+1 / j^4 (Lanczos). If the cosines and the parabola are among the regressors of a fit, a slow drift
+of force and position does not affect the other parameters (Frisch and Waugh). The information in
+the slow part of the motion is lost.
 
 References
 ----------
@@ -25,18 +26,18 @@ from scipy.fft import dct
 from estimation.compiled import Floats
 
 BELOW = 0.6
-"""Upper limit of the frequencies in a baseline, relative to the lower end of the band in which the
+"""Highest frequency of a baseline, divided by the lower end of the frequency band in which the
 force follows the displacement."""
 MOST = 300
 """Largest number of cosines. It limits the highest frequency of a baseline in a long record."""
 FEWEST_CYCLES = 3.0
-"""Smallest number of periods of the lower end of the band in a record with a baseline."""
+"""Smallest length of a record with a baseline, in periods of the lower end of the band."""
 
 
 def baseline_order(low: float, seconds: float) -> int:
     """Return the number m of cosines of a baseline, not counting the constant.
 
-    It is 0 if the record has fewer than `FEWEST_CYCLES` periods of the frequency `low`.
+    m is 0 if the record is shorter than `FEWEST_CYCLES` periods of the frequency `low`.
 
     Parameters
     ----------
@@ -66,7 +67,7 @@ def cosines(t: Floats, start: float, seconds: float, order: int) -> Floats:
 
 
 def baseline_regressors(t: Floats, start: float, seconds: float, order: int) -> Floats:
-    """Return the regressors of a baseline in a fit that has the palpation among its regressors.
+    """Return the baseline regressors for a fit whose other regressors describe the palpation.
 
     Parameters
     ----------
@@ -87,12 +88,13 @@ def baseline_regressors(t: Floats, start: float, seconds: float, order: int) -> 
 def without_baseline(values: Floats, order: int) -> Floats:
     """Return the values minus their least-squares baseline, shape (n,).
 
-    This baseline has no parabola, which would follow the palpation at the ends of the record.
+    This baseline has no parabola, because a parabola would follow the palpation at the ends of the
+    record.
 
     On evenly spaced samples the products of the cosines with the values are a discrete cosine
-    transform (DCT-I). The products of the cosines with each other are those of an orthogonal basis,
-    except that the first and the last sample count whole instead of half. The time is therefore
-    proportional to n log n, and the memory to n, for every `order`.
+    transform (DCT-I). The cosines would be orthogonal if the first and the last sample had half
+    weight. Here these two samples have full weight, which is a small correction. The computing time
+    is therefore proportional to n log n, and the memory to n, for every `order`.
 
     Parameters
     ----------

@@ -1,9 +1,10 @@
 """Least-squares fits that all have the same baseline among their regressors.
 
 The regressors of a fit are a baseline B of many columns, which is the same in every fit, and a few
-columns X of their own. The part of X and f that is orthogonal to B gives the parameters of X and
-the residual (Frisch, Waugh and Lovell). B is therefore decomposed once. A fit of m columns beyond a
-baseline of p columns then takes a time proportional to n m p instead of n (m + p)^2.
+columns X, which differ between the fits. The parameters of X and the residual are computed from the
+parts of X and f that are orthogonal to B (Frisch, Waugh and Lovell). B is decomposed only once. A
+fit of m columns X with a baseline of p columns then takes a time proportional to n m p instead of
+n (m + p)^2.
 
 References
 ----------
@@ -21,7 +22,7 @@ from estimation.compiled import Floats
 from estimation.robust_error import RobustFit, robust_fit
 
 RANK = 1e-10
-"""Singular value below which a direction counts as zero, relative to the largest."""
+"""Smallest singular value that is not treated as zero, relative to the largest singular value."""
 
 
 class BaselineFits:
@@ -51,7 +52,10 @@ class BaselineFits:
         self.rest = f - self.orthogonal @ self.along
 
     def fit(self, columns: Floats) -> RobustFit:
-        """Return the fit with further regressors, shape (n, m); the baseline's are the first."""
+        """Return the fit with the regressors `columns` besides the baseline, shape (n, m).
+
+        The parameters of the baseline are the first parameters of the fit.
+        """
         q = self.orthogonal
         along = q.T @ columns
         beyond = columns - q @ along
@@ -70,7 +74,8 @@ class BaselineFits:
 class Inverse:
     """The operator (Z' Z)^-1 Z' of the regressors Z = [B, X], of p + m rows and n columns.
 
-    It is multiplied from the left only, and its p + m rows are not stored.
+    Only the product of a vector or a matrix and this operator is computed. The p + m rows of the
+    operator are not stored.
 
     Parameters
     ----------
@@ -79,7 +84,7 @@ class Inverse:
     along
         Components of X along the orthogonal basis of the baseline, shape (p, m).
     own
-        Fit of X beyond the baseline.
+        Fit with the part of X that is orthogonal to the baseline.
     """
 
     __array_ufunc__ = None  # numpy then leaves the product to __rmatmul__
@@ -104,7 +109,7 @@ class Inverse:
 
 
 class FitWithBaseline(RobustFit):
-    """A fit of `BaselineFits`; `inverse` is an `Inverse`, `regressors` has no baseline."""
+    """A fit of `BaselineFits`. `inverse` is an `Inverse`. `regressors` are without the baseline."""
 
     __slots__ = ()
 

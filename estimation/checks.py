@@ -29,7 +29,7 @@ def is_valid(dt: float, size: float) -> bool:
 
 
 def sample_error(dt: float, further: Sequence[float] = (), **values: float) -> ValueError:
-    """Return the error for a sample that is not valid, with its values by name."""
+    """Return the ValueError for an invalid sample. The message contains the values by name."""
     values |= {f"further[{i}]": value for i, value in enumerate(further)}
     got = ", ".join(f"{name}={value!r}" for name, value in values.items())
     return ValueError(
@@ -91,6 +91,6 @@ def positive_values(name: str, values: Sequence[float], model: Model) -> tuple[f
 
 
 def check_correlation(correlation: float) -> None:
-    """Raise ValueError unless the number of samples per independent noise sample is >= 1."""
+    """Raise ValueError unless the number of samples per independent value of the noise is >= 1."""
     if not 1.0 <= correlation < math.inf:
         raise ValueError(f"correlation must be at least 1, got {correlation}")

@@ -9,8 +9,8 @@ the power spectrum of the force.
 - The lower end of the band is computed from w^2 C S_ff, the power of the time derivative of the
   force, in which a slow baseline is small.
 - The centre and the upper end are computed from w C S_ff. The factor w is a compromise: in a
-  ramp-and-hold motion, the largest part of C S_ff is that of the holds, and the largest part of
-  w^2 C S_ff is that of the corners.
+  ramp-and-hold motion, most of C S_ff is due to the holds, and most of w^2 C S_ff is due to the
+  corners of the motion.
 
 C is estimated by Thomson's multitaper method. This method does not divide the record into segments.
 For a record of length T, its frequency resolution is 4 / T. A frequency bin is used if its
@@ -34,10 +34,10 @@ from estimation.compiled import Floats
 TAPERS = 7
 """Number of tapers; the time-bandwidth product is (TAPERS + 1) / 2."""
 COHERENT = (0.9, 0.5)
-"""Smallest coherence of a bin that is used; the second value if no bin reaches the first.
+"""Smallest coherence of a bin that is used. The second value applies if no bin reaches the first.
 
-The estimated coherence of independent signals exceeds c in a bin with the probability
-(1 - c)^(TAPERS - 1), which is 1e-6 and 0.016 for these values.
+In a bin, the estimated coherence of independent signals is larger than c with the probability
+(1 - c)^(TAPERS - 1). This probability is 1e-6 for the first value and 0.016 for the second.
 """
 ABOVE_NOISE = 10.0
 """Smallest power of the force in a bin that is used, relative to the noise power.
@@ -45,9 +45,10 @@ ABOVE_NOISE = 10.0
 The noise power is the median power of the upper half of the bins.
 """
 MOST_SAMPLES = 1 << 16
-"""Number of samples above which averages over blocks of samples are used instead of samples."""
+"""Largest number of samples that is used without averaging. A longer record is averaged in blocks.
+"""
 LOWEST, HIGHEST = 0.005, 0.95
-"""Fractions of the power below the lower end and below the upper end of the band."""
+"""Fraction of the power below the lower end of the band, and below the upper end of the band."""
 
 
 class CoherentBand(NamedTuple):

@@ -45,26 +45,26 @@ class Samples(NamedTuple):
 
 
 class Law(NamedTuple):
-    """A step function together with its constant settings."""
+    """A step function and the values of its constant settings."""
 
     step: Step
     parameters: Any
 
 
 class CompilationChoice:
-    """Chooses between interpreted and compiled code, which has to be loaded first.
+    """Choice between interpreted code and compiled code. Compiled code needs numba.
 
-    numba is loaded when the samples that would have been faster with it have taken as long as its
-    loading. The total time is therefore at most twice that of the best choice in hindsight (the
-    ski rental problem).
+    numba is loaded when the time spent on interpreted samples is equal to the loading time of
+    numba. Short arrays of samples do not count. The total time is therefore at most twice the
+    time of the best choice, which could be known only afterwards (ski rental problem).
     """
 
     def __init__(self) -> None:
         self.interpreted = 0
-        """Number of samples that were interpreted, of all steps together."""
+        """Number of interpreted samples, summed over all steps."""
 
     def is_compiled(self, samples: int) -> bool:
-        """Return whether a step is applied to this number of samples as compiled code."""
+        """Return whether compiled code is used for this number of samples."""
         if samples < WORTH_LOADING_STEP or not find_spec("numba"):
             return False
         if "numba" in sys.modules:
@@ -74,14 +74,14 @@ class CompilationChoice:
 
 
 choice = CompilationChoice()
-"""The choice for this process."""
+"""The choice between interpreted and compiled code in this process."""
 
 
 def sweep(law: Law, state: State, samples: Samples) -> Floats:
-    """Apply a step to n samples: return the estimate after each, and update the state in place.
+    """Apply a step to n samples. Return the estimate after each sample, and change the state.
 
-    Compiled and interpreted results are identical to the bit: both run the same operations in
-    the same order, without fused multiply-add.
+    The state is updated in place. Compiled and interpreted results are identical to the bit: both
+    do the same operations in the same order, without fused multiply-add.
 
     Returns
     -------
@@ -127,15 +127,16 @@ def compiled_sweep(law: Law, state: State, samples: Samples) -> Floats:
 
 
 interpreted = cache(own_copy)
-"""Function that returns a copy of a step for the interpreter; one copy is made of each step."""
+"""Function that returns the copy of a step for the interpreter. Each step is copied only once."""
 
 
 @cache
 def compiled(step: Step, regressors: int) -> Callable[..., None]:
     """Return a compiled function that calls a step for each sample.
 
-    Its arguments are those of `_template`: records of one set of parameters and of one state, the
-    arrays of `Samples`, and the table of estimates, which the function fills (see `sweep`).
+    The compiled function has the arguments of `_template`: a record of the parameters, a record of
+    the state, the arrays of `Samples`, and the table of estimates. It writes the estimates into
+    this table (see `sweep`).
 
     Parameters
     ----------
@@ -174,10 +175,10 @@ def looped(
     Parameters
     ----------
     loop
-        Function of the constants, the inputs and the outputs, which it fills. It obeys the rules of
-        a step (`estimation.step`).
+        Function with the arguments constants, inputs and outputs. It writes the outputs. It follows
+        the rules of a step (`estimation.step`).
     constants
-        Numbers.
+        Numbers that are the same for all samples.
     inputs, outputs
         Arrays, each of shape (n,).
     """
@@ -203,7 +204,7 @@ def compiled_loop(loop: Callable[..., None]) -> Callable[..., None]:
 
 @cache
 def compiled_below() -> object:
-    """Return the object that replaces `step.below` in compiled code; item n is `range(n)`."""
+    """Return the object that replaces `step.below` in compiled code. Its item n is `range(n)`."""
     import operator
 
     from numba.core import types

@@ -38,7 +38,7 @@ def make_conditioner(
     force_lag
         Time constant of the force channel [s]. Only the matched filter compensates it.
     model
-        Model that defines the regressors. Only the matched filter forms regressors other than
+        Model that defines the regressors. Only the matched filter computes regressors other than
         velocity and displacement.
 
     Raises

@@ -18,14 +18,14 @@ from estimation.model import KELVIN_VOIGT, Model
 BANDWIDTH = 20.0
 """Default bandwidth of a filter of position and force [Hz].
 
-The motion of palpation by hand is below 2 Hz. The default is ten times this frequency, the same
-ratio that `identify` uses. A smaller bandwidth leaves less noise.
+The motion of palpation by hand is below 2 Hz. The default is ten times this frequency; `identify`
+uses the same ratio. A smaller bandwidth removes more noise.
 `python benchmarks/conditioning.py` compares 10, 20 and 50 Hz.
 """
 SETTLED_FIRST, SETTLED_SECOND = 4.605, 6.638
 """Time after which the error of a step response is 1 %, in time constants.
 
-The first value is that of a first-order lag, the second that of a critically damped filter of
+The first value is for a first-order lag, the second value is for a critically damped filter of
 second order.
 """
 
@@ -90,7 +90,7 @@ class Conditioner(ABC):
         """Process a sample as in `update`, which has checked the values."""
 
     def correlation(self, dt: float) -> float:
-        """Return the number of samples, `dt` [s] apart, per independent sample of force noise."""
+        """Return the number of samples, `dt` [s] apart, per independent value of force noise."""
         return 1.0
 
     def run(self, x: ArrayLike, f: ArrayLike, dt: ArrayLike) -> Regression:
@@ -214,11 +214,12 @@ class StateVariableFilter(Conditioner):
 
 
 class MatchedFilter(Conditioner):
-    """Apply the same state-variable filter to position and force; compute the velocity from it.
+    """Apply the same state-variable filter to position and force.
 
-    With the filter H, f = b v + k x implies H f = b H v + k H x. So the filter reduces noise
-    without bias in b or k. A delay T of v alone would cause a bias: for motion at the angular
-    frequency w, the estimates would be b / cos(w T) and k - b w tan(w T).
+    The velocity is a state of the filter of the position. With the filter H, f = b v + k x implies
+    H f = b H v + k H x. So the filter reduces noise without bias in b or k. A filter that delays
+    only v, by the time T, would cause a bias: for motion at the angular frequency w, the estimates
+    would be b / cos(w T) and k - b w tan(w T).
 
     If the force channel has a lag, the estimated damping is b - k lag. With `force_lag`, the
     position is filtered by the same lag, which removes this bias.
@@ -230,7 +231,7 @@ class MatchedFilter(Conditioner):
     force_lag
         Time constant of the force channel [s], 0 for none.
     model
-        Model that defines the regressors. Each regressor is formed from the measured position
+        Model that defines the regressors. Each regressor is computed from the measured position
         and force, and is then filtered.
 
     References
@@ -257,7 +258,7 @@ class MatchedFilter(Conditioner):
             part.reset()
 
     def correlation(self, dt: float) -> float:
-        """Return the number of samples, `dt` [s] apart, per independent sample of force noise.
+        """Return the number of samples, `dt` [s] apart, per independent value of force noise.
 
         The equivalent noise bandwidth of this filter is pi/4 times its natural frequency.
         """

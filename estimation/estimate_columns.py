@@ -11,7 +11,7 @@ from estimation.compiled import Floats
 from estimation.estimator import Estimate, Estimates, Estimator, Series
 
 MISFIT = "_misfit"
-"""End of the name of the column with the misfit of an estimator."""
+"""Suffix of the name of a column that contains the misfit of an estimator."""
 
 
 class Column(NamedTuple):
@@ -51,7 +51,7 @@ def misfit_columns(names: Iterable[str]) -> list[Column]:
 
 
 def misfit_in(columns: Mapping[str, Floats], estimator: str) -> Floats:
-    """Return the misfit of an estimator from a table; NaN if it is missing, shape (n,)."""
+    """Return the misfit of an estimator from a table, shape (n,); NaN if the table has none."""
     missing = np.full(len(columns[f"{estimator}_b"]), np.nan)
     return columns.get(f"{estimator}{MISFIT}", missing)
 
@@ -98,8 +98,8 @@ def estimates_in(columns: Mapping[str, Floats], estimator: str) -> Estimates:
 def further_in(columns: Mapping[str, Floats], prefix: str) -> dict[str, Series]:
     """Return the estimates of the parameters besides b and k, by name of the parameter.
 
-    The prefix is the name of the estimator with an underscore. The name of a parameter has no
-    underscore, so `rls_sift_k3` is a column of `rls_sift` and not of `rls`.
+    A column name starts with the name of the estimator and an underscore. The name of a parameter
+    has no underscore. So `rls_sift_k3` is a column of `rls_sift` and not of `rls`.
     """
     names = [name.removeprefix(prefix) for name in columns if name.startswith(prefix)]
     parameters = [name.removesuffix("_std") for name in names if name.endswith("_std")]

@@ -74,7 +74,7 @@ class Estimates(NamedTuple):
     """Estimates of the parameters besides b and k, by name."""
 
     def part(self, samples: slice) -> Estimates:
-        """Return the estimates of some of the samples."""
+        """Return the estimates of some of the samples, given by a slice."""
         further = {name: Series(*(s[samples] for s in series)) for name, series in self[5].items()}
         b, k, b_std, k_std, held = (
             self.b[samples],
@@ -107,7 +107,7 @@ class Estimator(ABC):
     """
 
     gated: ClassVar[bool] = True
-    """Whether the gate of a bank applies, so that theta changes only during contact and motion."""
+    """Whether the contact gate applies: theta changes only during contact and motion."""
     constant: ClassVar[bool] = False
     """Whether the step needs a constant regressor 1 after the regressors of the model."""
 
@@ -164,7 +164,7 @@ class Estimator(ABC):
         return tuple(UNITS[name] for name in self.names)
 
     def note(self, estimates: Estimates) -> str | None:
-        """Return a one-line warning about these estimates of this estimator, or None."""
+        """Return a warning about the estimates in one line; None if there is no warning."""
         return None
 
     def update(
@@ -195,7 +195,7 @@ class Estimator(ABC):
         return self.advance([v, x, *further], f, dt)
 
     def advance(self, phi: list[float], f: float, dt: float) -> Estimate:
-        """Process one sample phi = [v, x, ...], f [N], dt [s] which is valid (`is_valid`)."""
+        """Process one valid sample (`is_valid`): phi = [v, x, ...], f [N] and dt [s]."""
         if self.constant:
             phi = [*phi, 1.0]
         state = self.state
@@ -257,14 +257,14 @@ class Estimator(ABC):
         )
 
     def step_samples(self, samples: Samples) -> Samples:
-        """Return the samples with all regressors of the step: with 1 as last one if `constant`."""
+        """Return the samples with all regressors of the step; if `constant`, the last is 1."""
         if not self.constant:
             return samples
         return samples._replace(phi=np.column_stack((samples.phi, np.ones(len(samples.f)))))
 
     @property
     def law(self) -> Law:
-        """The step function together with its constant settings."""
+        """The step function and the values of its constant settings."""
         return Law(type(self).step, self.parameters)
 
     def check_further(self, count: int) -> None:

@@ -136,12 +136,12 @@ class Excitation:
         return np.asarray(np.maximum(0.0, mean - half) / (mean + half + self.resolution**2))
 
     def _removals(self, periods: list[float], stored: int) -> tuple[NDArray[np.intp], Floats]:
-        """Return how many samples have left the window after each new one, and its lengths [s].
+        """Return, for each new sample, how many samples have left the window, and its length [s].
 
         Parameters
         ----------
         periods
-            Time since the previous sample [s] of the samples in the window and of the new ones.
+            Time since the previous sample [s], for the samples in the window and the new samples.
         stored
             Number of samples in the window.
         """

@@ -22,11 +22,11 @@ from estimation.compiled import Floats
 WIDTHS: dict[str, float] = {"screen": 8.0, "single": 3.5, "double": 7.16, "a4": 6.3}
 """Widths of figures [in]: screen, one and two columns of an IEEE paper, text width of A4."""
 FONTS: dict[str, float] = {"screen": 10.0, "single": 7.0, "double": 8.0, "a4": 9.0}
-"""Sizes of text [pt]."""
+"""Size of the text for each width [pt]."""
 CHOSEN: ContextVar[str] = ContextVar("CHOSEN", default="screen")
 """Name of the width for which figures are drawn at present, see `figure_style`."""
 NARROW = 5.0
-"""Width below which a figure has one column of panels [in]."""
+"""Width below which a figure has only one column of panels [in]."""
 LINES: tuple[dict[str, Any], ...] = (
     {"color": "#0072B2", "linewidth": 2.4, "alpha": 0.75},
     {"color": "#D55E00", "linewidth": 1.2, "marker": "o", "markevery": (0.02, 0.17)},
@@ -57,11 +57,11 @@ BINS = 1000
 
 
 class PageFigure(Figure):
-    """A figure that is drawn once when it is saved, and that a notebook shows.
+    """A figure that is drawn only once when it is saved, and that notebooks can show.
 
-    `Figure.savefig` draws a figure with constrained layout twice. Only the layout of the first
-    drawing is used, so only the layout is computed. A notebook shows the figure also if
-    matplotlib.pyplot was not imported.
+    `Figure.savefig` of matplotlib draws a figure with constrained layout twice. Only the layout of
+    the first drawing is used. This class therefore computes only the layout instead of the first
+    drawing. A notebook shows the figure also if matplotlib.pyplot was not imported.
     """
 
     def draw(self, renderer: RendererBase) -> None:
@@ -80,7 +80,7 @@ class PageFigure(Figure):
 
 @contextlib.contextmanager
 def figure_style(width: str = "screen") -> Iterator[None]:
-    """Within the block, draw figures for a width: for a screen, columns of a paper, or A4."""
+    """Context manager that sets the width of figures: screen, one or two columns, or A4 page."""
     font = FONTS[width]
     parameters: Any = {
         "font.size": font,
@@ -117,7 +117,7 @@ def is_narrow() -> bool:
 
 
 def line(index: int) -> dict[str, Any]:
-    """Return the style of the line with an index; the styles repeat after five lines."""
+    """Return the style of the line with this index; the styles repeat after five lines."""
     style, scale = LINES[index % len(LINES)], 0.65 if is_narrow() else 1.0
     return style | {"linewidth": style["linewidth"] * scale, "markersize": MARKER_SIZE * scale}
 
@@ -156,7 +156,7 @@ def extremes(values: Floats) -> NDArray[np.int_]:
     Parameters
     ----------
     values
-        Samples, shape (n,). All indices are returned for at most three samples per bin.
+        Samples, shape (n,). With at most three samples per bin, all indices are returned.
     """
     n = len(values)
     if n <= 3 * BINS:
@@ -229,7 +229,7 @@ def columns_width(names: Sequence[str], columns: int, font: float) -> float:
 
 
 def explain(axes: Axes, text: str) -> None:
-    """Write a text in the middle of axes that have no line, to say why."""
+    """Write the reason in the middle of axes that have no line."""
     axes.text(
         0.5,
         0.5,

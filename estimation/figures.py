@@ -31,7 +31,7 @@ from estimation.figure_style import (
 )
 
 TOGETHER = len(LINES)
-"""Largest number of estimators in one panel. If there are more, each has panels of its own."""
+"""Largest number of estimators in one panel. If there are more, each estimator has own panels."""
 START = 0.1
 """Share of the time, at the start, that is not used to compute the limits of an axis."""
 TRUTH: dict[str, Any] = {"color": "#444444", "linewidth": 0.9, "linestyle": (0, (10, 3))}
@@ -52,9 +52,9 @@ class Truth(NamedTuple):
 
 
 class Drawn(NamedTuple):
-    """Stiffness and damping of one estimator, and half of their 95 % intervals, in a figure.
+    """Stiffness and damping of one estimator in a figure, and half widths of their 95 % intervals.
 
-    Each has the shape (n,), the unit of its axis, and NaN before the first estimate.
+    Each array has the shape (n,) and the unit of its axis. It is NaN before the first estimate.
     """
 
     k: Floats
@@ -85,7 +85,8 @@ def estimates_figure(
     t, x, v
         Time [s], displacement [m], velocity [m/s], each of shape (n,).
     estimates
-        Estimates by name of the estimator; each of more than `TOGETHER` has panels of its own.
+        Estimates by name of the estimator. If there are more than `TOGETHER` estimators, each
+        estimator has its own panels.
     truth
         True values of the simulated rig; None if they are not known.
     """
@@ -202,7 +203,7 @@ def small_multiples(
 
 
 def drawn(series: Estimates, scale: float) -> Drawn:
-    """Return the estimates of an estimator for a figure, with k multiplied by `scale`."""
+    """Return the estimates of an estimator for a figure, with the stiffness times `scale`."""
     unknown = np.logical_and.accumulate(series.held)
     k, b = (np.where(unknown, np.nan, values) for values in (series.k, series.b))
     k_half, b_half = (
@@ -231,7 +232,7 @@ def draw_truth(
     handles: list[Line2D | Patch],
     names: list[str],
 ) -> tuple[list[Line2D | Patch], list[str]]:
-    """Draw the true stiffness at the surface and at the deepest, and the true damping."""
+    """Draw the true stiffness at the surface and at the greatest depth, and the true damping."""
     if truth is None:
         return handles, names
     for level in {truth.k_surface, truth.k_deepest}:
@@ -246,7 +247,7 @@ def frame(
     shown: Mapping[str, Drawn],
     truth: Truth | None,
 ) -> None:
-    """Set the limits of the axes of k and b, computed without the samples at the start."""
+    """Set the axis limits of stiffness and damping; samples at the start are not used."""
     later = t >= t[0] + START * (t[-1] - t[0])
     k_levels = (0.0, truth.k_surface, truth.k_deepest) if truth else (0.0,)
     limits(panels[0], [one.k[later] for one in shown.values()], k_levels)

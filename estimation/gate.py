@@ -1,4 +1,4 @@
-"""Gate that holds estimates while there is no contact or no motion."""
+"""Contact gate: the estimates do not change while there is no contact or no motion."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from estimation.step import Regressors, State
 
 
 class GateSettings(NamedTuple):
-    """Thresholds of a gate, above which the estimators process a sample."""
+    """Settings of a contact gate, which is open above the thresholds of force and speed."""
 
     force: float
     """Root mean square force [N] above which there is contact."""
@@ -49,10 +49,10 @@ class GateState(State):
 def step(
     parameters: GateParameters, state: GateState, phi: Regressors, f: float, dt: float
 ) -> None:
-    """Update the mean squares of velocity and force. Set `held` if one is below its threshold.
+    """Update the mean squares of velocity and force. Set `held` if one of the two is too small.
 
-    `held` is also set at a sample whose own force is below the threshold of the force. So the gate
-    closes at the first sample out of contact, before the mean square has decayed.
+    `held` is also set if the force of the present sample is below the threshold of the force. So
+    the gate closes at the first sample out of contact, before the mean square has decayed.
     """
     v = phi[0]
     share = dt / (parameters.window + dt)
@@ -72,7 +72,7 @@ class Gate:
     Parameters
     ----------
     settings
-        Force and speed above which the gate is open.
+        Thresholds of force and speed, above which the gate is open, and a time constant.
 
     Raises
     ------

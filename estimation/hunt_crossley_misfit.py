@@ -1,8 +1,8 @@
 """Autocovariance of the force errors of a Hunt-Crossley model over recent blocks of samples.
 
-The force K x^n + B x^n v is not linear in n, so that sums of products of past samples are not
-sufficient for a new estimate (`estimation.misfit`). The means of the recent blocks are kept
-instead, and the errors of all of them are computed for the present estimate.
+The force K x^n + B x^n v is not linear in n. Sums of products of past samples are therefore not
+sufficient for a new estimate (`estimation.misfit`). Instead, the means of the recent blocks are
+stored, and the force errors of all these blocks are computed with the present estimate.
 """
 
 from __future__ import annotations
@@ -35,7 +35,8 @@ class RecentBlocks:
         means
             Means of force [N], velocity [m/s] and displacement [m]; further values are ignored.
         share
-            Weight of the product of this block and the one before; 0 if none was before it.
+            Weight of the product of this block and the previous block; 0 if there is no
+            previous block.
         """
         f, v, x, *_ = means
         self._blocks.append((f, v, x, share))

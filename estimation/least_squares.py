@@ -35,7 +35,7 @@ class Fit(NamedTuple):
         return float(np.mean(np.abs(self.residual)))
 
     def summary(self, names: Iterable[str]) -> dict[str, Any]:
-        """Return the fit as a dictionary for JSON; `names` are those of `further`."""
+        """Return the fit as a dictionary for JSON, with the names of the values in `further`."""
         return {
             "b": self.b,
             "k": self.k,
@@ -46,7 +46,7 @@ class Fit(NamedTuple):
 
 
 def no_fit(samples: int, further: int) -> Fit:
-    """Return a fit of NaN, with the numbers of samples and of further parameters."""
+    """Return a fit whose values are NaN, for a number of samples and of further parameters."""
     return Fit(math.nan, math.nan, np.full(samples, math.nan), (math.nan,) * further)
 
 

@@ -6,10 +6,10 @@ estimate follows e <- (I - L phi') e + L noise, and its covariance is
 
     s C,    C <- (I - L phi') C (I - L phi')' + L L'.                                   (C)
 
-This is valid for every choice of the gain: with forgetting, with a bounded trace, or of a gradient
-method. The covariance P of a method is the covariance of its error only if the assumptions of that
-method are valid; s C is the covariance for all methods (P. S. Maybeck, "Stochastic Models,
-Estimation, and Control", vol. 1, 1979, section 6.8, performance of a filter with any gain).
+This is valid for every gain, for example with forgetting, with a bounded trace, or of a gradient
+method. The matrix P of a method is the covariance of the error only if the assumptions of the
+method are valid. s C is the covariance of the error for all methods (P. S. Maybeck, "Stochastic
+Models, Estimation, and Control", vol. 1, 1979, section 6.8, performance of a filter with any gain).
 
 The force error f - phi' theta then has the variance s (1 + phi' C phi), from which s is estimated.
 A force error has less weight in this estimate if the error of the initial guess dominates, or if
@@ -51,7 +51,7 @@ class LinearGainParameters:
     """Constant settings of the function `correct`."""
 
     correlation: float
-    """Number of samples per independent sample of the force noise, >= 1."""
+    """Number of samples per independent value of the force noise, >= 1."""
 
 
 @dataclass(slots=True)
@@ -162,7 +162,7 @@ class LinearGainEstimator(Estimator):
     ----------
     parameters, initial_state, model
         As in `Estimator`. The field `correlation` of the parameters is the number of samples per
-        independent sample of the force noise. It is 1 for white noise. It is r / 2B if the noise
+        independent value of the force noise. It is 1 for white noise. It is r / 2B if the noise
         is filtered by a low-pass of noise bandwidth B [Hz] and sampled at the rate r [Hz].
 
     Raises

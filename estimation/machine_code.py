@@ -1,7 +1,8 @@
-"""Compilation with numba, whose result is stored on disk for later processes.
+"""Compilation with numba. The compiled code is stored on disk for later processes.
 
-numba stores compiled code in the folder `NUMBA_CACHE_DIR` if that variable is set, else beside the
-source, else, if the installation cannot be written, in the user's cache folder.
+If the environment variable `NUMBA_CACHE_DIR` is set, it is the folder of the compiled code.
+Otherwise numba stores the compiled code beside the source. If that folder is read-only, numba uses
+the user's cache folder.
 """
 
 from __future__ import annotations
@@ -15,13 +16,13 @@ from typing import Any
 
 
 def machine_code(function: FunctionType) -> Callable[..., Any]:
-    """Return a compiled function; it is compiled in every process if no cache can be written.
+    """Return a compiled function. If no cache can be written, every process compiles it again.
 
     Parameters
     ----------
     function
-        The function. Its qualified name identifies it in the cache, and therefore has to change
-        with the source of the function and of all functions that it calls.
+        The function. Its qualified name identifies it in the cache. The name must therefore change
+        when the source of the function, or of a function that it calls, changes.
     """
     import numba
 
@@ -39,7 +40,7 @@ def machine_code(function: FunctionType) -> Callable[..., Any]:
 def called_by_machine_code(function: FunctionType) -> Any:
     """Return a compiled function that only compiled functions call.
 
-    It has no wrappers for other callers, which take a quarter of the time of the compilation.
+    It has no wrappers for other callers. Wrappers would take a quarter of the compilation time.
     """
     import numba
 
@@ -55,6 +56,6 @@ def is_stored(compiled: Any) -> bool:
 
 @cache
 def announce() -> None:
-    """Print that code is compiled, once per process and only to a terminal."""
+    """Print a message about the compilation, once per process and only to a terminal."""
     if sys.stderr and sys.stderr.isatty():
         print("compiling estimators; later runs use the compiled code", file=sys.stderr)

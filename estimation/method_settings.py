@@ -38,7 +38,7 @@ class MethodSettings:
     segment: float = 0.5
     """Length of a segment of the estimator `segments` [s], about one period of the motion."""
     correlation: float = 1.0
-    """Number of samples per independent sample of the force noise: `Conditioner.correlation`."""
+    """Number of samples per independent value of the force noise: `Conditioner.correlation`."""
     model: Model = KELVIN_VOIGT
     """Model of the estimators that support models other than Kelvin-Voigt."""
 

@@ -46,8 +46,8 @@ def force_error(f: ArrayLike, f_hat: ArrayLike) -> float:
     """Return the average force error e_f [N], the mean of |f - f_hat| over the trial.
 
     The paper defines e_f = sum |f_k - f_hat_k| / nT and gives values in newtons. Here nT is the
-    number of samples, so that e_f is a mean in newtons. It is of the size of the force noise, as
-    in Table I of the paper. If T were the sample period of 1 ms, e_f would be 1000 times the mean,
+    number of samples. So e_f is a mean in newtons and about as large as the force noise, as in
+    Table I of the paper. If T were the sample period of 1 ms, e_f would be 1000 times the mean,
     in N/s.
     """
     return float(np.mean(np.abs(np.asarray(f) - np.asarray(f_hat))))

@@ -1,9 +1,10 @@
 """Misfit of the present estimates: the systematic part of their force error.
 
 The force errors e = f - phi' theta of a right model are noise, whose successive values are
-uncorrelated. Those of a wrong model, or of a wrong estimate, follow the motion, so that successive
-errors are alike. Residual analysis therefore tests the autocovariance of e at lags other than zero.
-Here it is computed at one lag, for the estimate as it is now and the samples of the recent past:
+uncorrelated. The force errors of a wrong model, or of a wrong estimate, follow the motion, so that
+successive errors are similar. Residual analysis therefore tests the autocovariance of e at lags
+other than zero. Here the autocovariance is computed at one lag, from the present estimate and the
+recent samples:
 
     misfit = sqrt(max(0, <e_i e_(i-1)>) / <f_i^2>)
 
@@ -11,11 +12,11 @@ e_i and f_i are means over blocks, which are longer than the correlation time of
 noise, and <> is a mean with exponentially decaying weights. The misfit is near 0 if the body has
 the present b and k, even with much noise, and 1 if the estimate does not explain the force at all.
 
-If the force is linear in theta, so is the error, and the mean needs only the products of successive
-block means. They are stored once for all estimators. For the model of Hunt and Crossley, whose
-force is not linear in its exponent, the block means themselves are stored
-(`estimation.hunt_crossley_misfit`). Blocks older than `MEMORY` windows, which have less than 5 % of
-the weight, are left out there.
+If the force is linear in theta, the error is linear too, and the mean needs only the products of
+successive block means. These products are stored once for all estimators. The force of the model of
+Hunt and Crossley is not linear in its exponent. For this model the block means are stored
+(`estimation.hunt_crossley_misfit`), except blocks older than `MEMORY` windows, which have less than
+5 % of the weight.
 
 References
 ----------
@@ -38,11 +39,11 @@ from estimation.estimator import Estimate, Estimates, Estimator
 from estimation.hunt_crossley_misfit import RecentBlocks
 
 BLOCKS = 50
-"""Number of blocks in the window. A block of 20 ms is longer than the correlation of the noise."""
+"""Number of blocks per window. A block of 20 ms is longer than the noise's correlation time."""
 MEMORY = 3
 """Number of windows for which block means are stored for the model of Hunt and Crossley."""
 LARGEST_MISFIT = 0.05
-"""Misfit from which the model is reported not to explain the force.
+"""Limit of the misfit. With a larger misfit, the model is reported not to explain the force.
 
 A cubic body whose stiffness doubles over the indentation has a misfit of 0.07 or more. A linear
 body with noise of a tenth of the force has less than 0.03.
@@ -107,7 +108,7 @@ class Misfit:
         estimates
             The estimates after this sample, in the order of the bank.
         is_open
-            Whether there is contact and motion; other samples are left out.
+            Whether there is contact and motion. If False, the sample is not used.
 
         Returns
         -------
@@ -159,7 +160,7 @@ class Misfit:
     def _add(
         self, x: float, v: float, f: float, dt: float, further: Sequence[float], is_open: bool
     ) -> bool:
-        """Add a sample; return whether it ended a block whose predecessor is known."""
+        """Add a sample; return whether a block ended and there is a block before it."""
         if not is_open:
             self._begin_block()
             self._before = None
@@ -181,7 +182,7 @@ class Misfit:
         self._span = 0.0
 
     def _end_block(self) -> bool:
-        """Update the products with the means of the block; return whether it has a predecessor."""
+        """Update the products with the means of the block; return whether a block was before it."""
         span, before = self._span, self._before
         present = self._before = [total / span for total in self._sums]
         self._begin_block()
@@ -199,7 +200,8 @@ class Misfit:
     def _misfit(self, b: float, k: float, further: Sequence[float], count: int) -> float:
         """Return the misfit of an estimate.
 
-        Its model has `count` further regressors; -1 for the model of Hunt and Crossley.
+        `count` is the number of regressors of its model besides v and x, or -1 for the model of
+        Hunt and Crossley.
         """
         if self._square <= 0.0:
             return math.nan

@@ -47,7 +47,7 @@ class Model:
     name
         Name of the model on the command line.
     further
-        Names of the parameters besides b and k. They are some of
+        Names of the parameters besides b and k. Each is one of
 
         - `f0` [N], the force at x = 0; its regressor is 1;
         - `m` [kg], the mass that moves with the surface; its regressor is the acceleration;

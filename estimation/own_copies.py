@@ -28,7 +28,7 @@ def own_copy(
     function
         A function that calls others by global names of its module.
     finish
-        Function that is applied to each copy, for example a compiler. Its result is used.
+        Function that is applied to each copy, for example a compiler. Its result replaces the copy.
     replaced
         Pairs of a global constant and its replacement in the copies.
     """

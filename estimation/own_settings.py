@@ -13,7 +13,7 @@ from estimation.methods.grid import Grid
 
 @dataclass(frozen=True)
 class OwnSettings:
-    """Settings of one estimator that replace those of the preset.
+    """Settings of one estimator that replace settings of the preset.
 
     None keeps the value of the preset. Units and ranges are those of `MethodSettings`.
     """
@@ -76,7 +76,7 @@ def with_own_settings(
     used: set[str] = set()
 
     class Watched(type(shared)):  # type: ignore[misc]
-        """The same settings; each name that the factory reads is added to `used`."""
+        """Settings of the estimator. The name of each setting that is read is added to `used`."""
 
         def __getattribute__(self, attribute: str) -> Any:
             used.add(attribute)

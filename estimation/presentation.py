@@ -27,7 +27,7 @@ LISTED = 3
 
 
 class HasEstimates(Protocol):
-    """What an object needs to be a `Presented`."""
+    """Attributes that an object with estimates must have so that `Presented` can show it."""
 
     @property
     def t(self) -> Floats:
@@ -61,7 +61,7 @@ class Presented:
     def plot(
         self: HasEstimates, width: str = "screen", title: str = "", truth: Truth | None = None
     ) -> Figure:
-        """Return a figure of stiffness and damping over time with 95 % intervals, and the motion.
+        """Return a figure of the motion and of stiffness and damping with 95 % intervals over time.
 
         Parameters
         ----------
@@ -124,7 +124,9 @@ class Presented:
 
 
 def value_text(value: float, std: float) -> str:
-    """Return a value with half of its 95 % interval, which has two significant digits.
+    """Return the text of a value and the half width of its 95 % interval.
+
+    The half width has two significant digits.
 
     Parameters
     ----------
@@ -164,7 +166,7 @@ def short_text(kind: str, about: str, estimates: Mapping[str, Estimates]) -> str
     about
         Short description of the object.
     estimates
-        Estimates by name of the estimator; those of the first `LISTED` estimators are in the text.
+        Estimates by name of the estimator. Only the first `LISTED` estimators are in the text.
     """
     rows = last_values(estimates)
     texts = [

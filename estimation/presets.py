@@ -18,7 +18,7 @@ from estimation.own_settings import OwnSettings, with_own_settings
 from estimation.registry import METHODS, PAPER, named_estimators
 
 GATE = GateSettings(force=0.1, speed=2e-3, window=0.02)
-"""Thresholds of the default gate, for palpation by hand."""
+"""Settings of the default contact gate, for palpation by hand."""
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class Preset(MethodSettings):
     """
 
     gate: GateSettings | None = GATE
-    """Thresholds of the gate, which does not apply to the paper's estimators; None for no gate."""
+    """Settings of the contact gate; None for no gate. No effect on the paper's estimators."""
     estimators: tuple[str, ...] = PAPER
     """Names of the estimators; they are keys of `METHODS`."""
     own: Mapping[str, OwnSettings] = field(default_factory=dict)
@@ -81,7 +81,7 @@ class Preset(MethodSettings):
 def paper_preset(cube: str = "soft") -> Preset:
     """Return the settings of the paper.
 
-    These are the equations (17) to (19), the forgetting factor 0.98 per sample at 1 kHz, and the
+    The settings are equations (17) to (19), the forgetting factor 0.98 per sample at 1 kHz, and the
     forgetting rate 10 1/s of the multi-estimator. The adaptation gain (18) depends on the cube.
     All other settings are the same for all cubes.
 

@@ -55,7 +55,7 @@ def redundancy(gamma: Candidate, epsilon: Candidate, plant: Candidate) -> Redund
     Parameters
     ----------
     gamma, epsilon
-        Two distinct candidates (b, k) [N s/m], [N/m]; one may be the plant itself.
+        Two different candidates (b, k) [N s/m], [N/m]. One candidate may be equal to the plant.
     plant
         The true (b, k).
 
@@ -78,13 +78,13 @@ class Ambiguity(NamedTuple):
     candidates: Floats
     """Number of candidates within the margin of the best candidate, including the best one."""
     b_low: Floats
-    """Smallest damping among them [N s/m]."""
+    """Smallest damping of the candidates within the margin [N s/m]."""
     b_high: Floats
-    """Largest damping among them [N s/m]."""
+    """Largest damping of the candidates within the margin [N s/m]."""
     k_low: Floats
-    """Smallest stiffness among them [N/m]."""
+    """Smallest stiffness of the candidates within the margin [N/m]."""
     k_high: Floats
-    """Largest stiffness among them [N/m]."""
+    """Largest stiffness of the candidates within the margin [N/m]."""
 
 
 def ambiguity(
@@ -106,8 +106,8 @@ def ambiguity(
         Displacement [m], velocity [m/s], force [N] and time since the previous sample [s], each
         of shape (n,).
     margin
-        Largest difference from the smallest monitoring signal at which a candidate counts as not
-        distinguished, as a fraction of the smallest signal, >= 0.
+        A candidate is not distinguished from the best candidate if the difference of their
+        monitoring signals is at most this fraction of the smallest signal, >= 0.
     every
         Number of samples per row of the result; the arrays have the shape (n // every,).
     """

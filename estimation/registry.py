@@ -40,7 +40,7 @@ Factory = Callable[[MethodSettings], Estimator]
 
 
 def rls(preset: MethodSettings) -> Estimator:
-    """Return the RLS of the paper.
+    """Return the recursive least squares estimator (RLS) of the paper.
 
     The initial variances of b and k are those of the paper. `preset.covariance` has the initial
     variances of the other parameters.
@@ -56,7 +56,7 @@ def rls(preset: MethodSettings) -> Estimator:
 
 
 def ai(preset: MethodSettings) -> Estimator:
-    """Return the AI of the paper.
+    """Return the adaptive identification estimator (AI) of the paper.
 
     The gains of b and k are those of the paper. The gains of other parameters are computed from
     `preset.memory`.
@@ -175,9 +175,9 @@ BUILT_IN: dict[str, Factory] = {
 
 @cache
 def offered() -> dict[str, EntryPoint]:
-    """Return the entry points of other packages by name of the estimator.
+    """Return the entry points with which other packages register estimators, by name.
 
-    Names in `BUILT_IN` are left out.
+    Names of estimators in `BUILT_IN` are left out.
     """
     points = entry_points(group=GROUP)
     return {point.name: point for point in points if point.name not in BUILT_IN}
@@ -197,7 +197,7 @@ class Methods(Mapping[str, Factory]):
         KeyError
             The name is unknown.
         ValueError
-            The package that registers it cannot be imported, or has no such factory.
+            The package that registers the estimator cannot be imported, or has no such factory.
         """
         if name in BUILT_IN:
             return BUILT_IN[name]

@@ -9,14 +9,16 @@ interval uses Student's t distribution with B degrees of freedom. The coverage o
 close to 95 %. The coverage of a Newey-West interval with normal quantiles often is not.
 
 The estimator assumes that the spectral density of u is the same at the first B cosines as at zero.
-For a periodic motion w oscillates with its frequency f0, so that u at zero is the residual at f0,
-and u at the frequency d is the residual at f0 - d and f0 + d. The B cosines reach half of f0 if B
-is the number of cycles. B is at most that: more cosines contain the residual near zero, where a
-baseline or friction is large.
+For a periodic motion, w oscillates with the frequency f0 of the motion. So the spectrum of u at
+frequency zero is that of the residual at f0, and the spectrum of u at the frequency d is that of
+the residual at f0 - d and f0 + d. If B is the number of cycles, the highest frequency of the B
+cosines is half of f0. B is not larger than the number of cycles, because more cosines would contain
+the residual near frequency zero, where a baseline or friction is large.
 
-A fit follows samples of high leverage h, for example the few samples at the begin of a ramp that
-determine the damping, so that their residuals are too small. As in the HC2 estimator the residual e
-is replaced by e / sqrt(1 - h), whose variance is that of the noise if the noise is white.
+The residuals of samples with a high leverage h are too small, because the fit follows these
+samples. An example are the few samples at the beginning of a ramp that determine the damping. As in
+the HC2 estimator, the residual e is replaced by e / sqrt(1 - h). If the noise is white, the
+variance of e / sqrt(1 - h) is that of the noise.
 
 References
 ----------
@@ -40,7 +42,7 @@ from estimation.estimator import LEVEL_95
 
 FEWEST_COSINES = 4
 SMALLEST = 0.05
-"""Least value of 1 - leverage; a sample with a larger leverage determines a parameter alone."""
+"""Lower limit of 1 - leverage. A sample below it determines a parameter alone."""
 
 
 class RobustFit(NamedTuple):

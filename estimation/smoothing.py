@@ -25,7 +25,8 @@ def kernel_width(bandwidth: float) -> float:
 def smooth(values: Floats, width: float) -> Floats:
     """Return the values smoothed with a Gaussian kernel, shape (n,).
 
-    Beyond each end, the values continue as their point reflection at the last value.
+    Before the first sample and after the last, the values are continued by point reflection at that
+    sample.
 
     Parameters
     ----------

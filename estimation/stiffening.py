@@ -4,7 +4,8 @@
 
 All signals are filtered by a `MatchedFilter`. The position, the velocity and the cube of the
 position are also filtered by L, so that the regression is exact except for noise. Both filters are
-linear, so L can be applied last: the matched filter is applied once, for fits with any lag.
+linear, so L can be applied after the matched filter. The matched filter is therefore applied only
+once for fits with several lags.
 """
 
 from __future__ import annotations
@@ -133,7 +134,7 @@ class MatchedSignals:
         return StiffeningFit(b, k, k3, float(np.sqrt(np.mean(residual**2))))
 
     def profile(self, lags: ArrayLike, damping: bool = True, stiffening: bool = True) -> LagProfile:
-        """Return the fit for each of the given lags [s], shape (lags,); as `fit` for one lag."""
+        """Return the fit for each of the given lags [s], shape (lags,); see `fit` for one lag."""
         lag = np.asarray(lags, dtype=np.float64)
         fits = [self.fit(float(value), damping, stiffening) for value in lag]
         b, k, _, rms = np.array(fits).T

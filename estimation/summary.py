@@ -111,7 +111,7 @@ def summarise(
 def interval_at_end(estimates: Estimates, std: Floats) -> float:
     """Return the half width of the 95 % confidence interval after the last sample.
 
-    It is NaN if the estimator has no estimate, or no standard deviation below `UNKNOWN`.
+    The result is NaN if the estimator has no estimate, or no standard deviation below `UNKNOWN`.
     `std` are the standard deviations of one parameter, shape (n,).
     """
     known = not estimates.held.all() and std[-1] < UNKNOWN

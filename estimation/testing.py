@@ -42,7 +42,7 @@ def columns(estimates: Estimates) -> list[Floats]:
 
 
 def assert_equal(first: list[Floats], second: list[Floats], message: str) -> None:
-    """Raise AssertionError(message) unless the columns are identical to the bit; NaN equals NaN."""
+    """Raise AssertionError(message) unless the columns are equal to the bit, also in NaN values."""
     for a, b in zip(first, second, strict=True):
         assert np.array_equal(a, b, equal_nan=True), message
 
@@ -121,7 +121,7 @@ def check_pieces_equal_the_whole(estimator: Estimator) -> None:
 
 
 def check_finite_for_all_signals(estimator: Estimator) -> None:
-    """Estimates are finite for signals of any size and any sample period, also with zeros."""
+    """Estimates are finite for signals of any size, also zero, and for any sample period."""
     for seed in range(20):
         rng = np.random.default_rng(seed)
         x, v, f = rng.normal(size=(3, 300)) * 10.0 ** rng.uniform(-6.0, 3.0, (3, 1))

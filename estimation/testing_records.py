@@ -1,8 +1,8 @@
 """Synthetic palpation records with a known true stiffness, for tests and benchmarks of a method.
 
-Each function returns one random record of a kind: the parameters of the body, the motion, the
-duration, the sampling rate and the noise are drawn from a random generator. The true stiffness is
-the tangent stiffness where the elastic force is at half of its range. For a linear body it is k.
+Each function returns a random record of one kind of palpation. The parameters of the body, the
+motion, the duration, the sampling rate and the noise are random. The true stiffness is the tangent
+stiffness where the elastic force is at half of its range. For a linear body it is k.
 """
 
 from __future__ import annotations
@@ -59,8 +59,8 @@ def one_over_f(rng: Generator, n: int, rate: float, size: float, lowest: float =
 def derivative(x: Floats, rate: float) -> Floats:
     """Return the time derivative [m/s] of a motion without noise [m], at a sampling rate [Hz].
 
-    A central difference of a sine of 3 Hz at 100 Hz is 0.6 % too small, which is more than the
-    half width of the interval of b.
+    Central differences are not sufficient: for a sine of 3 Hz at 100 Hz they are 0.6 % too small,
+    which is more than the half width of the confidence interval of b.
     """
     t = steps_of_time(rate, len(x) / rate)
     return np.asarray(CubicSpline(t, x)(t, 1))
@@ -125,9 +125,9 @@ def stiffening_force(x: Floats, k: float, k3: float) -> Floats:
 
 
 def mid_tangent(k: float, k3: float, lowest: float, highest: float) -> float:
-    """Return the tangent stiffness [N/m] of the body of `stiffening_force` at half of its range.
+    """Return the tangent stiffness [N/m] of the body of `stiffening_force` at mid-force.
 
-    The range is that of the elastic force between the positions `lowest` and `highest` [m].
+    This is half of the range of the elastic force from position `lowest` to `highest` [m].
     """
     grid = np.linspace(lowest, highest, 20001)
     f = stiffening_force(grid, k, k3)
@@ -210,9 +210,9 @@ def relaxed(x: Floats, rate: float, time: float) -> Floats:
 def relaxing_body(rng: Generator) -> TrueRecord:
     """Return a record of a standard linear solid, whose force relaxes.
 
-    The motion is one ramp and hold, a series of three, or a sine. The true stiffness of ramps is
-    the slope of force over displacement where the force first exceeds half of its maximum. The
-    true stiffness of a sine is the storage modulus.
+    The motion is one ramp and hold, three ramps with holds, or a sine. For ramps, the true
+    stiffness is the slope of force over displacement where the force first exceeds half of its
+    maximum. For a sine, the true stiffness is the storage modulus.
     """
     rate = rng.choice([100.0, 500.0])
     depth = 10.0 ** rng.uniform(-3.3, -2.3)
@@ -285,10 +285,10 @@ COVERAGE_KINDS: dict[str, Callable[[Generator], TrueRecord]] = {
     "sliding palpation": sliding_palpation,
     "relaxing body": relaxing_body,
 }
-"""Functions that return a record with a true stiffness, by kind."""
+"""Functions that return a record with a true stiffness, by the kind of record."""
 WITHOUT_STIFFNESS: dict[str, Callable[[Generator], TrueRecord]] = {
     "free motion": free_motion,
     "rigid stop": rigid_stop,
     "clipped sensor": clipped_sensor,
 }
-"""Functions that return a record from which no stiffness can be estimated, by kind."""
+"""Functions that return a record without an estimable stiffness, by the kind of record."""

@@ -62,7 +62,7 @@ def further_regressors(estimator: Estimator, x: Floats, v: Floats, f: Floats) ->
 
 
 def degenerate(estimator: Estimator) -> Iterator[Signals]:
-    """Yield signals for which sums, products or differences are zero, very small or large."""
+    """Yield signals with zero, very small or very large sums, products or differences."""
     rng = np.random.default_rng(0)
     n = 40
     zero, one, wave = np.zeros(n), np.ones(n), np.sin(np.arange(n))
@@ -89,7 +89,7 @@ def degenerate(estimator: Estimator) -> Iterator[Signals]:
 
 
 def held_and_gaps(s: Signals) -> Iterator[Signals]:
-    """Yield two variants of the signals: one with a time at rest, one with gaps in time."""
+    """Yield two variants of the signals: with a time at rest, and with gaps in time."""
     moving = np.ones_like(s.x)
     moving[200:400] = 0.0
     yield Signals(s.x * moving, s.v * moving, s.f * moving, s.dt, s.further)

@@ -1,7 +1,7 @@
 """Bodies that are not Kelvin-Voigt: they relax, or change while they are palpated.
 
-Each contains the bodies it is made of, so that they can be combined: a body with several relaxation
-times is a `Relaxing` in a `Relaxing`, and a `Changing` can change from a cube to a relaxing body.
+A body can contain other bodies. For example, a body with two relaxation times is a `Relaxing` that
+contains a `Relaxing`, and a `Changing` can change from a cube to a relaxing body.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from sim_backend.body import Body, Law
 from sim_backend.cube import Cube
 
 SHORTEST_RELAXATION = 0.01
-"""Shortest relaxation time [s]. A faster branch acts as a damping while a person palpates."""
+"""Shortest relaxation time [s]. During palpation, a faster branch would act as a damping."""
 LIFTED = 0.05
-"""Shortest time out of contact between two contacts that are counted [s]; tremor is faster."""
+"""A new contact is counted only after this time out of contact [s]. Tremor causes shorter times."""
 
 
 @dataclass(frozen=True)
 class PreloadedLaw(Law):
-    """Law of a body that is not relaxed."""
+    """Law of the contact force of a body that is not relaxed."""
 
     k1: float
     k3: float
@@ -46,10 +46,10 @@ class Branch(NamedTuple):
 
 @dataclass(frozen=True)
 class Relaxing(Body):
-    """A body with a Maxwell branch, a spring k in series with a dashpot k tau, parallel to it.
+    """A body with a parallel Maxwell branch: a spring k in series with a dashpot k tau.
 
     With a linear cube this is the standard linear solid [1]. The force of the branch is k (x - z),
-    and z, the displacement of the dashpot, follows z' = (x - z) / tau. While x moves linearly, the
+    where z is the displacement of the dashpot, with z' = (x - z) / tau. While x moves linearly, the
     stretch e = x - z of the spring is
 
         e(t + dt) = e(t) exp(-dt / tau) + v tau (1 - exp(-dt / tau))
@@ -57,8 +57,8 @@ class Relaxing(Body):
     The state is advanced with this solution. In motion much slower than tau the branch acts as a
     damping k tau, and in motion much faster than tau as a stiffness k.
 
-    If the body is not glued, its surface recovers without contact: it is where the force of body
-    and branch is zero, without damping.
+    If the body is not glued, its surface recovers without contact. The surface is then where the
+    total force of body and branch, without damping, is zero.
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ class Relaxing(Body):
         return Branch(self.body.initial)
 
     def law(self, state: Branch) -> Law:
-        """Return the law of the body with the spring of the branch; the dashpot does not move."""
+        """Return the law of the body and the parallel spring k, for a constant dashpot position."""
         law = self.body.law(state.body)
         preload = law.preload + self.k * state.dashpot
         return PreloadedLaw(law.k1 + self.k, law.k3, law.b, law.glued, preload)
@@ -130,12 +130,12 @@ class Relaxing(Body):
 
 
 class Progress(NamedTuple):
-    """State of a body that changes."""
+    """State of a `Changing` body."""
 
     before: Any
-    """State of the body before the change."""
+    """State of the body `before`."""
     after: Any
-    """State of the body after the change; its surface moves from the start of the trial on."""
+    """State of the body `after`. Its surface moves from the start of the trial, as for `before`."""
     contacts: int = 0
     """Number of contacts so far."""
     outside: float = math.inf
@@ -158,7 +158,8 @@ class Changing(Body):
     before, after
         The body before and after the change. Both are glued, or both are not.
     contact
-        Number of the contact, >= 1. A glued body has only one contact.
+        Number of the contact in or after which the body changes, >= 1. A glued body has only one
+        contact.
     delay
         Time from the beginning of this contact to the change [s], >= 0.
 
@@ -234,7 +235,7 @@ class Changing(Body):
 
 
 def kind_of_body(value: Any) -> str:
-    """Return the name of the class of a body, from the body or from its document."""
+    """Return the name of the class of a body, from the body or from its keys in a configuration."""
     if isinstance(value, Body):
         return type(value).__name__
     keys = set(value) if isinstance(value, Mapping) else set()
@@ -249,4 +250,4 @@ AnyBody = Annotated[
     | Annotated[Changing, Tag("Changing")],
     Discriminator(kind_of_body),
 ]
-"""Bodies that can be written in a configuration; the keys of a document determine the kind."""
+"""Bodies that a configuration can contain; the keys of a body determine its class."""

@@ -1,4 +1,4 @@
-"""What the slave can palpate: laws of the contact force, and bodies whose law changes in time."""
+"""Environment of the slave: laws of the contact force, and bodies whose law changes in time."""
 
 from __future__ import annotations
 

@@ -2,8 +2,8 @@
 
 The channel has two directions. Each packet has a sequence number and the time at which it was
 sent. It arrives after the one-way delay plus a random time between 0 and the jitter, or is lost.
-The receiver uses the newest packet that has arrived, by sequence number, and keeps its value until
-a newer one arrives. A packet that arrives after a newer one is not used.
+The receiver uses the value of the packet with the highest sequence number that has arrived. A
+packet that arrives after a packet with a higher sequence number is not used.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import Generic, TypeVar
 
 T = TypeVar("T")
 UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "%": 1e-2}
-"""Factors to SI units of the units in the text of a channel."""
+"""Factors that convert the units in a text for `parse_channel` to SI units."""
 ROUNDING = 1e-9
 """Tolerance for rounding errors of times [s]."""
 TIMES = ("delay", "jitter", "max_silence")
@@ -118,9 +118,9 @@ class Direction(Generic[T]):
     def reset(self, now: float, initial: T) -> None:
         """Discard all packets, and use an initial value from the time `now` [s] on."""
         self.value = initial
-        """Value of the newest packet that has arrived."""
+        """Value of the packet in use, the newest packet that has arrived."""
         self.sent = now
-        """Time at which this packet was sent [s]."""
+        """Time at which the packet in use was sent [s]."""
         self.cut = False
         """Whether the connection is interrupted; all packets are then lost."""
         self._due = now + self._expected
@@ -148,12 +148,13 @@ class Direction(Generic[T]):
         return self.value
 
     def age(self, now: float) -> float:
-        """Return the time since the newest packet that has arrived was sent [s]."""
+        """Return the age of the newest packet that has arrived, since it was sent [s]."""
         return now - self.sent
 
     def silence(self, now: float) -> float:
-        """Return the time since a packet arrived, or since the first one was expected [s].
+        """Return the time since the last packet arrived [s].
 
-        It is negative before the first packet is expected.
+        Before the first packet, it is the time since the first packet was expected. This time is
+        negative until then.
         """
         return now - self._due

@@ -50,10 +50,10 @@ class Cube(Law, Body):
 
     @property
     def slow(self) -> Law:
-        """The cube."""
+        """The cube: its law is the same in slow and in fast motion."""
         return self
 
     @property
     def further_laws(self) -> dict[str, Law]:
-        """None: a cube has one law."""
+        """Empty, because a cube has only one law."""
         return {}

@@ -115,7 +115,7 @@ class Runaway(RigFault):
     """Velocity that is added to the command [m/s]."""
 
     def command(self, command: Command) -> Command:
-        """Return the command with the velocity added to that of the slave."""
+        """Return the command with the additional velocity of the slave."""
         return command._replace(slave_velocity=command.slave_velocity + self.velocity)
 
 
@@ -142,7 +142,7 @@ class FaultyRig(Rig):
         self._enabled = False
 
     def inject(self, fault: RigFault) -> None:
-        """Activate a fault instead of the present fault, if any."""
+        """Activate a fault. It replaces the present fault, if there is one."""
         self._fault = fault
 
     def open(self) -> None:
@@ -165,7 +165,7 @@ class FaultyRig(Rig):
     def write(self, command: Command) -> Command:
         """Send the command, changed by the fault, to the drives; return the unchanged command.
 
-        Before the drives are enabled, a command to stand still is sent and returned.
+        Before the drives are enabled, zero velocity is sent and returned instead.
         """
         if not self._enabled:
             return self.rig.write(STANDSTILL)

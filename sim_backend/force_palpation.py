@@ -1,22 +1,23 @@
 """A simulated operator who pokes until the felt force, or the depth, reaches an aim.
 
 The hand has an intended position p, and the arm is a spring of stiffness K between p and the
-handle [1]. A person chooses p before a movement from an internal model of the object, and corrects
-this model from one contact to the next by the error of the last one [2, 3]. The internal model is
+handle [1]. Before a movement, a person chooses p from an internal model of the object. After each
+contact, the person corrects this model by its error in this contact [2, 3]. The internal model is
 here the stiffness s of the object at the handle. For the displacement x = min(F / s, depth), with
 the aim F of the force, the intended position is
 
     p = x + s x / K
 
-After each poke, s moves by a part of the difference to the ratio of force and displacement that was
-felt. In the first poke s = 0, so that the aim is the depth.
+After each poke, s changes by a fraction of the difference between the felt stiffness (felt force
+divided by displacement) and s. In the first poke s = 0, so that the aim is the depth.
 
 During a movement, a person reacts to a felt force after a simple reaction time [4], here 175 ms.
-The planned movement continues, and a second minimum-jerk movement is added to it [5]. Here it
-brings the hand back to where it was when the force, or the depth, reached its aim.
+The planned movement continues, and a second minimum-jerk movement is added to it [5]. Here the
+second movement returns the hand to its position at the time when the force, or the depth, reached
+its aim.
 
-The part by which s is corrected, and the duration of the correction, are assumptions without a
-source.
+The fraction by which s is corrected, and the duration of the second movement, are assumptions
+without a source.
 
 [1] N. Hogan, ASME J. Dyn. Sys. Meas. Control 107(1), 1985.
 [2] M. Casadio, A. Pressman, F. A. Mussa-Ivaldi, Front. Comput. Neurosci. 9:118, 2015.
@@ -43,9 +44,9 @@ from sim_backend.plant import Intention
 PERCEPTION = 0.175
 """Time from a felt force to the movement that it causes [s]."""
 CORRECTION = 0.25
-"""Duration of this movement [s]."""
+"""Duration of the movement that a felt force causes [s]."""
 LEARNING = 0.5
-"""Part of the error of the expected stiffness that one poke corrects."""
+"""Fraction of the error of the expected stiffness that is corrected after one poke."""
 
 
 class Felt(NamedTuple):
@@ -116,7 +117,7 @@ class ForcePalpation(FreePalpation):
         return Intention(position, velocity)
 
     def feel(self, t: float, position: float, force: float) -> None:
-        """Feel the position of the handle [m] and the force on it [N] at t [s] in the trial."""
+        """Store the handle position [m] and the force [N] that the hand feels at t [s]."""
         t -= REACTION
         if not self._inwards:
             return
@@ -125,7 +126,7 @@ class ForcePalpation(FreePalpation):
             self._held.append((position, force))
 
     def _perceive(self, t: float) -> None:
-        """Begin a correction if force or depth had reached its aim before the reaction time."""
+        """Begin a correction if force or depth reached its aim one reaction time ago."""
         while self._inwards and self._felt and self._felt[0].time <= t - PERCEPTION:
             felt = self._felt.popleft()
             if felt.force >= self._aim or felt.position >= self.depth:
@@ -140,7 +141,7 @@ class ForcePalpation(FreePalpation):
         super()._next(start)
 
     def _reach(self) -> float:
-        """Return the intended position of the next poke [m], from the force of the last one."""
+        """Return the intended position of the next poke [m], from the force of the last poke."""
         if self._held:
             position, force = (
                 sum(values) / len(values) for values in zip(*self._held, strict=True)

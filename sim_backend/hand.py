@@ -8,7 +8,7 @@ from sim_backend.plant import Handle, Intention
 
 
 class Hand(ABC):
-    """Base class of whatever moves the handle of the simulated rig.
+    """Base class of hands (operator or pointer) that move the handle of the simulated rig.
 
     Attributes
     ----------
@@ -26,7 +26,7 @@ class Hand(ABC):
         """
 
     def feel(self, t: float, position: float, force: float) -> None:  # noqa: B027
-        """Feel the position of the handle [m] and the force on it [N] at t [s] in the trial.
+        """Process the handle position [m] and the force [N] that the hand feels at t [s].
 
-        Most hands do not react.
+        t is the time since the drives were enabled. Most hands do not react.
         """

@@ -30,7 +30,7 @@ ARM = Arm(stiffness=400.0, damping=12.0)
 TREMOR_AMPLITUDE = 0.1e-3
 """Amplitude of each of the three tremor components of the intended motion [m]."""
 MOVED = 0.35
-"""Position of a handle that moves by itself while the hand waits, as a fraction of the depth.
+"""Handle position, divided by the depth, above which the rig and not the hand moves the handle.
 
 The hand waits at 0.1 of the depth. Its tremor moves the handle by at most 0.1 mm, less than a tenth
 of the smallest depth of the paper.
@@ -42,10 +42,10 @@ WITHDRAWAL = 0.5
 
 
 class Stroke(NamedTuple):
-    """Minimum-jerk movement [1]."""
+    """Minimum-jerk movement (Flash and Hogan, 1985)."""
 
     start: float
-    """Time at which it starts [s]."""
+    """Time at which the movement starts [s]."""
     duration: float
     """Duration [s]."""
     distance: float
@@ -53,11 +53,11 @@ class Stroke(NamedTuple):
 
     @property
     def end(self) -> float:
-        """Time at which it ends [s]."""
+        """Time at which the movement ends [s]."""
         return self.start + self.duration
 
     def at(self, t: float) -> tuple[float, float]:
-        """Return travelled distance [m] and velocity [m/s] at t [s], after the start."""
+        """Return the travelled distance [m] and the velocity [m/s] at the time t >= start [s]."""
         share = min((t - self.start) / self.duration, 1.0)
         return (
             self.distance * share**3 * (10.0 - 15.0 * share + 6.0 * share**2),
@@ -219,11 +219,11 @@ class MimickedSine(Operator):
 
 
 class AttentiveOperator(MimickedSine):
-    """Operator for every control condition, who does not know which one it is.
+    """Operator for all control conditions, who does not know the condition of the trial.
 
-    The operator waits for the count-in at a small depth and then tracks the sine, which is also a
-    free palpation. If the handle moves away while the operator waits, it is the autonomous
-    condition that moves it, and the operator lets go of the handle.
+    The operator waits at a small depth for the time `count_in` and then tracks the sine. This
+    motion is also used as free palpation. If the handle moves away while the operator waits, the
+    condition is autonomous, and the operator releases the handle.
     """
 
     _released = False

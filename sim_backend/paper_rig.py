@@ -9,8 +9,8 @@ angular frequency omega to the depth x, RLS then estimates about
     b_hat = b - k_hat tau - 4 k_hat delta / (pi omega A)
 
 `python -m teleop.studies.paper.calibrate` computes k1, k3, tau and delta such that k_hat and b_hat
-are the values of RLS in Table I. The documentation of this module lists the assumptions about the
-other values.
+are the values of RLS in Table I. The docstring of `teleop.studies.paper.calibrate` lists the
+assumptions about the other values.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ DEPTH = {
     "mimic": {"soft": 15.5e-3, "medium": 6.5e-3, "hard": 1.3e-3},
     "autonomous": {"soft": 10.3e-3, "medium": 4.3e-3, "hard": 0.86e-3},
 }
-"""Intended depth of palpation [m], by condition and cube."""
+"""Intended depth of palpation [m], by control condition and cube."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ class Setup:
     def tip(self, position: Iterable[float]) -> list[float]:
         """Return the true positions of the tip [m], from the positions of the encoder [m].
 
-        The body is a cube.
+        This method is valid only if the body is a cube.
         """
         played, tip = 0.0, []
         for x in position:
@@ -85,14 +85,15 @@ class Setup:
         return tip
 
     def force(self, x: float) -> float:
-        """Return the static force [N] of body and transmission in series, before any change.
+        """Return the static force [N] of body and transmission in series.
 
-        x [m] is the displacement of both together, without friction.
+        x [m] is the displacement of body and transmission together. Friction, and any later change
+        of the body, are not included.
         """
         return self.static_force(self.cube.slow, x)
 
     def static_force(self, law: Law, x: float) -> float:
-        """Return the same force for another law of the body."""
+        """Return the static force [N] of a body with this law and the transmission in series."""
         return law.force(law.compressed(x, self.transmission.compliance), 0.0)
 
     def __post_init__(self) -> None:

@@ -11,8 +11,7 @@ from sim_backend.body import Body, Law
 from sim_backend.transmission import RIGID, Transmission
 
 MAX_STEP = 1e-3
-"""Longest integration step [s]. With half of this step, the readings of the sensors are the same.
-"""
+"""Longest integration step [s]. Half of this step gives the same readings of the sensors."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +80,8 @@ class Slave:
 
         m x'' = m (K_p (u - x') + K_i e) - l(x, x'),    e' = u - x'
 
-    During a step, the law of the body is constant. At its end, the state of the body is advanced.
+    During a step, the law of the body is constant. At the end of the step, the state of the body is
+    advanced.
     """
 
     def __init__(self, body: Body, parameters: PlantParameters) -> None:
@@ -97,7 +97,7 @@ class Slave:
         self._integral = self._proportional * 2.0 * math.pi * parameters.slave_integral
 
     def palpate(self, body: Body) -> None:
-        """Replace the body by another one, in its initial state."""
+        """Replace the body by another body in its initial state."""
         self._body, self._state = body, body.initial
 
     @property
@@ -259,7 +259,8 @@ class Plant:
         command
             Command of the drives, constant over the step.
         intended
-            Intended motion of the hand at the end of the step; None if it does not hold the handle.
+            Intended motion of the hand at the end of the step; None if the hand does not hold the
+            handle.
         """
         self.handle.advance(command.master_velocity, dt)
         hand = self._arm.force(intended, self.handle) if intended else 0.0

@@ -1,8 +1,9 @@
 """An operator whose hand follows a pointer, such as the mouse in the live page.
 
-The pointer states where the hand wants to be, and whether it holds the handle. Its samples arrive
-in steps. A critically damped filter of second order makes a smooth intended motion of them. The
-impedance of the arm then gives the force on the handle, as for the other operators.
+The pointer gives the wanted position of the hand, and whether the hand holds the handle. The
+position changes in steps. A critically damped filter of second order computes a smooth intended
+motion from it. The impedance of the arm then gives the force on the handle, as for the other
+operators.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from sim_backend.plant import Intention
 BANDWIDTH = 10.0
 """Natural frequency of the filter [Hz]."""
 Pointer = Callable[[], tuple[float, bool]]
-"""Function that returns the position that the hand wants to reach [m], and whether it holds the
+"""Function that returns the wanted position of the hand [m], and whether the hand holds the
 handle."""
 
 
@@ -36,9 +37,9 @@ class PointerOperator(Hand):
     time
         Time since the drives were enabled at which the pointer was last read [s]; NaN before.
     depth
-        Position at which the pointer was at that time [m].
+        Position of the pointer at `time` [m].
     grip
-        Whether the hand held the handle at that time.
+        Whether the hand held the handle at `time`.
     """
 
     def __init__(self, pointer: Pointer) -> None:

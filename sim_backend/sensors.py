@@ -39,7 +39,7 @@ class Sensors:
         return round(x / self.encoder_resolution) * self.encoder_resolution
 
     def force(self, f: float, noise: random.Random) -> float:
-        """Return the reading of a force sensor [N] at force f [N]: with noise, without offset.
+        """Return the reading of a force sensor [N] at force f [N], with noise but without offset.
 
         `noise` is the random generator of the noise.
         """

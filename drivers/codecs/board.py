@@ -19,7 +19,7 @@ VERSION = 1
 FORCES = 2
 """Number of force inputs in the messages."""
 AXES = 2
-"""Number of velocity axes in the messages, and of encoders."""
+"""Number of velocity axes in the messages, and number of encoders."""
 ANALOGUES = 4
 """Number of analogue inputs in the messages."""
 
@@ -45,7 +45,7 @@ SAMPLE_FRAME = struct.Struct(f"<BHIBBBHH{FORCES + 2 * AXES + ANALOGUES}i")
 
 
 class State(IntEnum):
-    """State of the board. The board keeps a state other than IDLE and ENABLED until DISABLE."""
+    """State of the board. All states except IDLE and ENABLED remain until a DISABLE message."""
 
     IDLE = 0
     ENABLED = 1
@@ -70,7 +70,7 @@ class Identity(NamedTuple):
 
     sequence: int
     time: int
-    """Time of the board's clock [us]."""
+    """Time of the answer on the board's clock [us]."""
     version: int
     """Version of the protocol."""
     firmware: tuple[int, int] = (0, 0)
@@ -87,7 +87,7 @@ class Configured(NamedTuple):
 
     sequence: int
     time: int
-    """Time of the board's clock [us]."""
+    """Time of the answer on the board's clock [us]."""
     watchdog: int
     """Watchdog time [ms]."""
     sample_rate: int
@@ -99,7 +99,7 @@ class Sample(NamedTuple):
 
     sequence: int
     time: int
-    """Time of the board's clock [us]."""
+    """Time of the measurements on the board's clock [us]."""
     state: int
     """One of `State`."""
     axes: int
@@ -206,7 +206,7 @@ class MessageReader:
         self._frames = cobs.CobsReader(LONGEST, self.rejected)
 
     def feed(self, data: bytes) -> list[Message]:
-        """Process the next bytes of the stream; return the messages that end in them."""
+        """Process the next bytes of the stream; return the messages that these bytes complete."""
         messages: list[Message] = []
         for body in self._frames.feed(data):
             if len(body) < HEAD.size + CHECKSUM.size:

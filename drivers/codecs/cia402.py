@@ -62,7 +62,7 @@ class NmtState(IntEnum):
 class State(Enum):
     """States of the power drive system, CiA 402-2 table 30.
 
-    The value of a member is a mask of the statusword, and the value of the masked statusword.
+    The value of a member is a pair: a mask, and the value of the statusword after this mask.
     """
 
     NOT_READY_TO_SWITCH_ON = (0x4F, 0x00)
@@ -116,7 +116,7 @@ def state_of(statusword: int) -> State | None:
 
 @dataclass(frozen=True)
 class Units:
-    """Converts between the units of a drive and SI units along the axis of motion.
+    """Conversion between the units of a drive and SI units along the axis of motion.
 
     Parameters
     ----------

@@ -33,11 +33,11 @@ class Ft300Frame(NamedTuple):
     """Content of a frame of the sensor."""
 
     fx: float
-    """Force [N]; likewise `fy` and `fz`."""
+    """Force along the x axis [N]; `fy` and `fz` are the forces along the y and z axes."""
     fy: float
     fz: float
     mx: float
-    """Moment [N m]; likewise `my` and `mz`."""
+    """Moment about the x axis [N m]; `my` and `mz` are the moments about the y and z axes."""
     my: float
     mz: float
 

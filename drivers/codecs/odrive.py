@@ -21,7 +21,7 @@ class Command(IntEnum):
     """Commands of the protocol: the lower 5 bits of the identifier of a frame."""
 
     GET_VERSION = 0x00
-    """Only in firmware 0.6."""
+    """This command exists only in firmware 0.6."""
     HEARTBEAT = 0x01
     SET_AXIS_STATE = 0x07
     GET_ENCODER_ESTIMATES = 0x09
@@ -31,7 +31,7 @@ class Command(IntEnum):
     GET_IQ = 0x14
     CLEAR_ERRORS = 0x18
     GET_TORQUES = 0x1C
-    """Only in firmware 0.6."""
+    """This command exists only in firmware 0.6."""
 
 
 class AxisState(IntEnum):

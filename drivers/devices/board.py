@@ -41,7 +41,7 @@ class Axis(VelocityDrive):
         return self._board.enable_axis(self._index)
 
     def command(self, velocity: float) -> float:
-        """Set the velocity of the next COMMAND [m/s]; return it, rounded to whole counts [m/s]."""
+        """Set the velocity in the next COMMAND [m/s]. Return it rounded to whole counts [m/s]."""
         self.velocity = codec.to_counts(velocity, self._scale)
         return self.velocity * self._scale
 
@@ -84,9 +84,9 @@ class Board(SerialDevice):
         self._wanted = False
         """Whether operation of an axis is requested."""
         self._asked = 0
-        """Sequence number of the first frame of this request."""
+        """Sequence number of the first frame that requested operation."""
         self._acknowledged = False
-        """Whether the board has accepted this frame. Its state then answers the request."""
+        """Whether the board accepted this frame. If so, its state is the answer to the request."""
         self._pinged = 0
         self._ping_answered = False
         self._enabled = 0
@@ -194,7 +194,7 @@ class Board(SerialDevice):
         return True
 
     def _update_identity(self, board: Identity) -> None:
-        """Store the identity of the board. A change of it after the set-up shows a reset."""
+        """Store the identity of the board. If it changes after the set-up, the board was reset."""
         if not self._started or self.identity is None:
             self.identity = board
         elif board.boot != self.identity.boot:
@@ -229,7 +229,7 @@ class Board(SerialDevice):
         self.error = self._reset or self._latched or error
 
     def ping(self) -> bool:
-        """Send DISABLE if no operation is requested; a later message of the board confirms it."""
+        """If no operation is requested, send DISABLE, which a later message acknowledges."""
         if self._wanted:
             return False
         self._pinged, self._ping_answered = self._sequence, False

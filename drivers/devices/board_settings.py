@@ -20,8 +20,8 @@ QUANTITIES = (
 )
 """Groups of signals, in the order of the counts in a sample of the board.
 
-Each has a name, its SI unit, the SI value of the setting's unit, the name of the setting with the
-scales, and the number of counts in a sample.
+Each group has: its name, its SI unit, the factor from the unit of the setting to the SI unit, the
+name of the setting that contains the scales, and the number of counts in a sample.
 """
 
 

@@ -14,11 +14,11 @@ from drivers.transports.serial_port import SerialPort
 BAUD = 460800
 """Factory setting of the sensor's line rate [bit/s]."""
 STREAMING = 0.25
-"""Wait for a frame, after which the sensor is assumed to be in the configuration mode [s]."""
+"""Longest wait for a frame; then the sensor is assumed to be in the configuration mode [s]."""
 FIRST_FRAME = 1.0
 """Longest wait for the first frame [s]."""
 CLOCK_JUMP = 1.0
-"""Jump of the sensor's clock, relative to the controller's clock, that shows a restart [s]."""
+"""Smallest jump of the sensor's clock against the controller's clock that means a restart [s]."""
 
 
 class BotaSettings(DeviceSettings):

@@ -105,7 +105,7 @@ class Cia402(CanDevice, VelocityDrive):
         Raises
         ------
         RigError
-            The drive does not answer, is not the expected one, or refuses a setting.
+            The drive does not answer, is not the expected drive, or refuses a setting.
         """
         from drivers.devices.cia402_setup import Setup
 
@@ -176,7 +176,7 @@ class Cia402(CanDevice, VelocityDrive):
         self.samples["force"] = Sample(force, sampled)
 
     def _sampled(self, arrival: float) -> float:
-        """Return the sampling time of a TPDO [s]: the time of the SYNC before its arrival."""
+        """Return the sampling time of a TPDO [s]: the time of the last SYNC before its arrival."""
         synchronised = self._master.synchronised
         return synchronised if synchronised <= arrival else arrival
 
@@ -220,7 +220,7 @@ class Cia402(CanDevice, VelocityDrive):
             self._fail("the fault is not cleared by a reset")
 
     def ping(self) -> bool:
-        """Send a SYNC, which the drive answers with TPDO1; return False before the set-up."""
+        """Send a SYNC, which the drive answers with TPDO1. Before the set-up, return False."""
         if self._bus and self._running:
             self._answered = False
             self._master.synchronise(self._bus)
@@ -231,7 +231,7 @@ class Cia402(CanDevice, VelocityDrive):
         return self._answered
 
     def rearm(self) -> None:
-        """Clear the error, unless the drive has lost its set-up."""
+        """Clear the error, unless the drive no longer has its set-up."""
         self.error = self._lost
 
     def enable(self) -> bool:
@@ -242,7 +242,7 @@ class Cia402(CanDevice, VelocityDrive):
         Raises
         ------
         RigError
-            The drive has lost its set-up.
+            The drive no longer has its set-up.
         """
         assert self._bus
         if self._lost:
@@ -258,7 +258,7 @@ class Cia402(CanDevice, VelocityDrive):
         return self._enabled
 
     def command(self, velocity: float) -> float:
-        """Set the velocity [m/s]; return it [m/s], rounded to the unit of object 60FFh."""
+        """Set the velocity [m/s]. Return it rounded to the unit of object 60FFh [m/s]."""
         self._target = self._units.target(velocity)
         return self._target * self._units.metres_per_second
 
@@ -270,7 +270,7 @@ class Cia402(CanDevice, VelocityDrive):
             self._master.end_tick(self.name, self._bus)
 
     def idle(self) -> None:
-        """Stop the drive on its quick stop ramp, after which it leaves operation."""
+        """Stop the drive on its quick stop ramp. At standstill, the drive leaves operation."""
         self._armed = self._enabled = False
         self._control, self._target = Control.QUICK_STOP, 0
         self._resetting_until = math.inf

@@ -11,7 +11,7 @@ from drivers.transports.can_bus import CanBus
 NODE = 127
 """Node id of the controller."""
 LONGEST = 8e-3
-"""Time without a SYNC after which `keep_sampling` sends one [s]."""
+"""Time without a SYNC after which `keep_sampling` sends a SYNC [s]."""
 
 
 class Master:
@@ -52,7 +52,7 @@ class Master:
         self._period = min(self._period, heartbeat_period)
 
     def end_tick(self, drive: str, bus: CanBus) -> None:
-        """Send SYNC, and the heartbeat if it is due; do nothing if this is not the last drive.
+        """If this drive is the last on the bus, send SYNC, and the heartbeat if it is due.
 
         Parameters
         ----------

@@ -41,7 +41,7 @@ QUICK_STOP_IF_MASTER_LOST = 3
 RAMP_THEN_DISABLE = 2
 """Value of object 605Ah: decelerate on the quick stop ramp, then go to switch on disabled."""
 KEEP_NMT_STATE = 1
-"""Value of object 1029h: after a communication error, keep the NMT state and go on sending."""
+"""Value of object 1029h: after a communication error, keep the NMT state and continue to send."""
 EVERY_SYNC = 1
 """Transmission type of a PDO: at every SYNC."""
 VELOCITY_UNITS = {"counts_per_s": 0x00B50300, "rpm": 0x00B44700}
@@ -87,7 +87,7 @@ PDO mappings are declared as records, because canopen does not write mappings th
 
 
 def object_dictionary() -> ObjectDictionary:
-    """Return canopen's dictionary of the objects of CiA 301 and CiA 402-2 that are used here."""
+    """Return canopen's dictionary of the objects of CiA 301 and CiA 402-2 in this file."""
     dictionary = ObjectDictionary()  # type: ignore[no-untyped-call]
     for index, kind in VARIABLES.items():
         dictionary.add_object(variable(index, 0, kind))
@@ -137,7 +137,7 @@ class Setup:
         Raises
         ------
         RigError
-            The drive does not answer, is not the expected one, or refuses a setting.
+            The drive does not answer, is not the expected drive, or refuses a setting.
         """
         self._identify()
         self._monitor()
@@ -163,7 +163,7 @@ class Setup:
             self._write(0x60A9, 0, unit)
 
     def _monitor(self) -> None:
-        """Set up the heartbeats of drive and controller, and what the drive does without them."""
+        """Set up both heartbeats, and the reaction of the drive to a missing heartbeat."""
         watchdog = self._settings.watchdog_ms
         self._write(0x1017, 0, watchdog // 4)
         self._write(0x1016, 1, NODE << 16 | watchdog)

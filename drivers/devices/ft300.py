@@ -13,7 +13,7 @@ from drivers.transports.serial_port import SerialPort
 BAUD = 19200
 """Line rate of the sensor [bit/s]."""
 STREAMING = 0.1
-"""Wait for a frame, after which the stream is assumed not to run and is started [s]."""
+"""Longest wait for a frame; then the driver assumes that the stream is off, and starts it [s]."""
 FIRST_FRAME = 1.0
 """Longest wait for the first frame [s]."""
 
@@ -30,8 +30,8 @@ class Ft300(SerialDevice):
 
     Its signals are `fx`, `fy`, `fz` [N] and `mx`, `my`, `mz` [N m]. Its frames contain no time
     stamp. The time of a sample is the time of arrival minus the transmission time of a frame, 8.3
-    ms. Its frames contain no status, so the sensor does not report saturation. The range of the
-    channel (300 N, 30 N m) must be given in the rig file.
+    ms. Its frames contain no status, so the sensor does not report saturation. The rig file must
+    therefore give the range of the channel (300 N, 30 N m).
     """
 
     Settings = Ft300Settings

@@ -96,8 +96,8 @@ class ODrive(CanDevice, VelocityDrive):
         self._now = self._heartbeat = self._asked = -math.inf
         """Times of this tick, the latest heartbeat, and the latest request for the current [s].
 
-        The times of ticks are used. After a delay of the loop, the times of arrival of the frames
-        that waited in the buffer are earlier.
+        These are times of ticks, not times of arrival. After a delay of the control loop, frames
+        that waited in the buffer have earlier times of arrival.
         """
         self._question = Command.GET_IQ if settings.firmware == "0.5" else Command.GET_VERSION
         self._answered = False
@@ -126,7 +126,7 @@ class ODrive(CanDevice, VelocityDrive):
         Raises
         ------
         RigError
-            There is no heartbeat, or the firmware is not the expected one.
+            There is no heartbeat, or the firmware has not the expected version.
         """
         self._bus = bus
         wanted = self.settings.firmware
@@ -236,7 +236,7 @@ class ODrive(CanDevice, VelocityDrive):
         return self._ready and not self.error
 
     def command(self, velocity: float) -> float:
-        """Set the velocity [m/s]; return it [m/s], limited to the range of the axis.
+        """Set the velocity [m/s]. Return it limited to the range of the axis [m/s].
 
         If the axis is not in operation, the velocity is 0.
         """
@@ -247,9 +247,9 @@ class ODrive(CanDevice, VelocityDrive):
     def transmit(self) -> None:
         """If operation is requested, send the velocity, which resets the watchdog timer.
 
-        While operation is requested, the current is requested only here. With firmware 0.5, a
-        request for the current also resets the watchdog timer, but the watchdog must expire when
-        no velocity is sent.
+        With firmware 0.5, a request for the motor current also resets the watchdog timer, but the
+        watchdog must expire when no velocity is sent. While operation is requested, the current is
+        therefore requested only here.
         """
         if self._wanted:
             self._send(Command.SET_INPUT_VEL, codec.set_input_vel(self._velocity / self._travel))

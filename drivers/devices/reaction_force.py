@@ -44,8 +44,8 @@ class ReactionForceObserver(DerivedDevice):
 
         F_hat' = F_hat + (1 - exp(-g dt)) (mean(F_motor - F_friction) - m (v' - v) / dt - F_hat)
 
-    with the mean of the two samples; v' and F_hat' are the new velocity and estimate. The update is
-    exact for constant forces and every dt.
+    with the mean of the two samples. v' is the new velocity and F_hat' the new estimate. The update
+    is exact for constant forces and every dt.
 
     The signal is `force` [N], positive if F acts against the positive direction of the drive. F
     is not measured at the contact. An error of the mass causes a force error proportional to the
@@ -68,7 +68,7 @@ class ReactionForceObserver(DerivedDevice):
         self._force = self._velocity = NO_SAMPLE
         """Samples of the drive from which the latest estimate was computed."""
         self._driven = math.nan
-        """Motor force minus friction at the time of these samples [N]."""
+        """Motor force minus friction at the time of the latest estimate [N]."""
 
     @property
     def lag(self) -> float:

@@ -80,7 +80,7 @@ class CobsReader:
         self._skipping = False
 
     def feed(self, data: bytes) -> list[bytes]:
-        """Process the next bytes of the stream; return the decoded frames that end in them.
+        """Process the next bytes of the stream; return the decoded frames that they complete.
 
         Empty frames are omitted. An incomplete frame at the end is kept for the next call.
         """

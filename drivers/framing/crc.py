@@ -24,7 +24,7 @@ def crc16_x25(data: bytes) -> int:
 
 
 def modbus_step(byte: int) -> int:
-    """Return the Modbus CRC of one byte, with the initial value 0; an entry of `MODBUS_STEPS`."""
+    """Return the Modbus CRC of one byte for the initial value 0, an entry of `MODBUS_STEPS`."""
     for _ in range(8):
         byte = byte >> 1 ^ (0xA001 if byte & 1 else 0)
     return byte

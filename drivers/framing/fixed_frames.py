@@ -35,7 +35,7 @@ class FixedFrameParser(ABC, Generic[Frame]):
         """Return the content of a frame of `size` bytes; None if its checksum is wrong."""
 
     def feed(self, data: bytes) -> list[Frame]:
-        """Process the next bytes of the stream; return the frames that end in them.
+        """Process the next bytes of the stream; return the frames that they complete.
 
         The oldest frame is the first. An incomplete frame at the end is kept for the next call.
         """

@@ -103,9 +103,9 @@ class DescriptorPort(PortablePort):
         return data
 
     def close(self) -> None:
-        """Close the port, and discard its file descriptor.
+        """Close the port, and discard the number of its file descriptor.
 
-        The operating system may use the number of the descriptor for another file.
+        After that, the operating system may give this number to another file.
         """
         self._descriptor = -1
         super().close()

@@ -17,7 +17,7 @@ from drivers.transports.slcan import SlcanBus, StatusFlags
 LATEST = 1.0
 """Largest age of a frame's time stamp if it is a time of the system clock [s].
 
-A time stamp that seems older is of another clock, and is not used.
+If a time stamp seems older, it is a time of another clock, and is not used.
 """
 STATUS_EVERY = 0.01
 """Period of the status requests to an slcan adapter [s]."""
@@ -26,7 +26,7 @@ MOST = 4096
 BUS_OFF = 0x40
 """Bit in the identifier of an error frame of Linux: the CAN controller is in the state bus-off."""
 EXTENDED = 1 << 31
-"""Bit that is added to an identifier of 29 bits, as in DBC files."""
+"""Bit that marks an identifier of 29 bits, as in DBC files."""
 
 
 class CanBus(Bus):
@@ -114,7 +114,7 @@ class CanBus(Bus):
     def poll(self) -> None:
         """Pass each received frame to the function attached for its identifier.
 
-        The arrival time is the time stamp of the frame if the interface gives one. Otherwise it is
+        The arrival time is the time stamp that the interface gives. Without a time stamp, it is
         estimated by the mean of the times of this reading and of the previous reading.
 
         Raises

@@ -61,10 +61,10 @@ class SlcanBus(can.BusABC):
     `recv` and `drain` read all waiting bytes of the port. Invalid lines, for example frames
     changed by noise, are counted and skipped. `send` does not wait for the adapter's answer. If
     the adapter refused a frame, the `recv` or `drain` that reads this answer raises
-    CanOperationError once; the frames received by that call are returned by the next call. Read
-    about as often as you send, because an adapter may stop if its answers are not read. There is
-    no `fileno`, because received frames may be waiting in this object while the port is empty.
-    Without `fileno`, python-can's Notifier uses a thread.
+    CanOperationError once; the next call returns the frames that this call received. Call `recv`
+    or `drain` about as often as `send`, because an adapter may stop if its answers are not read.
+    There is no `fileno`, because received frames may be waiting in this object while the port is
+    empty. Without `fileno`, python-can's Notifier uses a thread.
 
     Parameters
     ----------
@@ -242,7 +242,7 @@ class SlcanBus(can.BusABC):
             )
 
     def _fetch(self, timeout: float | None) -> None:
-        """Read all waiting bytes of the port; raise if a frame was refused."""
+        """Read all waiting bytes of the port; raise CanOperationError if a frame was refused."""
         try:
             data = self._port.read(timeout)
         except (OSError, ValueError) as error:

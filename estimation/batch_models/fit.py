@@ -61,8 +61,8 @@ class Parameter(NamedTuple):
     unit: str
     """Unit of the parameter."""
     identifiable: bool
-    """True if the value is in its plausible range and the interval does not contain zero. Some
-    parameters may also be zero, see `FittedParameter.may_vanish`."""
+    """True if the value is in its plausible range and the interval does not contain zero. For
+    some parameters the interval may contain zero, see `FittedParameter.may_vanish`."""
 
 
 class BatchFit(NamedTuple):
@@ -87,7 +87,7 @@ class BatchFit(NamedTuple):
 
     @property
     def identifiable(self) -> bool:
-        """Whether all parameters except `f1` are identifiable."""
+        """Whether all parameters are identifiable, except `f1`, a force at the start of a piece."""
         return all(one.identifiable for name, one in self.parameters.items() if name != "f1")
 
     def summary(self) -> dict[str, object]:

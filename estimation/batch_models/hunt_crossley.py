@@ -2,10 +2,10 @@
 
 For a given contact point xc and exponent n the force is linear in K and B. Therefore only xc and n
 are found by a nonlinear search, and K and B by linear least squares (variable projection). The
-estimates of K and n are strongly correlated, and the unit of K depends on n. The search therefore
-divides d by its largest value D, because K D^n has a much smaller error than K. If n or xc is at
-the end of its range, the record does not determine this value, for example because no sample is
-near the contact point.
+estimates of K and n are strongly correlated, and the unit of K depends on n. In the search, d is
+therefore divided by its largest value D, because K D^n has a much smaller error than K. The record
+does not determine n or xc if its estimate is at an end of the search range, for example because no
+sample is near the contact point.
 
 References
 ----------
@@ -31,7 +31,7 @@ from estimation.compiled import Floats
 EXPONENT = (0.5, 5.0)
 """Range of the exponent n in the search."""
 PLAUSIBLE = (0.8, 4.5)
-"""Range in which the exponent n must be to count as identifiable."""
+"""Range in which the estimated exponent n must be to be identifiable."""
 BEFORE = 2.0
 """Largest distance from the contact point to the smallest fitted position, relative to the range of
 the fitted positions."""

@@ -23,9 +23,9 @@ class ActiveObserver(RandomWalkKalman):
     no input: p is a force at the surface [N], and the other states are the parameters, random walks
     as in `RandomWalkKalman`.
 
-    p is not zero if there is an error of the datum, friction or slow relaxation. In a hold, p
-    cannot be distinguished from k x. If Qp is small, p has nearly its initial value for a long
-    time, and the standard deviations of k and p are too large during several time constants of p.
+    An error of the datum, friction and slow relaxation all contribute to p. In a hold, p cannot be
+    distinguished from k x. If Qp is small, p has nearly its initial value for a long time, and the
+    standard deviations of k and p are too large during several time constants of p.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ class ActiveObserver(RandomWalkKalman):
     model
         Model that defines the regressors phi. The regressor 1 of p is not part of the model.
     correlation
-        Number of samples per independent sample of the force noise, see `LinearGainEstimator`.
+        Number of samples per independent value of the force noise, see `LinearGainEstimator`.
 
     Raises
     ------

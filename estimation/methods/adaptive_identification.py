@@ -22,7 +22,8 @@ RK4_LIMIT = 2.785293563405282
 """Stability limit of r dt for RK4 of y' = -r y: root of |1 - z + z^2/2 - z^3/6 + z^4/24| = 1."""
 
 GUESS = 1.0
-"""Initial variance of a parameter, for noise of variance 1 N^2, divided by its gain [s]."""
+"""Initial variance of a parameter for noise of variance 1 N^2, divided by the adaptation gain of
+the parameter [s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +89,7 @@ class AdaptiveIdentification(LinearGainEstimator):
     model
         Model that defines the regressors.
     correlation
-        Number of samples per independent sample of the force noise, see `LinearGainEstimator`.
+        Number of samples per independent value of the force noise, see `LinearGainEstimator`.
 
     Raises
     ------

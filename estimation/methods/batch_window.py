@@ -1,4 +1,4 @@
-"""Ordinary least squares (OLS) over a sliding window. It is the reference for other methods."""
+"""Ordinary least squares (OLS) over a sliding window, the reference for the other methods."""
 
 from __future__ import annotations
 
@@ -12,9 +12,12 @@ from estimation.model import KELVIN_VOIGT, Model
 from estimation.step import Matrix, Regressors, State, Vector, below, diagonal, zeros
 
 SINGULAR = 1e-10
-"""Smallest fraction of the sum of squares of a regressor that must be independent of the others."""
+"""Smallest fraction of a regressor's sum of squares that is orthogonal to the other regressors.
+
+If a fraction is smaller, the window does not determine all parameters.
+"""
 SMALLEST_SQUARES = 1e-60
-"""Sum of squares below which a regressor counts as zero."""
+"""Sum of squares below which a regressor is treated as zero."""
 LONGEST = 1_000_000
 """Largest number of samples in a window."""
 
@@ -26,7 +29,7 @@ class WindowParameters:
     samples: int
     """Number of samples in a full window."""
     correlation: float
-    """Number of samples per independent sample of the force noise, >= 1."""
+    """Number of samples per independent value of the force noise, >= 1."""
     window: float
     """Length of the window [s]. A longer gap in the data empties the window."""
 
@@ -215,7 +218,7 @@ class BatchWindow(Estimator):
     model
         Model that defines the regressors.
     correlation
-        Number of samples per independent sample of the force noise, see `LinearGainEstimator`.
+        Number of samples per independent value of the force noise, see `LinearGainEstimator`.
 
     Raises
     ------

@@ -40,7 +40,7 @@ class MovingAxis:
     middle: float
     """Middle value, in units of the spacing."""
     settled: float
-    """Time since the values last changed [s]. Since then the best candidate was not at the edge."""
+    """Time since the values last changed [s]. In this time no best candidate was at the edge."""
 
 
 def least_candidate(
@@ -48,8 +48,8 @@ def least_candidate(
 ) -> tuple[float, float]:
     """Return the candidate (b, k) with the smallest monitoring signal.
 
-    A small term is added to the signals so that one candidate is selected if several signals are
-    equal (see `MultiEstimator`). Its weight is `share`, relative to the signal that the grid spans.
+    A small term with the weight `share` is added to the signals, so that one candidate is selected
+    if several signals are equal. `MultiEstimator` defines this term.
     """
     vv, vx, xx = state.vv, state.vx, state.xx
     b_first, b_step = b.first, b.spacing

@@ -1,4 +1,4 @@
-"""Coarse to fine: a multi-estimator whose grid is moved to the best candidate and refined."""
+"""Multi-estimator with a coarse grid that is moved to the best candidate and then refined."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from estimation.step import B, K, Regressors
 TIE = 1e-12
 """Weight of the tie-breaking term, see `MultiEstimator`.
 
-It is smaller than that of `MultiEstimator`, because this grid may be narrow and far from zero.
+It is smaller than in `MultiEstimator`, because this grid may be narrow and far from zero.
 """
 FINEST = 1e-9
 """Smallest spacing, as a fraction of the initial spacing."""
@@ -40,10 +40,9 @@ class CoarseToFineParameters:
     half: float
     """Number of candidate values on either side of the middle value of an axis."""
     patience: float
-    """Time without a best candidate at the edge of the grid after which the spacing is halved [s].
-    """
+    """The spacing is halved after this time without a best candidate at the edge [s]."""
     correlation: float
-    """Number of samples per independent sample of the force noise, >= 1."""
+    """Number of samples per independent value of the force noise, >= 1."""
     finest_b: float
     """Smallest spacing of b [N s/m]."""
     finest_k: float
@@ -94,7 +93,7 @@ def follow(
     If the best value is at the edge, the spacing is doubled. If it has not been at the edge for the
     time `patience`, the spacing is halved. In both cases the axis is centred at the best value.
 
-    The spacing is not halved below two lower limits. The first is a quarter of
+    There are two lower limits of the spacing. First, it is at least a quarter of
     sqrt(spread) / curvature, the standard deviation of the parameter if the other parameter were
     known. Second, the monitoring signal must increase by at least `tie` from the middle of the axis
     to the edge, so that the tie-breaking term does not change the result.
@@ -150,13 +149,13 @@ class CoarseToFine(Estimator):
     forgetting_rate
         lambda in (11) [1/s], >= 0. The weight of a squared error decays as e^(-2 lambda t).
     patience
-        Time [s] without a best candidate at the edge after which the spacing is halved, > 0.
+        The spacing is halved after this time without a best candidate at the edge [s], > 0.
     spacing
         Initial spacing of b [N s/m] and k [N/m]. It has little effect on the result.
     half
-        Number of candidates on either side of the middle one, along each axis.
+        Number of candidates on either side of the middle candidate, along each axis.
     correlation
-        Number of samples per independent sample of the force noise, see `LinearGainEstimator`.
+        Number of samples per independent value of the force noise, see `LinearGainEstimator`.
 
     Raises
     ------

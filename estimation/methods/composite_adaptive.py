@@ -165,9 +165,9 @@ class CompositeAdaptive(Estimator):
         d(P^-1)/dt = -lambda (P^-1 - P_0^-1) + W W',
 
     where the forgetting is (8.115) of Slotine and Li. P never exceeds its initial value P_0. The
-    forgetting rate lambda is constant. A rate lambda (1 - |P| / |P_0|) would become zero while the
-    motion has no information on b; with a constant rate, k is tracked also during such a motion.
-    The published law uses the tracking error of the force loop; here the force error is used
+    forgetting rate lambda is constant, so that the estimate of k follows changes also while the
+    motion has no information on b. A rate lambda (1 - |P| / |P_0|) would become zero then.
+    The published law uses the error of a force controller; here the force error is used
     instead. For true parameters theta_0, V = (theta - theta_0)' P^-1 (theta - theta_0) never
     increases, also with implicit Euler, for all settings and every `dt`.
 

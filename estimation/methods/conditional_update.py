@@ -50,9 +50,8 @@ class ConditionalUpdate(FactoredEstimator):
     predicted with P, relative to the noise variance. Other samples cause neither an update nor
     forgetting, so that P does not wind up at rest (K. J. Astrom and B. Wittenmark, "Adaptive
     Control", 2nd edition, Addison-Wesley, 1995, chapter 11, where c = 2). With forgetting, the
-    average of phi' P phi is m (1 - beta) for m exciting regressors, and 1 - beta for a probe at
-    rest. So c should be between 1 and m. Motion that is much smaller than earlier motion is not
-    used.
+    average of phi' P phi is m (1 - beta) if all m regressors are excited, and 1 - beta in a hold.
+    So c should be between 1 and m. Motion that is much smaller than earlier motion is not used.
 
     Parameters
     ----------
@@ -69,7 +68,7 @@ class ConditionalUpdate(FactoredEstimator):
     model
         Model that defines the regressors.
     correlation
-        Number of samples per independent sample of the force noise, see `LinearGainEstimator`.
+        Number of samples per independent value of the force noise, see `LinearGainEstimator`.
 
     Raises
     ------

@@ -57,7 +57,7 @@ class ConstantTrace(FactoredEstimator):
     sample it is set to c1 P / tr P + c2 I, in units of P0 (K. J. Astrom and B. Wittenmark,
     "Adaptive Control", 2nd edition, Addison-Wesley, 1995, chapter 11). For m regressors with the
     scaled square q = phi_i^2 P0_i, c1 = m (1 - beta) / q has the same effect as a forgetting factor
-    beta. With the same c1, forgetting is faster in a larger motion. The variance in a direction
+    beta. For a given c1, a larger motion causes faster forgetting. The variance in a direction
     without excitation increases up to the whole trace; the estimate in this direction then follows
     the noise.
 
@@ -73,7 +73,7 @@ class ConstantTrace(FactoredEstimator):
     model
         Model that defines the regressors.
     correlation
-        Number of samples per independent sample of the force noise, see `LinearGainEstimator`.
+        Number of samples per independent value of the force noise, see `LinearGainEstimator`.
 
     Raises
     ------

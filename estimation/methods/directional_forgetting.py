@@ -16,7 +16,7 @@ from estimation.model import KELVIN_VOIGT, Model
 from estimation.step import Regressors, below
 
 NO_NEWS = 1e-100
-"""Value of z' P z below which no information is forgotten, since 1 / (z' P z) may overflow."""
+"""If z' P z is smaller, no information is forgotten, because 1 / (z' P z) may overflow."""
 
 
 def step(
@@ -65,7 +65,7 @@ class DirectionalForgetting(FactoredEstimator):
     model
         Model that defines the regressors.
     correlation
-        Number of samples per independent sample of the force noise, see `LinearGainEstimator`.
+        Number of samples per independent value of the force noise, see `LinearGainEstimator`.
 
     Raises
     ------

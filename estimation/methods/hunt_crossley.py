@@ -10,11 +10,11 @@ STIFFNESS, DAMPING, EXPONENT = 2, 3, 4
 HERTZ = 1.5
 """Initial guess of n: the exponent of a sphere on a plane (Hertz)."""
 STEEPEST = 5.0
-"""Upper limit of n; the lower limit is 0."""
+"""Upper limit of the exponent n; the lower limit is 0."""
 PRIOR = 1e-8
 """Weight of the initial guess n = 1.5 and B = 0, relative to the weight of the samples."""
 TOUCH = 1e-6
-"""Smallest displacement that counts as contact, relative to the typical displacement."""
+"""Smallest displacement that is treated as contact, relative to the typical displacement."""
 LARGEST_LOG = 230.0
 """Limit of the magnitude of the logarithm of a force or a stiffness."""
 

@@ -40,7 +40,7 @@ class DoubleStageParameters:
     v0: float
     """Typical velocity [m/s]."""
     threshold: float
-    """Largest force that counts as no contact [N]."""
+    """Largest force that is treated as no contact [N]."""
     log_x0: float
     """ln x0."""
 
@@ -50,15 +50,15 @@ class DoubleStageState(State):
     """Variables of the normal equations, with g = (x/x0)^n, u = v/v0 and l = ln x/x0."""
 
     gg: float
-    """`gg` to `guf`: weighted sums of stage 1, of the products of g, g u and f."""
+    """`gg` to `guf`: weighted sums of the products of g, g u and f, for stage 1."""
     ggu: float
     gugu: float
     gf: float
     guf: float
     ll: float
-    """Weighted sum of l^2 of stage 2."""
+    """Weighted sum of l^2, for stage 2."""
     ly: float
-    """Weighted sum of l y of stage 2, with y = ln f / (K x0^n + B x0^n v)."""
+    """Weighted sum of l y, for stage 2, with y = ln f / (K x0^n + B x0^n v)."""
     prior: float
     """Weight of the initial guess of n."""
 
@@ -149,7 +149,7 @@ class DoubleStage(Estimator):
 
     Each stage is recursive least squares with exponential forgetting. b and k are the Kelvin-Voigt
     parameters at the present displacement: b = B x^n and k = K x^(n-1), so that b v + k x is the
-    force. All standard deviations are NaN, because neither stage includes the error of the other.
+    force. All standard deviations are NaN, because each stage neglects the error of the other.
 
     The model is valid in contact, for x > 0 and f > `threshold`, with the surface at x = 0. Stage
     2 also needs K + B v > 0; other samples update only K and B. The stages converge slowly if x
@@ -170,7 +170,7 @@ class DoubleStage(Estimator):
     displacement, velocity
         Typical displacement x0 [m] and velocity v0 [m/s], used for scaling.
     threshold
-        Largest force [N] that counts as no contact, > 0: one or two standard deviations of the
+        Largest force [N] that is treated as no contact, > 0: one or two standard deviations of the
         force noise. A sample with a smaller force, or with x <= 0, does not change the estimate.
 
     Raises

@@ -35,9 +35,9 @@ class LogarithmicParameters:
     v0: float
     """Typical velocity [m/s]."""
     threshold: float
-    """Largest force that counts as no contact [N]."""
+    """Largest force that is treated as no contact [N]."""
     correlation: float
-    """Number of samples per independent sample of the force noise, >= 1."""
+    """Number of samples per independent value of the force noise, >= 1."""
     log_x0: float
     """ln x0."""
 
@@ -47,7 +47,7 @@ class LogarithmicState(State):
     """Variables of the regression of y on (1, l, u), with l = ln x/x0 and u = v/v0 / (1 + z)."""
 
     w: float
-    """`w` to `w_uu`: weighted sums R of products of (1, l, u). `w_y` to `w_uy`: with y."""
+    """`w` to `w_uu`: weighted sums R of products of (1, l, u). `w_y` to `w_uy`: products with y."""
     w_l: float
     w_u: float
     w_ll: float
@@ -57,7 +57,7 @@ class LogarithmicState(State):
     w_ly: float
     w_uy: float
     q: float
-    """`q` to `q_uu`: the same sums as R, with weights that decay twice as fast, matrix Q."""
+    """`q` to `q_uu`: matrix Q, the sums R with weights that decay twice as fast."""
     q_l: float
     q_u: float
     q_ll: float
@@ -259,12 +259,12 @@ class Logarithmic(Estimator):
     displacement, velocity
         Typical displacement x0 [m] and velocity v0 [m/s], used for scaling.
     threshold
-        Largest force [N] that counts as no contact, > 0: one or two standard deviations of the
-        force noise. With a larger threshold, weak forces are used only if noise increases them,
-        which causes a bias. A sample with a smaller force, or with x <= 0, does not change the
-        estimate.
+        Largest force [N] that is treated as no contact, > 0: one or two standard deviations of the
+        force noise. A larger threshold causes a bias, because weak forces are then used only if
+        noise increases them. A sample with a force below the threshold, or with x <= 0, does not
+        change the estimate.
     correlation
-        Number of samples per independent sample of the force noise, see `LinearGainEstimator`.
+        Number of samples per independent value of the force noise, see `LinearGainEstimator`.
 
     Raises
     ------

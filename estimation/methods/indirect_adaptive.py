@@ -74,8 +74,8 @@ class IndirectAdaptive(LinearGainEstimator):
     every depth and cube. The gradient law is solved exactly over a sample period, which is stable
     for every rate and `dt`.
 
-    A gradient method does not converge faster than the direction of phi changes. So a rate above
-    the angular frequency of the motion has no advantage.
+    The speed of convergence of a gradient method is limited by the speed at which the direction of
+    phi changes. So a rate above the angular frequency of the motion has no advantage.
 
     Parameters
     ----------
@@ -89,7 +89,7 @@ class IndirectAdaptive(LinearGainEstimator):
     model
         Model that defines the regressors.
     correlation
-        Number of samples per independent sample of the force noise, see `LinearGainEstimator`.
+        Number of samples per independent value of the force noise, see `LinearGainEstimator`.
 
     Raises
     ------

@@ -33,7 +33,7 @@ class KalmanParameters(FactoredParameters):
 def process_noise(
     memory: float, sample_period: float, sizes: tuple[float, ...]
 ) -> tuple[float, ...]:
-    """Return the process noise Q for which a Kalman filter has the time constant `memory`.
+    """Return the process noise Q that gives a Kalman filter the time constant `memory`.
 
     Consider the filter of one parameter theta with f = s theta + e, where the noise e has the
     variance 1. Let P be the variance of the estimate, with s^2 P << 1. A sample decreases P by
@@ -119,7 +119,7 @@ class RandomWalkKalman(FactoredEstimator):
     model
         Model that defines the regressors.
     correlation
-        Number of samples per independent sample of the force noise, see `LinearGainEstimator`.
+        Number of samples per independent value of the force noise, see `LinearGainEstimator`.
 
     Raises
     ------

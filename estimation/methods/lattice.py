@@ -6,10 +6,11 @@ The grid of the multi-estimator is such a box, and its monitoring signal is such
 
 The computing time does not depend on the size of the box. A Lagrange-Gauss reduced basis (u, w)
 divides the grid into rows along u, the step for which the quadratic part of q is smallest. In a
-reduced basis the minimum over the unbounded grid is on one of the two rows next to the real minimum
-of q. If this grid point is outside of the box, rows are searched in both directions. The search
-starts at the row through the real minimum of q on the border of the box. In each direction the
-search ends at a row on which the real minimum of q is larger than q at the best grid point so far.
+reduced basis the smallest q of the unbounded grid is on one of the two rows next to the real
+minimum, which is the minimum of q over real i and j. If the grid point with the smallest q is
+outside of the box, rows are searched in both directions. The search starts at the row through the
+real minimum of q on the border of the box. In each direction the search ends at a row on which the
+real minimum of q is larger than q at the best grid point so far.
 
 All functions use only scalars, so that the interpreter and numba can run them.
 

@@ -50,7 +50,7 @@ class MonitoringState(State):
 
 
 NO_SUMS = (0.0,) * 16
-"""Initial values of the fields of `MonitoringState`, without those of `State`."""
+"""Initial values of the fields of `MonitoringState`, except the fields of `State`."""
 
 
 def decay_and_add(

@@ -25,7 +25,7 @@ from estimation.step import B, K, Regressors
 Indices = NDArray[np.int64]
 
 TIE = 1e-9
-"""Weight of the tie-breaking term, as a fraction of the monitoring signal that the grid spans."""
+"""Weight of the tie-breaking term that `MultiEstimator` adds to each monitoring signal."""
 FASTEST = 1e6
 """Largest forgetting rate [1/s]."""
 
@@ -39,7 +39,7 @@ class MultiEstimatorParameters:
     b: GridAxis
     k: GridAxis
     correlation: float
-    """Number of samples per independent sample of the force noise, >= 1."""
+    """Number of samples per independent value of the force noise, >= 1."""
 
 
 def step(
@@ -67,12 +67,12 @@ class MultiEstimator(Estimator):
     of all candidates are one quadratic form in (b, k). Its minimum over the grid is found without
     evaluating all candidates, so the computing time does not depend on the size of the grid.
 
-    A small term is added to each signal. Of several candidates with equal signals, the candidate
-    nearest to (b, k) = (0, 0) is selected. The term is the product of `TIE`, the squared distance
-    from this candidate in units of the lengths of the axes, and the signal that the grid spans.
-    That signal is int f^2 + (b v)^2 + (k x)^2, where b and k are the lengths of the axes. So a
-    damping that the data do not determine is estimated as zero. The term does not change the result
-    for candidates that the data distinguish.
+    A small tie-breaking term is added to each signal. If several candidates have equal signals, the
+    candidate nearest to (b, k) = (0, 0) is selected. So a damping that the data do not determine is
+    estimated as zero. The term does not change the result for candidates that the data distinguish.
+    The term is a product of three factors: `TIE`, the squared distance from the candidate nearest
+    to (0, 0) in units of the lengths of the axes, and the integral of f^2 + (b v)^2 + (k x)^2. In
+    this integral b and k are the lengths of the axes.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ class MultiEstimator(Estimator):
     forgetting_rate
         lambda in (11) [1/s], >= 0. The weight of a squared error decays as e^(-2 lambda t).
     correlation
-        Number of samples per independent sample of the force noise, see `LinearGainEstimator`.
+        Number of samples per independent value of the force noise, see `LinearGainEstimator`.
     own
         Additional parameters of the step of a subclass, by name.
 
@@ -125,7 +125,7 @@ class MultiEstimator(Estimator):
         return np.maximum(signal + 2.0 * b * k * s.vx, 0.0)
 
     def ties(self, margin: float) -> Floats:
-        """Return the candidates whose monitoring signal is near the smallest one.
+        """Return the candidates whose monitoring signal is near the smallest monitoring signal.
 
         Parameters
         ----------
@@ -159,8 +159,9 @@ class MultiEstimator(Estimator):
 
         Returns
         -------
-        First and last index of k for each b, arrays of shape (grid.b.count,). first > last if there
-        is no k. The computing time does not depend on the number of values of k.
+        First and last index of k for each b, arrays of shape (grid.b.count,). first > last if
+        `ties` has no candidate with this b. The computing time does not depend on the number of
+        values of k.
         """
         if not margin >= 0.0:
             raise ValueError(f"margin must be >= 0, got {margin}")
@@ -204,7 +205,7 @@ class MultiEstimator(Estimator):
     def note(self, estimates: Estimates) -> str | None:
         """Return a warning if the estimate is at the edge of the grid, otherwise None.
 
-        A warning is also returned if it was there in at least 10 % of the samples.
+        A warning is also returned if the estimate was at the edge in at least 10 % of the samples.
         """
         shares = {
             name: float(np.mean(np.isin(getattr(estimates, name), edges)))

@@ -80,14 +80,14 @@ class NormalisedIdentification(LinearGainEstimator):
 
     In the gradient law (8) of the paper, theta' = -Gamma phi (phi' theta - f), the gain Gamma must
     be chosen for the cube and the depth. Here Gamma_i = rate / <phi_i^2>, where < > is a mean over
-    time. So if the regressors are uncorrelated, all parameters converge at this rate, for
-    regressors of all units and sizes.
+    time. So all parameters converge at the rate `rate` if the regressors are uncorrelated, whatever
+    the units and sizes of the regressors are.
     This is the normalised gradient of P. A. Ioannou and J. Sun, "Robust Adaptive Control", 1996,
     section 4.3, applied to each regressor. (8) is solved exactly over a sample period, which is
     stable for every rate and `dt`.
 
-    A gradient method does not converge faster than the direction of phi changes. So a rate above
-    half the angular frequency of the motion has no advantage.
+    The speed of convergence of a gradient method is limited by the speed at which the direction of
+    phi changes. So a rate above half the angular frequency of the motion has no advantage.
 
     Parameters
     ----------
@@ -95,14 +95,14 @@ class NormalisedIdentification(LinearGainEstimator):
         Rate [1/s] at which the parameters converge.
     sizes
         Typical root mean square of each regressor, [m/s] for v, [m] for x. The order of
-        magnitude is sufficient: a mean square of 0.1 to 100 times the typical one is fully
-        compensated.
+        magnitude is sufficient: a mean square of 0.1 to 100 times the typical mean square is
+        fully compensated.
     memory
         Time constant [s] of the mean squares.
     model
         Model that defines the regressors.
     correlation
-        Number of samples per independent sample of the force noise, see `LinearGainEstimator`.
+        Number of samples per independent value of the force noise, see `LinearGainEstimator`.
 
     Raises
     ------

@@ -53,9 +53,9 @@ def multiply_out(parameters: PassiveParameters, state: PassiveState) -> None:
 
 
 def most_negative(parameters: PassiveParameters, state: PassiveState) -> int:
-    """Return the index of the parameter that violates its bound by most standard deviations.
+    """Return the index of the parameter that is most standard deviations below zero.
 
-    Only parameters that must not be negative count. The result is -1 if none is negative.
+    Parameters that may be negative are ignored. The result is -1 if no other parameter is negative.
     """
     theta, P = state.theta, state.P
     found = -1
@@ -95,7 +95,7 @@ def fix_at_zero(state: PassiveState, n: int) -> None:
 def step(
     parameters: PassiveParameters, state: PassiveState, phi: Regressors, f: float, dt: float
 ) -> None:
-    """Update least squares without constraint; then compute the passive theta nearest to it."""
+    """Update the estimate without constraint, then compute the nearest passive theta."""
     theta, free, bounded = state.theta, state.free, parameters.bounded
     indices = below[len(phi)]
     for i in indices:
@@ -131,9 +131,9 @@ class PassiveLeastSquares(FactoredEstimator):
     The estimate is the passive theta that is nearest to the unconstrained minimum in the metric
     of the information matrix P^-1. Negative parameters are set to zero one after the other,
     beginning with the parameter that is most standard deviations below zero. For a model with b
-    and k only, the result is the exact constrained minimum; for more parameters it nearly always
-    is. The recursion continues from the unconstrained minimum. The standard deviations are also
-    those of the unconstrained minimum.
+    and k only, the result is the exact constrained minimum. For more parameters, the result is
+    nearly always the exact minimum. The recursion continues from the unconstrained minimum. The
+    standard deviations are also those of the unconstrained minimum.
 
     Parameters
     ----------
@@ -148,7 +148,7 @@ class PassiveLeastSquares(FactoredEstimator):
     model
         Model that defines the regressors.
     correlation
-        Number of samples per independent sample of the force noise, see `LinearGainEstimator`.
+        Number of samples per independent value of the force noise, see `LinearGainEstimator`.
 
     Raises
     ------

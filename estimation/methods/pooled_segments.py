@@ -1,4 +1,4 @@
-"""Pooled least squares of segments, with a test whether all have the same damping and stiffness."""
+"""Least squares of segments, with a test whether all segments have the same parameters."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class SegmentParameters:
     length: float
     """Length of a segment [s]."""
     correlation: float
-    """Number of samples per independent sample of the force noise, >= 1."""
+    """Number of samples per independent value of the force noise, >= 1."""
 
 
 @dataclass(slots=True)
@@ -110,7 +110,7 @@ def end(parameters: SegmentParameters, state: SegmentState) -> None:
 
 
 def add(pool: Pool, value: float, variance: float) -> None:
-    """Add the value of a segment, with its variance, to the statistics."""
+    """Add the estimate of one parameter from a segment, with its variance, to the statistics."""
     weight = 1.0 / (variance + 1e-300)
     pool.count += 1
     pool.weights += weight
@@ -136,7 +136,7 @@ def pooled(pool: Pool) -> tuple[float, float]:
 
 
 def disagree(pool: Pool) -> bool:
-    """Return whether Q exceeds the 99.9 % quantile of the chi-squared distribution.
+    """Return whether the segments disagree: Cochran's Q exceeds the 99.9 % chi-squared quantile.
 
     The quantile is computed by the approximation of Wilson and Hilferty.
     """
@@ -171,7 +171,7 @@ class PooledSegments(Estimator):
         Length of a segment [s], about one period of the motion. b and k must be distinguishable
         from the motion in one segment.
     correlation
-        Number of samples per independent sample of the force noise, see `LinearGainEstimator`.
+        Number of samples per independent value of the force noise, see `LinearGainEstimator`.
 
     Raises
     ------
@@ -202,7 +202,7 @@ class PooledSegments(Estimator):
 
     @property
     def correlation(self) -> float:
-        """Number of samples per independent sample of the force noise, >= 1.
+        """Number of samples per independent value of the force noise, >= 1.
 
         A new value applies from the next sample on.
 
@@ -225,9 +225,9 @@ class PooledSegments(Estimator):
 
     @property
     def misfit(self) -> dict[str, float]:
-        """Relative standard deviation between segments, for each parameter that differs, by name.
+        """Relative standard deviation between segments, by name of the parameter.
 
-        It is empty if the segments agree on b and k.
+        Parameters on which the segments agree are omitted.
         """
         found = {}
         for name, pool in (("b", self.state.b), ("k", self.state.k)):

@@ -46,11 +46,11 @@ class RecursiveLeastSquares(FactoredEstimator):
 
     The estimate minimises sum_n beta^(N-n) (f_n - phi_n' theta)^2 + beta^N theta' P0^-1 theta.
 
-    Without motion, old information is forgotten but none is added: the covariance grows by the
-    factor 1/beta per sample, or in one step over a gap in the data. It stops growing when a
-    variance is `WINDUP` times its initial value. Recordings with motion do not reach this limit.
-    The covariance is stored as U-D factors, so that it remains positive definite and its rounding
-    errors are small.
+    Without motion, old information is forgotten but no information is added. The covariance then
+    increases by the factor 1/beta per sample, and over a gap in the data in one step. The increase
+    ends when a variance is `WINDUP` times its initial value. Recordings with motion do not reach
+    this limit. The covariance is stored as U-D factors, so that it remains positive definite and
+    its rounding errors are small.
 
     Parameters
     ----------
@@ -65,11 +65,11 @@ class RecursiveLeastSquares(FactoredEstimator):
     model
         Model that defines the regressors.
     correlation
-        Number of samples per independent sample of the force noise, see `LinearGainEstimator`.
+        Number of samples per independent value of the force noise, see `LinearGainEstimator`.
     guess_variance
         Variance of the error of the initial guess theta = 0, in the units of the initial
-        covariance. It is used for the standard deviations only. Use it if the initial covariance
-        is smaller than this variance. Default: the initial covariance.
+        covariance. It has an effect only on the standard deviations. Give it if the initial
+        covariance is smaller than this variance. Default: the initial covariance.
 
     Raises
     ------

@@ -13,8 +13,8 @@ FASTEST = 500.0
 SLOWEST = 0.5
 """Smallest angular frequency of a motion [rad/s]."""
 DISTINCT = 0.3
-"""Smallest determinant of the equations F = b V + k X that are solved, relative to that of a sine.
-"""
+"""Smallest determinant at which the equations F = b V + k X are solved, divided by the determinant
+for a sine."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,9 +54,9 @@ class SpectralState(State):
     x_mean: float
     """Mean of x, with the time constant of the frequency estimate [m]."""
     x_variance: float
-    """Variance of x, with the same time constant [m^2]."""
+    """Variance of x, with the time constant of the frequency estimate [m^2]."""
     v_square: float
-    """Mean square of v, with the same time constant [m^2/s^2]."""
+    """Mean square of v, with the time constant of the frequency estimate [m^2/s^2]."""
     window_filled: float
     """Sum of the weights in the window, from 0 to 1."""
     one: Spectrum
@@ -173,9 +173,9 @@ class SpectralRatio(Estimator):
     Parameters
     ----------
     periods
-        Time constant of the window, in periods of the motion. A short window reacts faster, a
-        long one reduces noise. For short windows the determinant of the equations is
-        proportional to the sixth power of this parameter.
+        Time constant of the window, in periods of the motion. With a short window, the estimate
+        changes faster. A long window reduces noise. For short windows the determinant of the
+        equations is proportional to the sixth power of this parameter.
     frequency
         Frequency of the motion [Hz]. Default: estimated from the motion.
     motion

@@ -18,7 +18,7 @@ from estimation.model import KELVIN_VOIGT, Model
 from estimation.step import Regressors, below
 
 LEAST = 1e-100
-"""Smallest square of a threshold."""
+"""Lower limit of epsilon, the square of the threshold."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,12 +96,13 @@ class SubspaceForgetting(FactoredEstimator):
         Time [s] in which the information in the direction of phi is multiplied by beta.
         Default: it is multiplied by beta at each sample, independent of `dt`.
     threshold
-        Smallest sqrt(phi' P0 phi) of a sample that is used, sqrt(epsilon) in the paper. It is
-        the standard deviation of the force predicted with P0, relative to that of the noise.
+        A sample is used if sqrt(phi' P0 phi) is at least this threshold, sqrt(epsilon) in the
+        paper. sqrt(phi' P0 phi) is the standard deviation of the force predicted with P0, divided
+        by the standard deviation of the noise.
     model
         Model that defines the regressors.
     correlation
-        Number of samples per independent sample of the force noise, see `LinearGainEstimator`.
+        Number of samples per independent value of the force noise, see `LinearGainEstimator`.
 
     Raises
     ------

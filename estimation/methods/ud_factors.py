@@ -177,7 +177,7 @@ def add(state: FactoredState, weight: float, columns: int) -> None:
 
 
 def add_variance(state: FactoredState, i: int, weight: float) -> None:
-    """Add `weight` to the variance P_ii; the equations are those of `add`, y the unit vector i."""
+    """Add `weight` to the variance P_ii, as `add` does for y equal to the unit vector i."""
     D, column, y = state.D, state.U[i], state.y
     former = D[i]
     D[i] = former + weight
@@ -206,7 +206,7 @@ def correct_with_gain(
 
 
 def forgetting_rate(forgetting: float, sample_period: float | None) -> float:
-    """Return the rate [1/s] of a forgetting factor per sample period [s]; 0 if that is None.
+    """Return the rate [1/s] of a forgetting factor per sample period [s]; 0 if the period is None.
 
     Raises
     ------
@@ -236,7 +236,7 @@ class FactoredEstimator(LinearGainEstimator):
     model
         Model that defines the regressors.
     correlation
-        Number of samples per independent sample of the force noise, see `LinearGainEstimator`.
+        Number of samples per independent value of the force noise, see `LinearGainEstimator`.
     guess_variance
         Variance of the error of the initial guess. Default: the initial covariance.
     own

@@ -1,1 +1,1 @@
-"""Emulated devices and adapters, which send and receive the same bytes as the real ones."""
+"""Emulated devices and adapters, which send and receive the same bytes as real devices."""

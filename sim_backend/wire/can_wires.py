@@ -30,7 +30,7 @@ class CanWire(Wire):
         self.devices = list(devices)
 
     def exchange(self, old: EmulatedDevice, new: EmulatedDevice) -> None:
-        """Replace the old device on the bus by the new one."""
+        """Replace the old device on the bus by the new device."""
         if old in self.devices:
             assert isinstance(new, EmulatedCanDevice)
             self.devices = [new if device is old else device for device in self.devices]
@@ -48,7 +48,7 @@ class CanWire(Wire):
         return min((device.due() for device in self.devices), default=math.inf)
 
     def serve(self, now: float) -> None:
-        """Pass the CAN frames of the host to the devices, and those of each device to all others.
+        """Pass CAN frames of the host to all devices, and frames of a device to all other devices.
 
         The host receives the frames of all devices, changed by the fault if there is one.
         """

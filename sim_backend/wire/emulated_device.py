@@ -40,9 +40,9 @@ class Mount(ABC):
 class EmulatedDevice(ABC):  # noqa: B024
     """Base class of emulated devices: software with the protocol of a real device.
 
-    An emulated device has the settings of its driver, but no other code in common with the driver,
-    so that an error in one of them is found. It has the watchdogs of the real device, so its
-    methods must be called often, with the present time.
+    An emulated device uses the settings of its driver, but shares no other code with the driver.
+    So a test finds an error in the emulation or in the driver. The emulated device has the
+    watchdogs of the real device. Its methods must therefore be called often, with the present time.
 
     Parameters
     ----------

@@ -42,8 +42,9 @@ ACTIONS = ("unplug", "replug", "reset")
 class Emulator:
     """Emulated devices of a rig file, with one wire per bus in the file.
 
-    It is a context manager, which opens and closes the wires. Serial ports and slcan adapters are
-    pseudo-terminals. To a CAN bus with another interface, the emulator connects by python-can.
+    The emulator is a context manager, which opens and closes the wires. Serial ports and slcan
+    adapters are pseudo-terminals. For a CAN bus with another interface, python-can connects the
+    emulator to the bus.
 
     Parameters
     ----------
@@ -53,7 +54,7 @@ class Emulator:
         Function that returns a new simulated telemanipulator. Its argument is a function that
         returns the time [s].
     folder
-        Folder of the pseudo-terminals. Each has the name of its bus.
+        Folder of the pseudo-terminals. Each pseudo-terminal has the name of its bus.
     faults
         Planned faults.
     now

@@ -84,7 +84,8 @@ class Mechanism:
     def exchange(self, make_rig: Callable[[Callable[[], float]], SimulatedRig]) -> None:
         """Replace the telemanipulator.
 
-        If a drive is enabled, the present one is used until the next reset to the initial state.
+        If a drive is enabled, the present telemanipulator is used until the next reset to the
+        initial state.
 
         Parameters
         ----------

@@ -59,7 +59,7 @@ class SerialWire(Wire):
         self.port.write(data)
 
     def exchange(self, old: EmulatedDevice, new: EmulatedDevice) -> None:
-        """Replace the old device on the port by the new one."""
+        """Replace the old device on the port by the new device."""
         if old is self.device:
             assert isinstance(new, EmulatedSerialDevice)
             self.device = new

@@ -30,8 +30,8 @@ class SlcanAdapter:
 
     The caller passes the bytes of the host and the frames of the bus to the adapter. Initially the
     channel is closed and has no bit rate. Like the adapter of Lawicel, it answers frames of the
-    host with `z` or `Z` (auto poll). It refuses frames while the channel is closed, settings while
-    it is open, and commands to open an open channel or to close a closed channel.
+    host with `z` or `Z` (auto poll). While the channel is closed, it refuses frames and the command
+    to close. While the channel is open, it refuses settings and the command to open.
 
     Attributes
     ----------

@@ -27,7 +27,7 @@ class Wire(ABC):
     def serve(self, now: float) -> None:
         """Pass the data of the host to the devices, and the data of the devices to the host.
 
-        `now` is the present time [s]. Data to the host that are due later are kept.
+        `now` is the present time [s]. Data that the host must receive later are stored.
         """
 
     @abstractmethod

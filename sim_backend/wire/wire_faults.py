@@ -51,7 +51,7 @@ class Random(WireFault):
         self._random = random.Random(seed)
 
     def is_affected(self) -> bool:
-        """Return a random decision whether the next frame is affected."""
+        """Return whether the next frame is affected, by a random choice."""
         return self._random.random() < self._share
 
 
@@ -91,7 +91,7 @@ class Reordered(Random):
 
 
 class Delayed(WireFault):
-    """Fault: all frames are received later by a constant time.
+    """Fault: all frames arrive with a constant delay.
 
     Parameters
     ----------
@@ -139,11 +139,11 @@ class Truncated(Random):
     """Fault: random frames are truncated to half of their length."""
 
     def octets(self, data: bytes) -> bytes:
-        """Return the first half of the bytes, or all bytes if the fault does not affect them."""
+        """Return the bytes; if affected, only the first half."""
         return data[: len(data) // 2] if data and self.is_affected() else data
 
     def frame(self, frame: can.Message) -> can.Message:
-        """Return the frame with the first half of its data, or all data if it is not affected."""
+        """Return the frame; if affected, with only the first half of its data."""
         return with_data(frame, frame.data[: len(frame.data) // 2]) if self.is_affected() else frame
 
 
@@ -151,11 +151,11 @@ class WrongLength(Random):
     """Fault: random frames have a wrong length."""
 
     def octets(self, data: bytes) -> bytes:
-        """Return the bytes, with three bytes inserted before the last byte if affected."""
+        """Return the bytes; if affected, with three bytes inserted before the last byte."""
         return data[:-1] + b"\x55\x55\x55" + data[-1:] if data and self.is_affected() else data
 
     def frame(self, frame: can.Message) -> can.Message:
-        """Return the frame, if affected with one byte more, or one byte less if it has eight."""
+        """Return the frame; if affected, with one more byte (one less if it has eight bytes)."""
         if not self.is_affected():
             return frame
         return with_data(frame, (frame.data + b"\x55") if len(frame.data) < 8 else frame.data[:7])
@@ -185,7 +185,7 @@ class Noise(Random):
 
 
 class BaudMismatch(WireFault):
-    """Fault: the line rate of the host is half that of the device. It receives two bytes as one."""
+    """Fault: the host has half the line rate of the device, and receives two bytes as one byte."""
 
     def octets(self, data: bytes) -> bytes:
         """Return half as many bytes, with wrong values."""
@@ -195,7 +195,7 @@ class BaudMismatch(WireFault):
 
 
 class Silent(WireFault):
-    """Fault: no frames are received, but the port exists, as with a broken cable to the device."""
+    """Fault: the port exists, but no frames are received, as with a broken cable to the device."""
 
     def frames(self, frames: list[Frame], now: float) -> list[Frame]:
         """Return no frames."""
@@ -208,8 +208,8 @@ class ErrorFrames(WireFault):
     Parameters
     ----------
     identifier
-        Identifier of the error frames, which are the error flags of Linux: for example 0x40 for
-        bus-off and 0x4 for a problem of the controller.
+        Identifier of the error frames. It consists of the error flags of Linux, for example 0x40
+        for bus-off and 0x4 for a problem of the CAN controller.
     """
 
     def __init__(self, identifier: int) -> None:

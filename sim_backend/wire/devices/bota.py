@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 FASTEST = 51200 / 64
 """Largest sample rate [Hz]: one sample per 64 conversions."""
 BACKLOG = 5
-"""Largest number of frames that are sent late; older ones are omitted."""
+"""Largest number of frames that are sent with a delay; older frames are omitted."""
 RANGES = {"fx": 500.0, "fy": 500.0, "fz": 1200.0, "mx": 15.0, "my": 15.0, "mz": 12.0}
 """Measuring ranges of a Rokubi sensor [N, N m]. A value outside of its range is limited to it."""
 OVERRANGE = 2

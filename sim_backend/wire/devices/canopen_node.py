@@ -28,7 +28,7 @@ INITIALISING, STOPPED, OPERATIONAL, PRE_OPERATIONAL = 0x00, 0x04, 0x05, 0x7F
 BOOTING = 20e-3
 """Time from power-up or a reset to the boot-up message [s]."""
 BACKLOG = 5
-"""Largest number of heartbeats that are sent late; older ones are omitted."""
+"""Largest number of heartbeats that are sent with a delay; older heartbeats are omitted."""
 INVALID = 1 << 31
 MISSED_HEARTBEAT, PDO_TOO_SHORT, MISSED_PDO = 0x8130, 0x8210, 0x8250
 COMMUNICATION_ERROR = 0x11
@@ -77,7 +77,7 @@ class CanopenNode(EmulatedCanDevice):
 
     @abstractmethod
     def connection_lost(self) -> None:
-        """Do what the application does when the master is lost or ends the operational state."""
+        """Apply the reaction to a loss of the master, or to the end of the operational state."""
 
     @abstractmethod
     def reset(self) -> None:
@@ -211,7 +211,7 @@ class CanopenNode(EmulatedCanDevice):
             self._errors.clear()
 
     def emergency(self, code: int, register: int) -> None:
-        """Send an EMCY frame if the node is (pre-)operational. Code 0 is the end of all errors."""
+        """Send EMCY if the node is (pre-)operational. Code 0: all errors have ended."""
         self.objects[0x1001, 0].value = register
         if self.nmt in (PRE_OPERATIONAL, OPERATIONAL):
             self._send(

@@ -64,7 +64,7 @@ class EmulatedCia402(CanopenNode):
         self._ran = math.inf
 
     def fault(self, code: int) -> None:
-        """Do what the drive does when it detects a fault with this error code."""
+        """Apply the reaction of the drive to a fault with this error code."""
         if self.state not in (State.FAULT, State.FAULT_REACTION_ACTIVE):
             powered = self.state in (State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE)
             self.state = State.FAULT_REACTION_ACTIVE if powered else State.FAULT
@@ -76,7 +76,7 @@ class EmulatedCia402(CanopenNode):
         self._hold()
 
     def connection_lost(self) -> None:
-        """Do what the abort connection option code, object 6007h, requires."""
+        """Apply the reaction that object 6007h (abort connection option code) requires."""
         match self[0x6007, 0]:
             case 1:
                 self.fault(0x8100)

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 CYCLE = 1e-3
 """Period of a message without `GenMsgCycleTime` in the DBC file [s]."""
 BACKLOG = 5
-"""Largest number of frames of a message that are sent late; older ones are omitted."""
+"""Largest number of frames of a message that are sent with a delay; older ones are omitted."""
 
 Selection = dict[str, int]
 """Value of each multiplexer in a frame, by name."""
@@ -28,8 +28,8 @@ Selection = dict[str, int]
 class EmulatedDbcDevice(EmulatedCanDevice):
     """A device that sends the messages of a DBC file periodically.
 
-    The values of the signals are those of its mount. In a multiplexed message, the multiplexers
-    have all their values one after the other.
+    The mount of the device gives the values of the signals. The successive frames of a multiplexed
+    message contain all values of the multiplexers, one after the other.
     """
 
     def __init__(self, name: str, settings: DbcSettings, mount: Mount) -> None:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 PERIOD = 10e-3
 """Period of frames [s]."""
 BACKLOG = 5
-"""Largest number of frames that are sent late; older ones are omitted."""
+"""Largest number of frames that are sent with a delay; older frames are omitted."""
 RANGES = {"fx": 300.0, "fy": 300.0, "fz": 300.0, "mx": 30.0, "my": 30.0, "mz": 30.0}
 """Measuring ranges, at which the sensor saturates [N, N m]."""
 COUNTS = {"f": 100, "m": 1000}
@@ -26,7 +26,7 @@ COUNTS = {"f": 100, "m": 1000}
 SLAVE, WRITE_REGISTERS = 9, 0x10
 REQUEST = bytes((SLAVE, WRITE_REGISTERS, 0x01, 0x9A, 0, 1, 2, 0x02, 0x00))
 INTERRUPTION = 10
-"""Number of consecutive bytes of 0xFF that end the stream. According to the manual, 50 are sent."""
+"""Number of successive bytes 0xFF that end the stream. According to the manual, a host sends 50."""
 
 
 class EmulatedFt300(EmulatedSerialDevice):

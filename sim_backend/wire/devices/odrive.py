@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 HEARTBEAT_PERIOD = 10e-3
 BACKLOG = 5
-"""Largest number of frames of a kind that are sent late; older ones are omitted."""
+"""Largest number of frames of a kind that are sent with a delay; older frames are omitted."""
 BOOT = 0.3
 """Time after a reset in which the axis neither sends nor receives frames [s]."""
 
