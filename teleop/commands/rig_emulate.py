@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 from cyclopts import Parameter
 
 from teleop.commands.overwriting import Overwrite
 from teleop.commands.quantities import Hertz, Length
-from teleop.names import ConditionName, CubeName, RealtimeName
+from teleop.names import CubeName, PalpationName, RealtimeName
 
 REALTIME_STEPS = ("SCHED_FIFO", "no garbage collection")
 """Real-time settings of an emulator; it claims no processor, so that the controller can."""
@@ -23,11 +23,11 @@ def emulate(
     *,
     out: Path = Path("run.toml"),
     cube: CubeName = "soft",
-    condition: ConditionName | Literal["any"] = "any",
+    condition: PalpationName = "any",
     depth: Length | None = None,
     frequency: Hertz | None = None,
     seed: int = 0,
-    fault: tuple[str, ...] = (),
+    fault: Annotated[tuple[str, ...], Parameter(negative="")] = (),
     overwrite: Overwrite = False,
     json: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
