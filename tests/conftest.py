@@ -43,6 +43,17 @@ def quick_garbage_collection():
     gc.freeze()
 
 
+@pytest.fixture(scope="session", autouse=True)
+def pageable_memory():
+    """Do not lock the memory of this process, which has mapped much more than a command maps.
+
+    All of it, and everything mapped later, would become resident.
+    """
+    from teleop.trial.realtime import SET_UP
+
+    SET_UP["locked memory"] = lambda: lambda: None
+
+
 class DocsPage:
     """The blocks of code of a page of the documentation."""
 
