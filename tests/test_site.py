@@ -176,7 +176,7 @@ def end(emulator: subprocess.Popen[str] | None) -> None:
 def works(command: list[str], folder: Path) -> bool:
     """Run a command of real time, briefly; again if the machine was too slow for the rig."""
     if "run" in command:
-        command = [*command, "--duration", "5" if "mimic" in command else "1", "--yes"]
+        command = [*command, "--duration", "4" if "mimic" in command else "1", "--yes"]
     elif "check" in command:
         command = [*command, "--seconds", "0.5", *(["--yes"] if "--move" in command else [])]
     for _ in range(4):

@@ -30,7 +30,7 @@ COMPARE = """() => pixels().map((drawn, n) => {
   }
   return [moved.length / 4, drawn.length / 4, different, reds.size];
 })"""
-"""Numbers of the kept and of the present pixels, of those that differ, and of kept shades of red."""
+"""Number of kept and of present pixels, of those that differ, and of kept shades of red."""
 
 
 @pytest.fixture(scope="module")
