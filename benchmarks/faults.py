@@ -60,7 +60,7 @@ def virtual(
     moments = sorted(random_.sample(range(100, 5900), instants))
     results = []
     with tempfile.TemporaryDirectory() as folder:
-        for n in range(5900):
+        for n in range(moments[-1] + 1):
             case.loop.step()
             while moments and moments[0] == n:
                 moments.pop(0)

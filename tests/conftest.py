@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import compileall
 import gc
+import hashlib
 import os
+import pickle
 import re
 import signal
 import subprocess
@@ -41,6 +43,44 @@ def quick_garbage_collection():
     """Exempt from garbage collection what earlier files have left: modules, tests, reports."""
     gc.collect()
     gc.freeze()
+
+
+@pytest.fixture(scope="session", autouse=True)
+def pageable_memory():
+    """Do not lock the memory of this process, which has mapped much more than a command maps.
+
+    All of it, and everything mapped later, would become resident.
+    """
+    from teleop.trial.realtime import SET_UP
+
+    SET_UP["locked memory"] = lambda: lambda: None
+
+
+class AnalysisByRecord:
+    """The function `analyse`, which evaluates a record once although many tests need it.
+
+    The key is the content of the record. The 32 latest results are stored.
+    """
+
+    def __init__(self, analyse):
+        self._analyse = analyse
+        self._results = {}
+
+    def __call__(self, signals, force_lag=0.0):
+        key = hashlib.sha256(pickle.dumps((*signals, force_lag))).digest()
+        result = self._results.pop(key, None) or self._analyse(signals, force_lag)
+        self._results[key] = result
+        if len(self._results) > 32:
+            del self._results[next(iter(self._results))]
+        return result
+
+
+@pytest.fixture(scope="session", autouse=True)
+def analysis_by_record():
+    """Store the analyses of commands that run in this process."""
+    from teleop.evaluation import evaluation
+
+    evaluation.analyse = AnalysisByRecord(evaluation.analyse)
 
 
 class DocsPage:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from scipy.optimize import brentq
-
 from sim_backend.channel import ChannelSettings
 from teleop.control.feedback.stability import DelayedLoop
 from teleop.errors import InputError
@@ -78,6 +76,8 @@ def delayed_loop(settings: TrialSettings) -> DelayedLoop:
 
 def present_stiffness(settings: TrialSettings) -> float:
     """Return the slope of the contact force of the simulated rig at the end of a poke [N/m]."""
+    from scipy.optimize import brentq  # its import takes as long as that of the rest of a run
+
     setup, aim = settings.setup, settings.operator_model.aim_force
     deepest = setup.depth
     if aim and setup.force(deepest) > aim:

@@ -74,7 +74,8 @@ class Client:
 @contextlib.asynccontextmanager
 async def page(address, token=TOKEN, view="main", greet=True, **options):
     """Connect as the page of a server does."""
-    settings = {"origin": f"http://{address}", "compression": None, **options}
+    closing = {"close_timeout": 0.2}  # a server that hangs, or a client that does not read
+    settings = {"origin": f"http://{address}", "compression": None, **closing, **options}
     async with connect(f"ws://{address}/ws", **settings) as connection:
         client = Client(connection)
         if greet:

@@ -255,7 +255,7 @@ def test_the_live_process_may_hang_or_die_in_every_mode(start, number, mode):
             await asyncio.sleep(0.1)
 
     options = ["--yes"] if mode == "armed at the terminal" else []
-    command = start("run", "--live", *options, "--duration", "3", "--record", "one.mcap")
+    command = start("run", "--live", *options, "--duration", "2", "--record", "one.mcap")
     with contextlib.suppress(Exception):  # the connection is lost
         run(scenario(command))
     stopped = number == signal.SIGSTOP
@@ -273,7 +273,7 @@ def test_the_live_process_may_hang_or_die_in_every_mode(start, number, mode):
         assert code == 0, err
         assert recording.fault is None
         active = recording["time"][recording["mode"] == 3]
-        assert active[-1] == pytest.approx(3.0, abs=0.05)
+        assert active[-1] == pytest.approx(2.0, abs=0.05)
 
 
 @pytest.mark.parametrize("number", [None, signal.SIGSTOP, signal.SIGKILL])

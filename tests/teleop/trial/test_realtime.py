@@ -78,6 +78,25 @@ def test_each_step_is_reported_and_reverted():
     assert (os.sched_getscheduler(0), os.sched_getaffinity(0), gc.isenabled()) == before
 
 
+LOCK = """
+from pathlib import Path
+from teleop.trial.realtime import realtime
+
+def locked():
+    (line,) = [l for l in Path("/proc/self/status").read_text().splitlines() if "VmLck" in l]
+    return int(line.split()[1]) > 0
+
+with realtime("try", ["locked memory"]) as real_time:
+    print(real_time.report["locked memory"], locked(), end=" ")
+print(locked())
+"""
+
+
+def test_the_memory_is_locked_and_released():
+    done = subprocess.run([sys.executable, "-c", LOCK], capture_output=True, text=True, check=True)
+    assert done.stdout in ("done True False\n", "not permitted False False\n")
+
+
 def test_no_step_except_the_last_runs_at_the_real_time_priority(monkeypatch):
     policies = []
     for name in steps.SET_UP:

@@ -172,7 +172,7 @@ def served(tmp_path):
 
 
 def test_a_killed_series_stops_the_devices_and_is_resumed_with_nothing_lost(served, tmp_path):
-    plan = SHORT.replace(', "free"', "").replace("1.5", "3.0")
+    plan = SHORT.replace(', "free"', "").replace("1.5", "2.0")
     (tmp_path / "plan.toml").write_text(plan)
     command = [sys.executable, "-m", "teleop", "series", "plan.toml", "--rig", "run.toml",
                "--yes", "--out", "study"]  # fmt: skip
@@ -183,7 +183,7 @@ def test_a_killed_series_stops_the_devices_and_is_resumed_with_nothing_lost(serv
         )
         while not served.mechanism.driven and series.poll() is None:
             select.select((), (), (), 0.01)
-        time.sleep(chance.uniform(0.0, 2.0))
+        time.sleep(chance.uniform(0.0, 1.5))
         series.kill()
         series.wait()
         time.sleep(0.5)

@@ -179,6 +179,7 @@ class TrialFeed(Feed):
         self.news = []
         self._start = time.monotonic()
         self._row = 0
+        self._lock = threading.Lock()
 
     def row(self, t):
         depth = 0.008 - 0.006 * math.cos(2.0 * math.pi * t)
@@ -201,11 +202,18 @@ class TrialFeed(Feed):
 
     def advance(self):
         end = int((time.monotonic() - self._start) * RATE)
-        if self.is_sending and end > self._row:
-            self.history.add(np.array([self.row(i / RATE) for i in range(self._row, end)]))
-            self._row = end
+        with self._lock:
+            if self.is_sending and end > self._row:
+                self.history.add(np.array([self.row(i / RATE) for i in range(self._row, end)]))
+                self._row = end
         news, self.news = self.news, []
         return news
+
+    def stop_sending(self):
+        """Add no more rows, and return the time of the last one [s]."""
+        with self._lock:
+            self.is_sending = False
+            return (self._row - 1) / RATE
 
     def documents(self):
         return [self.welcome, self.trial]

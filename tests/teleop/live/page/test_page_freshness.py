@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import time
-
 from .conftest import wait_for
 
 IS_STALE = "document.body.classList.contains('is-stale')"
@@ -13,9 +11,10 @@ def test_old_values_are_marked_within_half_a_second(trial_feed, serve, open_page
     feed = trial_feed()
     page = open_page(serve(feed).url(), fake_time=True)
     wait_for(page, "teleop.rows() > 20 && teleop.fresh()")
-    page.clock.pause_at(page.evaluate("Date.now()") + 1)
-    feed.is_sending = False
-    time.sleep(0.3)  # what was sent arrives, while no time passes for the page
+    page.clock.pause_at(page.evaluate("Date.now()") + 60_000)
+    rows = page.evaluate("teleop.rows()")
+    wait_for(page, "(rows) => teleop.rows() > rows", rows)  # the newest row is not older than this
+    wait_for(page, "(t) => teleop.last('time') === t", feed.stop_sending())
     page.clock.run_for(200)
     assert not page.evaluate(IS_STALE)
     page.clock.run_for(300)
