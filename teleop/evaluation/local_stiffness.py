@@ -216,7 +216,7 @@ def averaged(weights: Floats, values: list[tuple[float, float]]) -> tuple[float,
 
 
 def crossing(function: Callable[[float], float], level: float, low: float, high: float) -> float:
-    """Return where an increasing function reaches `level`, between the arguments `low` and `high`."""
+    """Return where an increasing function reaches `level`, by bisection from `low` to `high`."""
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
         if function(middle) < level:

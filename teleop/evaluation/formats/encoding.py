@@ -70,5 +70,5 @@ def decodes(head: bytes, code_page: str) -> bool:
 
 
 def plainly_chinese(head: bytes) -> bool:
-    """Return whether all non-ASCII text is common Chinese characters that are not next to letters."""
+    """Return whether all non-ASCII text is common Chinese characters, none next to a letter."""
     return decodes(head, "gb2312") and not re.search(rb"[A-Za-z][\x80-\xff]", head)

@@ -162,7 +162,7 @@ class Rows:
             raise InputError(f"{where}: {title!r} is {shown}") from None
 
     def _skip(self, lines: list[str]) -> int:
-        """Return the number of lines before the first line without a number, for a skipped table."""
+        """Count the lines of a table that is not loaded, up to a line without any number."""
         taken = len(lines)
         for i, line in enumerate(lines):
             if not line or line.isspace() or line.startswith("#"):
