@@ -56,8 +56,8 @@ class Interruption:
     """Counts the signals of `SIGNALS`, and interrupts a program that does not acknowledge them.
 
     This class is a context manager, which handles the signals within its block. The program must
-    acknowledge each signal within the time `timeout`. If a further signal arrives after this time,
-    KeyboardInterrupt is raised. The clean-up of the program then has `CLEAN_UP` seconds before
+    acknowledge each signal within the time `timeout`. If it does not, the next signal after this
+    time raises KeyboardInterrupt. The program then has `CLEAN_UP` seconds for its clean-up before
     another signal can interrupt it.
 
     Attributes

@@ -55,7 +55,7 @@ class Clock(ABC):
 
     @abstractmethod
     def wait(self) -> Tick:
-        """Wait until the next deadline. The time of the first call is the first deadline."""
+        """Wait until the next deadline. The first call returns at once and sets this deadline."""
 
 
 class VirtualClock(Clock):

@@ -37,7 +37,7 @@ class Tare:
 
     @property
     def zeros(self) -> dict[str, float]:
-        """The nonzero offsets in SI units, by the name of the channel."""
+        """Zero offsets that are not 0, in SI units, by the name of the channel."""
         return {name: value for name, value in asdict(self).items() if name in CHANNELS and value}
 
     def apply(self, measurement: Measurement) -> Measurement:

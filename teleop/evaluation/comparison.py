@@ -97,8 +97,10 @@ def mean_of(values: Sequence[float], halves: Sequence[float]) -> Mean:
     halves
         Half width of the 95 % interval of each value; NaN if there is no interval.
 
-    Returns ------- The mean. For two or more recordings, its interval is computed with Student's t
-    from the spread between the recordings. For one recording, it is the interval of this recording.
+    Returns
+    -------
+    The mean. For two or more recordings, its interval is computed with Student's t from the spread
+    between the recordings. For one recording, it is the interval of this recording.
     """
     if not values:
         return Mean(math.nan, math.nan, 0)

@@ -40,8 +40,10 @@ def levels(
     width
         Width of a force level [N].
 
-    Returns ------- Mask of the samples in free motion, shape (n,), or None if there is no free
-    motion; and whether the force stays at its highest level while the position moves.
+    Returns
+    -------
+    Mask of the samples in free motion, shape (n,), or None if there is no free motion; and whether
+    the force stays at its highest level while the position moves.
     """
     x, f = record.palpation, record.f
     if width > 0.2 * (high - low):

@@ -71,7 +71,9 @@ class Server:
         port
             Port; 0 for any free port.
 
-        Yields ------ The port at which the server listens.
+        Yields
+        ------
+        The port at which the server listens.
 
         Raises
         ------

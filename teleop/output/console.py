@@ -207,8 +207,10 @@ def parts(columns: Sequence[int], left: int, width: int) -> list[list[int]]:
     width
         Largest width of a table [characters].
 
-    Returns ------- Indices of the columns of each table. Each table has at least one column that is
-    not part of every table.
+    Returns
+    -------
+    Indices of the columns of each table. Each table has at least one column that is not part of
+    every table.
     """
     first = list(range(left))
     found = [first[:]]

@@ -239,7 +239,7 @@ def print_gaps(console: Console, summary: Mapping[str, Any]) -> None:
 
 
 def print_model(console: Console, summary: Mapping[str, Any]) -> None:
-    """Print which estimators use another model than the chosen one, and which need the datum."""
+    """Print which estimators use a model other than the chosen one or need a contact point."""
     from_contact = summary["from_contact"]
     if summary["own_model"]:
         console.print(f"  model {summary['model']}, but for {', '.join(summary['own_model'])}")

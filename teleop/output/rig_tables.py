@@ -75,8 +75,10 @@ def channel_tables(title: str, channels: Sequence[Row]) -> list[Table | str]:
 def live_channels(stream: TextIO) -> Iterator[Callable[[Sequence[Row]], None]]:
     """Within the block, show a table of the channels that can be updated, on a terminal only.
 
-    Yields ------ Function that updates the table. Its argument is the present result of the check
-    of each channel.
+    Yields
+    ------
+    Function that updates the table. Its argument is the present result of the check of each
+    channel.
     """
     if not stream.isatty():
         yield lambda channels: None

@@ -46,8 +46,8 @@ EVENT_SCHEMA = {
 class Disk(io.RawIOBase):
     """A file to write. It stores the first write error, because the MCAP writer does not report it.
 
-    If the path is a symbolic link, the target of the link is written if `overwrite` is True.
-    Otherwise, this is an error.
+    If the path is a symbolic link and `overwrite` is True, the target of the link is written. If it
+    is a symbolic link and `overwrite` is False, an error is raised.
 
     Parameters
     ----------

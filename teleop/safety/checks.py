@@ -67,7 +67,7 @@ def check_motion(
     drift: float,
     limits: Limits,
 ) -> list[DetectedFault]:
-    """Return the faults that stop the drives while the slave moves: of rig, loop and hard limits.
+    """Return the faults of rig, loop and hard limits. They stop a moving slave without a ramp.
 
     Parameters
     ----------

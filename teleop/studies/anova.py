@@ -85,8 +85,10 @@ def analysis_of_variance(
     subject
         Name of the column of the random factor subject; None for a design without subjects.
 
-    Returns ------- The effects of the factors that have two or more levels, and of the interactions
-    of these factors.
+    Returns
+    -------
+    The effects of the factors that have two or more levels, and of the interactions of these
+    factors.
 
     Raises
     ------

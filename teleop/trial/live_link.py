@@ -203,7 +203,9 @@ class LiveLink(Sink):
         timeout
             Longest wait [s].
 
-        Returns ------- The request; None if there was no request, or if the live process has ended.
+        Returns
+        -------
+        The request; None if there was no request, or if the live process has ended.
         """
         while b"\n" not in self._received:
             readable, _, _ = select.select([self._output], [], [], timeout)

@@ -18,7 +18,9 @@ def claim(name: str) -> socket.socket | None:
     name
         The name to claim.
 
-    Returns ------- The socket that holds the claim; None if another process has claimed the name.
+    Returns
+    -------
+    The socket that holds the claim; None if another process has claimed the name.
 
     Raises
     ------

@@ -91,8 +91,9 @@ def check_rate(settings: TrialSettings) -> float:
 
     If a rehearsal is too slow, it is repeated, up to three rehearsals in total.
 
-    Returns ------- Duration of a tick in the fastest rehearsal, without communication with devices
-    [s].
+    Returns
+    -------
+    Duration of a tick in the fastest rehearsal, without communication with devices [s].
 
     Raises
     ------

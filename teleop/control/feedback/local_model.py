@@ -131,7 +131,7 @@ class ModelMediatedSlave(Slave):
     Parameters
     ----------
     coupling
-        Maps the motion of the master to that of the slave.
+        Converts the motion of the master to the desired velocity of the slave.
     model
         The estimate of the environment.
     """

@@ -51,7 +51,9 @@ def headings_above(rows: Sequence[list[str]], width: int) -> tuple[list[Heading]
     width
         Number of cells in a row of samples.
 
-    Returns ------- The headings, and the index of the row that contains the names.
+    Returns
+    -------
+    The headings, and the index of the row that contains the names.
     """
     found = [fitted(row, 0) for row in rows[-2:]]
     if not found or not matches(found[-1], width):

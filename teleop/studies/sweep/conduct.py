@@ -63,7 +63,9 @@ def conduct(
     report
         Function that is called at the start and after each chunk of points.
 
-    Returns ------- The numbers of points that are done and that have failed.
+    Returns
+    -------
+    The numbers of points that are done and that have failed.
 
     Raises
     ------
