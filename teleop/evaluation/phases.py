@@ -57,8 +57,8 @@ APPROACHES, MOST_POINTS = 10, 300
 """Approximate largest number of approaches to which the contact point is fitted, and of samples in
 each approach."""
 SHORT = 4
-"""If a record is shorter than this number of guards for each of its ends, no samples at its ends
-are omitted."""
+"""If a record has fewer usable samples than `SHORT` guards for each end, no samples at its first
+and last end are omitted."""
 GUARD = 3.5
 """Guard: samples within this number of kernel widths from the beginning or end of a contact are not
 fitted."""

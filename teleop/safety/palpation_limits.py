@@ -17,8 +17,8 @@ SPEED = 14.0
 STOPPING = 0.015
 """Time in which the slave can brake from the greatest speed to zero [s]."""
 ACCELERATION = 26.0
-"""Greatest acceleration, as a multiple of depth times frequency squared. A sine needs 19.7
-times."""
+"""Greatest acceleration, as a multiple of depth times frequency squared. A sine needs the factor
+19.7."""
 FOLLOWING, FROZEN = 0.15, 0.03
 """Greatest following error, and greatest commanded travel while the encoder value is constant.
 

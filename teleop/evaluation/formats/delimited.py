@@ -101,7 +101,7 @@ def not_text(path: Path) -> InputError:
 
 
 def parts(path: Path, text: io.TextIOWrapper) -> Iterator[Part]:
-    """Yield the lines of a text file in parts.
+    """Yield the lines of a text file in parts of consecutive lines.
 
     Raises
     ------
