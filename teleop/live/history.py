@@ -30,7 +30,7 @@ def decimation(rate: float) -> int:
 
 
 def decimated(first: int, end: int, last: int, step: int) -> list[int]:
-    """Return the ticks of a batch to send: the newest tick, and ticks at a distance before it.
+    """Return the ticks of a batch to send: the newest, and every `step`-th tick before it.
 
     Parameters
     ----------

@@ -36,8 +36,8 @@ SPEEDS = 1.3
 """Smallest ratio of the 90 % to the 10 % quantile of stroke speed with which lag and lost motion
 can be separated."""
 STROKE = 0.02
-"""Width of the play operator that removes small motions before strokes are detected, as a fraction
-of the range of x."""
+"""Half width of the play operator that removes small motions before strokes are detected, as a
+fraction of the range of x."""
 SETTLED = 0.3
 """Time at the start of the record that is not fitted, because of the transient of the lag [s]."""
 STEP = 0.02

@@ -56,7 +56,7 @@ class PausableRig(Rig):
         self._rig.rearm()
 
     def write(self, command: Command) -> Command:
-        """Send a command to the drives; return the applied command. While paused, send nothing."""
+        """Send a command unless paused; return the applied command, which is zero while paused."""
         self.applied = STANDSTILL if self.paused else self._rig.write(command)
         return self.applied
 
