@@ -72,11 +72,12 @@ All commands: teleop --help. Options of a command: teleop COMMAND --help.
 
 
 NARROWEST = 20
-"""Smallest width of the help text [characters]; its tables do not fit into a smaller width."""
+"""Smallest width of the help text [characters]; the tables in this text need at least this
+width."""
 
 
 def prepare_streams() -> None:
-    """Prepare standard output and standard error, so that printing does not fail.
+    """Change standard output and standard error so that printing to them does not fail.
 
     A closed stream is replaced by the null device. Characters that the encoding of the stream does
     not contain are printed as escapes. If the environment variable COLUMNS gives a width below
@@ -93,11 +94,12 @@ def prepare_streams() -> None:
 
 
 def ignore_backend() -> None:
-    """Ignore the environment variable MPLBACKEND.
+    """Remove the effect of the environment variable MPLBACKEND.
 
-    It selects the windows of matplotlib. The commands open no window, and write the same figures
-    with any backend, but matplotlib cannot be imported if the name is unknown: the figures of a
-    command, and those of the black box after a safety stop, would be lost.
+    This variable selects the backend of matplotlib, which draws the windows. The commands open no
+    window and write the same figures with any backend. But if the variable contains an unknown
+    name, matplotlib cannot be imported, and no figure would be written, not even after a safety
+    stop.
     """
     os.environ.pop("MPLBACKEND", None)
 

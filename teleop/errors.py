@@ -1,4 +1,4 @@
-"""Errors that are not defects of the program. They end a command, with a message in one line."""
+"""Errors that are not defects of the program. They end a command with a one-line message."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def as_input_error() -> Iterator[None]:
 
 
 def reason(error: OSError) -> str:
-    """Return the text of the operating system for an error, for use within a message."""
+    """Return the operating system's description of an error, for use within a message."""
     text = error.strerror or str(error) or "unknown error"
     return text[:1].lower() + text[1:]
 

@@ -1,6 +1,6 @@
-"""Output files. They are checked before the work and overwritten only on request.
+"""Output files: checked before a command starts its work, and overwritten only on request.
 
-A new file appears only when it is complete.
+A new file appears at its path only when it is complete.
 """
 
 from __future__ import annotations
@@ -37,7 +37,8 @@ def check_outputs(
     pictures
         Picture files to be written; None for a picture that was not requested.
     sources
-        Files that the command reads, which must not be overwritten; None for no file.
+        Files that the command reads, which no output may overwrite; None for an input that is not
+        used.
     overwrite
         Whether an output may replace an existing file; recordings are never replaced.
 
@@ -148,7 +149,7 @@ def new_file(path: Path, overwrite: bool = False) -> Iterator[BinaryIO]:
 
 
 def write_text(path: Path, text: str, overwrite: bool = False) -> None:
-    """Write a text file in UTF-8, which appears only when it is complete, see `new_file`.
+    """Write a text file in UTF-8. It appears at its path only when it is complete, see `new_file`.
 
     Raises
     ------
@@ -179,7 +180,7 @@ def check_new(path: Path, overwrite: bool) -> None:
 
 
 def temporary_path(path: Path) -> Path:
-    """Return a path in the same folder, for the data of a file that is not yet complete."""
+    """Return a path in the folder of `path` for the data of a file that is not yet complete."""
     return Path(os.path.realpath(path)).with_name(f".teleop-{secrets.token_hex(6)}.part")
 
 

@@ -19,7 +19,7 @@ SIGNALS = {
 }
 """Reported reason for each signal that ends a program. Windows has only the first two signals."""
 CLEAN_UP = 2.0
-"""Time after an interruption in which a further signal does not interrupt the clean-up [s]."""
+"""Time after an interruption during which another signal does not interrupt the clean-up [s]."""
 
 
 @contextlib.contextmanager
@@ -53,11 +53,11 @@ def handle_signals(handler: Callable[[str], object]) -> Iterator[None]:
 
 
 class Interruption:
-    """Counts the signals of `SIGNALS`, and interrupts a program that does not respond to them.
+    """Counts the signals of `SIGNALS`, and interrupts a program that does not acknowledge them.
 
-    This class is a context manager, which handles the signals within its block. When a signal
-    arrives, and the oldest signal that was not acknowledged is at least `timeout` old,
-    KeyboardInterrupt is raised. The clean-up that follows then has the time `CLEAN_UP` before
+    This class is a context manager, which handles the signals within its block. The program must
+    acknowledge each signal within the time `timeout`. If it does not, the next signal after this
+    time raises KeyboardInterrupt. The program then has `CLEAN_UP` seconds for its clean-up before
     another signal can interrupt it.
 
     Attributes
@@ -67,8 +67,8 @@ class Interruption:
     reason
         Reason of the latest signal; empty before the first.
     timeout
-        Time in which the program has to acknowledge a signal [s]. With the initial value 0, each
-        signal raises KeyboardInterrupt immediately.
+        Time within which the program has to acknowledge a signal [s]. With the initial value 0,
+        each signal raises KeyboardInterrupt immediately.
     """
 
     def __init__(self) -> None:
@@ -79,11 +79,11 @@ class Interruption:
         self._handled = contextlib.ExitStack()
 
     def acknowledge(self) -> None:
-        """Acknowledge all signals so far; called when the program responds to them."""
+        """Acknowledge all signals so far. The program calls this when it begins to stop."""
         self._unacknowledged_since = math.inf
 
     def clean_up(self) -> None:
-        """Start the clean-up. Within the next `CLEAN_UP` seconds, no signal interrupts it."""
+        """Start the clean-up; for `CLEAN_UP` seconds, no signal interrupts the program."""
         self.timeout = CLEAN_UP
         self._unacknowledged_since = time.monotonic()
 

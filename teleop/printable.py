@@ -9,7 +9,7 @@ import sys
 from teleop.errors import reason
 
 LONGEST = 2000
-"""Largest number of characters of a message in one line."""
+"""Largest number of characters of a message that is printed as one line."""
 CONTROL = re.compile(
     "[\x00-\x08\x0b-\x1f\x7f-\x9f"  # all except tab and newline; \x9b is CSI
     "\u200e\u200f\u2028-\u202e\u2066-\u2069"  # writing direction, line separators

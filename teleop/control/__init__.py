@@ -1,1 +1,1 @@
-"""One tick: from a measurement to commands for the drives."""
+"""One tick of the control loop: from a measurement to commands for the drives."""

@@ -7,20 +7,22 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 NEGLIGIBLE = 1e-12
-"""A stiffness below this times m / dt^2 is treated as 0: its position of rest is too far away."""
+"""A virtual stiffness below `NEGLIGIBLE` m / dt^2 is treated as 0, because its rest position is too
+far away."""
 
 
 class Environment(NamedTuple):
-    """A body at the master, f = b v + k x + k3 x^3, with x = 0 at the contact point."""
+    """A virtual body at the master with force b v + k x + k3 x^3 and contact point x = 0."""
 
     k: float
     """Stiffness [N/m], >= 0."""
     k3: float = 0.0
-    """Stiffening [N/m^3], >= 0."""
+    """Coefficient k3 of the cubic stiffening [N/m^3], >= 0."""
     b: float = 0.0
     """Damping [N s/m], >= 0."""
     glued: bool = True
-    """Whether the body also pulls (x < 0). If not, there is no force at x < 0."""
+    """Whether the body is glued, so that it also pulls at x < 0. If not, its force at x < 0 is
+    zero."""
 
     def force(self, x: float, v: float) -> float:
         """Return the force [N] at position x [m] and velocity v [m/s]."""
@@ -103,12 +105,12 @@ class Admittance:
         self.centre = 0.0
 
     def align(self, position: float) -> None:
-        """Put the virtual mass at rest at a position [m], and make this position the centre."""
+        """Put the virtual mass at rest at a position [m], which becomes its centre."""
         self.position = self.centre = position
         self.velocity = 0.0
 
     def step(self, force: float, dt: float) -> float:
-        """Apply a constant force [N] for dt [s] and return the velocity after it [m/s].
+        """Apply a constant force [N] for dt [s], and return the velocity at the end [m/s].
 
         Let A be the matrix of the state equation for (position, velocity), I the identity matrix,
         s = d / 2m and g^2 = s^2 - c/m. Then the matrix exponential of A dt is
@@ -121,11 +123,12 @@ class Admittance:
         return self._swing(self.centre + force / c, d, c, dt)
 
     def step_against(self, force: float, environment: Environment, dt: float) -> float:
-        """Apply a constant force [N] for dt [s] against a body; return the velocity [m/s].
+        """Apply a constant force [N] for dt [s] against a body, and return the velocity [m/s].
 
-        The equation m v' + (d + b) v + c (x - centre) + k x + k3 x^3 = force is linearised about
-        the present position X, where k3 x^3 is about 3 k3 X^2 x - 2 k3 X^3. The linear equation
-        is then solved exactly, as in `step`. A body that is not glued has no effect at x < 0.
+        The equation of motion, m v' + (d + b) v + c (x - centre) + k x + k3 x^3 = force, is
+        linearised about the present position X, where k3 x^3 is about 3 k3 X^2 x - 2 k3 X^3. The
+        linearised equation is then solved exactly, as in `step`. A body that is not glued has no
+        effect at x < 0.
         """
         d, c, x = self.parameters.damping, self.parameters.stiffness, self.position
         if x < 0.0 and not environment.glued:
@@ -166,10 +169,10 @@ class Admittance:
         return self.velocity
 
     def follow(self, velocity: float, dt: float) -> None:
-        """Replace the result of the last step by a motion at a given velocity.
+        """Replace the motion of the last step by a motion at a given constant velocity.
 
-        This is called when the supervisor has reduced the command, so that the virtual mass moves
-        like the handle.
+        This is called when the supervisor has reduced the commanded velocity of the master. The
+        virtual mass then moves like the handle.
 
         Parameters
         ----------

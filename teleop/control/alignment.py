@@ -1,9 +1,9 @@
-"""Alignment: position and force at the same time, from sensors with different sampling times.
+"""Pairs of position and force at the same time, from sensors with different sampling times.
 
-The estimators relate the force to the displacement at the same time. A time difference of 1 ms
-between the two causes a damping error of k * 1 ms. Therefore the position is interpolated at the
-sampling time of each force sample. If the force sensor is slower than the loop, there are fewer
-pairs than ticks. A force sample is not used in more than one pair.
+The estimators need force and displacement at the same time. A time difference of 1 ms between force
+and displacement causes a damping error of k * 1 ms, where k is the stiffness. Therefore the
+position is interpolated at the time of each force sample. If the force sensor is slower than the
+loop, there are fewer pairs than ticks. A force sample is not used in more than one pair.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from drivers import Measurement
 SAME_TIME = 1e-6
 """Largest difference between two times that are treated as equal [s]."""
 KEPT = 128
-"""Number of positions that are stored for interpolation, 0.13 s at 1 kHz."""
+"""Number of positions that are stored for interpolation; at 1 kHz, they cover 0.13 s."""
 
 
 class Pair(NamedTuple):
@@ -40,7 +40,7 @@ class Alignment:
         self._seen = self._paired = -math.inf
 
     def update(self, measurement: Measurement, dt: float) -> Pair | None:
-        """Store the samples of a measurement, and return the next pair of position and force.
+        """Store position and force of a measurement, and return the next pair of both.
 
         A force sample that is newer than the newest position sample is paired after the next
         position sample, because the position can only be interpolated between two samples.
@@ -75,7 +75,7 @@ class Alignment:
         return Pair(self._position_at(sampled), force, dt)
 
     def _position_at(self, sampled: float) -> float:
-        """Return the position [m] at a time [s] that is not after the newest position."""
+        """Return the interpolated position [m] at a time [s] before or at the newest position."""
         after, later = self._positions[-1]
         for time, position in reversed(self._positions):
             if time <= sampled + SAME_TIME:

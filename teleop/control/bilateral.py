@@ -1,6 +1,7 @@
-"""A link with a communication channel and a force-feedback law.
+"""Link between master and slave with a communication channel and a force-feedback law.
 
-No information passes between the two halves of the law except through the channel.
+The law has a half at the master and a half at the slave. They exchange data only through the
+channel.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from teleop.safety.channels import DetectedFault
 
 
 class LinkValues(NamedTuple):
-    """Values of the link at a tick, as they are recorded."""
+    """Values of the link at a tick that are recorded."""
 
     displayed_force: float
     model_stiffness: float
@@ -39,18 +40,19 @@ NO_VALUES = LinkValues(*[math.nan] * len(LinkValues._fields))
 
 
 class BilateralLink(Link):
-    """Master and slave with a channel between them, and the two halves of a law.
+    """Link of master and slave through a channel, with the two halves of a force-feedback law.
 
     Parameters
     ----------
     admittance, coupling
-        Virtual mass of the master, and map from its motion to that of the slave.
+        Virtual mass of the master, and map from the motion of the master to the motion of the
+        slave.
     master, slave
-        The two halves of the law.
+        Master half and slave half of the law.
     channel
         Settings of the channel.
     seed
-        Seed of jitter and loss.
+        Seed of the random jitter and packet loss of the channel.
     """
 
     def __init__(
@@ -72,7 +74,7 @@ class BilateralLink(Link):
         self.values = NO_VALUES
 
     def align(self, measurement: Measurement) -> None:
-        """Put the virtual mass at rest at the position of the slave, and start both halves."""
+        """Put the virtual mass at rest at the slave's position; reset both halves of the law."""
         self._coupling.align(self._admittance, measurement)
         self._master.align()
         self._slave.align()
@@ -85,7 +87,7 @@ class BilateralLink(Link):
         self.faults, self.values = (), NO_VALUES
 
     def step(self, force: float, measurement: Measurement, dt: float) -> Command:
-        """Return the desired velocities [m/s] after `force` [N] acted for `dt` [s]."""
+        """Return the desired velocities [m/s] of both drives after `force` [N] acted for dt [s]."""
         now = measurement.time
         reports, motions = self.reports, self.motions
         reports.send(now, self._slave.report(measurement, dt))
@@ -118,9 +120,10 @@ class BilateralLink(Link):
         return Command(self._admittance.velocity, slave)
 
     def follow(self, verdict: Verdict, desired: Command, applied: Command, dt: float) -> None:
-        """Let the virtual mass move like the handle if a limit of the master reduced its command.
+        """Move the virtual mass like the handle if a limit of the master reduced the command.
 
-        A limit of the slave acts at the slave only: the hand feels it through the law and channel.
+        A limit of the slave acts on the slave only. The hand feels its effect only through the
+        channel and the law.
         """
         if verdict.command.master_velocity != desired.master_velocity:
             admittance, velocity = self._admittance, applied.master_velocity
@@ -135,7 +138,7 @@ class BilateralLink(Link):
         return self._slave.stiffness(position)
 
     def _detected(self, now: float, silence: float, energy: float) -> tuple[DetectedFault, ...]:
-        """Return the faults of the channel and of the port of the hand."""
+        """Return the faults: a silent channel, or too much energy from the handle to the hand."""
         faults = []
         if silence > (most := self._max_silence):
             source = f"silent for {silence * 1e3:.0f} ms, at most {most * 1e3:g} ms"

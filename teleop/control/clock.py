@@ -1,4 +1,4 @@
-"""The loop's clock: real time with absolute deadlines, or virtual time as fast as possible."""
+"""Clock of the control loop: real time with absolute deadlines, or virtual time without waiting."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from abc import ABC, abstractmethod
 from typing import NamedTuple
 
 SPIN = 200_000
-"""Time before a deadline during which the clock is polled instead of sleeping [ns]."""
+"""Time before each deadline during which the loop polls the clock instead of sleeping [ns]."""
 
 
 class Tick(NamedTuple):
-    """Timing of the start of one period of the loop."""
+    """Timing of the start of one tick of the control loop."""
 
     lateness: float
     """Delay of the start of the tick after its deadline [s]."""
@@ -21,7 +21,8 @@ class Tick(NamedTuple):
     skipped: int
     """Number of whole periods that were skipped because the previous tick took too long."""
     busy: float = 0.0
-    """Duration of the previous tick, from its start to the wait after it [s]."""
+    """Duration of the previous tick, from its start until it began to wait for the next tick
+    [s]."""
 
 
 class Clock(ABC):
@@ -50,15 +51,15 @@ class Clock(ABC):
 
     @abstractmethod
     def stopwatch(self) -> float:
-        """Return a time [s], from which the durations of the parts of a tick are computed."""
+        """Return a time [s], for the durations of the parts of a tick."""
 
     @abstractmethod
     def wait(self) -> Tick:
-        """Wait until the next deadline. The first call returns at once and starts the deadlines."""
+        """Wait until the next deadline. The first call returns at once and sets this deadline."""
 
 
 class VirtualClock(Clock):
-    """Virtual time that advances by exactly one period per tick, so that runs are repeatable."""
+    """Clock with virtual time, which advances by one period per tick. Runs are repeatable."""
 
     def __init__(self, rate: float) -> None:
         super().__init__(rate)
@@ -77,11 +78,11 @@ class VirtualClock(Clock):
 
 
 class RealClock(Clock):
-    """The machine's monotonic clock, with deadlines at whole periods after the first tick.
+    """Clock in real time, with deadlines at whole periods after the first tick.
 
-    The deadlines do not depend on when earlier ticks began, so that delays do not accumulate. If
-    a tick takes longer than whole periods, these periods are skipped. The later deadlines do not
-    change.
+    The time is that of the machine's monotonic clock. The deadlines do not depend on when earlier
+    ticks began, so that delays do not accumulate. If a tick takes longer than one or more whole
+    periods, these periods are skipped. The later deadlines do not change.
     """
 
     def __init__(self, rate: float) -> None:
@@ -95,14 +96,14 @@ class RealClock(Clock):
         return (time.monotonic_ns() - self._origin) * 1e-9
 
     def stopwatch(self) -> float:
-        """Return the time of the machine's clock with the highest resolution [s]."""
+        """Return the time of the machine's highest-resolution clock [s]."""
         return time.perf_counter()
 
     def _deadline(self, tick: int) -> int:
         return self._first + round(tick * 1e9 / self.rate)
 
     def wait(self) -> Tick:
-        """Sleep until `SPIN` before the next deadline, then poll the clock."""
+        """Wait until the next deadline: sleep until `SPIN` before it, then poll the clock."""
         now = time.monotonic_ns()
         if self._tick < 0:
             self._first = self._woken = now

@@ -1,6 +1,7 @@
-"""The control conditions: which force moves the master, that of the operator or of the PE injector.
+"""Control conditions: the force of the operator or of the PE injector moves the master.
 
-The PE injector (persistent excitation) computes the force for a known signal.
+The PE injector (persistent excitation) computes the force that moves the slave along a known
+signal.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ class Condition(ABC):
     """Control condition: computes the force that moves the telemanipulator."""
 
     finished = False
-    """Whether the condition has finished. If it has, the trial ends before its full duration."""
+    """Whether the condition has finished. The trial then ends, even before its full duration."""
 
     @abstractmethod
     def drive_force(self, t: float, measurement: Measurement) -> float:
@@ -60,7 +61,7 @@ class Teleoperation(Condition):
 
 
 class Mimicry(Teleoperation):
-    """Control condition in which the operator moves the master and follows a target."""
+    """Control condition: the operator moves the master so that the slave follows a target."""
 
     def __init__(self, target: Target) -> None:
         self._target = target
@@ -77,5 +78,5 @@ class Autonomous(Condition):
         self._injector = injector
 
     def drive_force(self, t: float, measurement: Measurement) -> float:
-        """Return the injected force [N]."""
+        """Return the force of the PE injector on the virtual mass of the admittance [N]."""
         return self._injector.force(t)

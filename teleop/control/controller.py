@@ -1,4 +1,4 @@
-"""One tick of the control loop: the steps from the measurement to the estimates, in this order."""
+"""One tick of the control loop, from the measurement to the estimates."""
 
 from __future__ import annotations
 
@@ -36,20 +36,20 @@ NO_ESTIMATE = Estimate(math.nan, math.nan, math.nan, math.nan, held=False)
 
 
 class Controller:
-    """Runs one tick of the control loop: force to velocity, limits, and estimators.
+    """Runs the ticks of the control loop: measurement, velocities, limits, commands and estimates.
 
-    An exception within a tick becomes a fault for the supervisor, which stops the drives. The
-    first exception is stored in `error`. `tick` raises only KeyboardInterrupt, and an exception
-    of the first measurement.
+    An exception within a tick becomes a fault for the supervisor, which stops the drives. The first
+    exception is stored in `error`. `tick` itself raises only KeyboardInterrupt, and an exception
+    while the first measurement is read.
 
     Parameters
     ----------
     rig
         The telemanipulator, which has been opened.
     condition
-        Source of the force that drives the master.
+        Control condition, which computes the force that moves the master.
     link
-        Converts this force to the velocities of master and slave.
+        Link, which converts the force of the condition to the velocities of master and slave.
     conditioner
         Computes the regressors from slave position and contact force.
     bank
@@ -63,7 +63,7 @@ class Controller:
     tare
         Zero offsets of force and position.
     stopwatch
-        Returns a time [s], from which the durations of the parts of a tick are computed.
+        Function that returns a time [s], for the durations of the parts of a tick.
     """
 
     def __init__(
@@ -108,15 +108,15 @@ class Controller:
         self.finished = False
         """Whether the condition has finished."""
         self.error: Exception | None = None
-        """The first exception that a tick raised."""
+        """The first exception that occurred within a tick; None if there was no exception."""
 
     @property
     def mode(self) -> Mode:
-        """Mode of the supervisor."""
+        """Present mode of the safety supervisor."""
         return self._supervision.mode
 
     def rearm(self) -> None:
-        """Leave the fault mode and make the checks before arming again.
+        """Leave the mode fault, and repeat the checks that are made before arming.
 
         Raises
         ------
@@ -137,7 +137,7 @@ class Controller:
         tick
             Timing of the start of the tick, from the clock.
         request
-            Requests of the person to arm or stop the drives.
+            Requests of a person to arm or stop the drives.
 
         Returns
         -------
@@ -222,7 +222,7 @@ class Controller:
         )
 
     def _read(self) -> tuple[Measurement, float]:
-        """Return the measurement relative to the tare, and the time since the previous one [s]."""
+        """Return the measurement minus the tare, and the time since the last measurement [s]."""
         last = self._measurement
         try:
             measurement = measurement_of(self._rig.read())
@@ -240,7 +240,7 @@ class Controller:
         return measurement, measurement.time - last.time
 
     def _complete(self, request: Request, tick: Tick, measurement: Measurement) -> Request:
-        """Return the request with the timing of the loop and the data of link and faults."""
+        """Return the request with the other data that the supervisor needs, such as the faults."""
         elapsed = (1 + tick.skipped) * self._period + tick.lateness - self._lateness
         self._lateness = tick.lateness
         trips = (*request.faults, *self._faults)
@@ -260,11 +260,10 @@ class Controller:
             return False
 
     def _apply(self, verdict: Verdict, now: float) -> Command:
-        """Send the command to the drives, or disable them, and return the applied command.
+        """Send the command to the drives, or disable the drives, and return the applied command.
 
-        Before the drives are disabled, zero velocity is commanded once. If `Rig.idle` fails, it
-        is called again at each tick, and no command is sent, so that the watchdogs of the drives
-        stop them.
+        Before the drives are disabled, zero velocity is commanded once. If `Rig.idle` fails, it is
+        called again at each tick. No command is sent, so that the watchdogs stop the drives.
         """
         applied = STANDSTILL
         operating = (verdict.enabled or verdict.arm) and not self._faults
@@ -286,7 +285,7 @@ class Controller:
         return applied
 
     def _fail(self, fault: Fault, error: BaseException, now: float) -> None:
-        """Store an exception as a fault for the supervisor, but raise KeyboardInterrupt again."""
+        """Store an exception as a fault for the supervisor; raise a KeyboardInterrupt again."""
         if isinstance(error, KeyboardInterrupt):
             raise error
         text, exception = failure(error)

@@ -1,4 +1,4 @@
-"""Coupling: the velocity of the slave from the motion of the master."""
+"""Coupling: computes the velocity of the slave from the motion of the master."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from teleop.control.admittance import Admittance
 
 
 class Moving(Protocol):
-    """Something with a position [m] and a velocity [m/s], such as the virtual mass."""
+    """Object with a position [m] and a velocity [m/s], for example the virtual mass."""
 
     @property
     def position(self) -> float:
@@ -26,10 +26,10 @@ class Moving(Protocol):
 class Coupling:
     """Computes the desired velocity of the slave from the motion of the master.
 
-    v_s = scale v_m + position_gain (scale x_m - x_s), where v_m and x_m are velocity and position
-    of the virtual mass, and x_s is the position of the slave. With a gain of zero, as in the
-    paper, the slave follows the scaled velocity of the master. With a positive gain it also
-    follows the scaled position.
+    The desired velocity is v_s = scale v_m + position_gain (scale x_m - x_s), where v_m and x_m are
+    velocity and position of the virtual mass, and x_s is the position of the slave. With a position
+    gain of zero, as in the paper, the slave follows the scaled velocity of the master. With a
+    positive gain, the slave also follows the scaled position of the master.
 
     Raises
     ------
@@ -40,7 +40,7 @@ class Coupling:
     scale: float = 1.0
     """Ratio of slave motion to master motion, > 0."""
     position_gain: float = 0.0
-    """Gain on the difference between scaled master position and slave position [1/s], >= 0."""
+    """Gain for the difference between scaled master position and slave position [1/s], >= 0."""
 
     def __post_init__(self) -> None:
         if not 0.0 < self.scale < math.inf:
@@ -49,7 +49,7 @@ class Coupling:
             raise ValueError(f"position gain must be >= 0, got {self.position_gain}")
 
     def align(self, master: Admittance, measurement: Measurement) -> None:
-        """Put the virtual mass at rest at the position that corresponds to that of the slave.
+        """Put the virtual mass at rest where its scaled position equals the position of the slave.
 
         This is called each time the drives are armed. Therefore the command is zero after arming,
         at any position of the slave, until a force acts on the handle.

@@ -33,7 +33,7 @@ class Signal(ABC):
 
 @dataclass(frozen=True)
 class Sine(Signal):
-    """One sine, the excitation of the paper.
+    """A single sine, the excitation signal of the paper.
 
     Raises
     ------
@@ -63,12 +63,12 @@ class Sine(Signal):
 
 @dataclass(frozen=True)
 class Multisine(Signal):
-    """Sum of sines of equal amplitude with Schroeder phases, which give a low crest factor.
+    """Sum of sines of equal amplitude. Their phases (Schroeder) give a low crest factor.
 
     Raises
     ------
     ValueError
-        There is no frequency, or one is not positive.
+        There is no frequency, or a frequency is not positive.
 
     References
     ----------
@@ -118,7 +118,8 @@ class Chirp(Signal):
     high: float
     """Highest frequency [Hz], > low."""
     sweep: float = 5.0
-    """Time in which the frequency increases from low to high and decreases again [s], > 0."""
+    """Time in which the frequency increases from low to high and decreases to low again [s], >
+    0."""
     kind: Literal["chirp"] = "chirp"
 
     def __post_init__(self) -> None:
@@ -149,4 +150,4 @@ class Chirp(Signal):
 
 
 AnySignal = Sine | Multisine | Chirp
-"""Signals that settings can hold."""
+"""Types of excitation signal that the settings of a trial can contain."""

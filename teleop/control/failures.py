@@ -1,4 +1,4 @@
-"""Convert an exception of a tick to the text of a fault and to the exception that is reported."""
+"""Conversion of an exception in a tick to the text of a fault and to the reported exception."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ def failure(error: BaseException) -> tuple[str, Exception]:
     """Return a text that describes an exception, and the exception to raise after the trial.
 
     SystemExit and other exceptions that do not derive from `Exception` would end the program
-    without a message, SystemExit even with exit code 0. A RuntimeError replaces them.
+    without a message. SystemExit could even end it with exit code 0. Each such exception is
+    replaced by a RuntimeError.
 
     Parameters
     ----------
@@ -21,7 +22,7 @@ def failure(error: BaseException) -> tuple[str, Exception]:
     text
         Type and message of the exception, on one line.
     exception
-        The same exception, or a RuntimeError if it does not derive from `Exception`.
+        `error` itself, or a RuntimeError if `error` does not derive from `Exception`.
     """
     name = type(error).__name__
     try:

@@ -12,13 +12,14 @@ class Injector:
     """Computes the force that moves the slave along an excitation signal.
 
     The displacement of the slave is x(t) = ramp(t) (mean + half signal(t)). After the ramp at the
-    start it varies between `touch` times the depth and the depth, so that contact is kept. The
-    force is the force that the virtual mass of the admittance needs for this motion.
+    start, it varies between `touch` times the depth and the depth, so that the slave stays in
+    contact. The computed force is the force that the virtual mass of the admittance needs for this
+    motion.
 
     Parameters
     ----------
     signal
-        The excitation.
+        The excitation signal.
     depth
         Greatest displacement of the slave [m], > 0.
     admittance
@@ -30,7 +31,7 @@ class Injector:
     touch
         Smallest displacement as a fraction of the depth, 0 <= touch < 1.
     ramp
-        Duration of the ramp at the start and of the ramp at the end [s]; at most half of
+        Duration of each of the two ramps, at the start and at the end [s]; at most half of
         `duration`.
 
     Raises

@@ -1,4 +1,4 @@
-"""The link between master and slave: from the force of the hand to both desired velocities."""
+"""Link between master and slave: converts the force of the hand to both desired velocities."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ class Link(ABC):
 
     @abstractmethod
     def align(self, measurement: Measurement) -> None:
-        """Put the virtual mass at rest at the position that corresponds to that of the slave."""
+        """Put the virtual mass at rest where its scaled position equals the slave's position."""
 
     @abstractmethod
     def step(self, force: float, measurement: Measurement, dt: float) -> Command:
-        """Return the desired velocities [m/s] after `force` [N] acted for `dt` [s]."""
+        """Return the desired velocities [m/s] of both drives after `force` [N] acted for dt [s]."""
 
     @abstractmethod
     def follow(self, verdict: Verdict, desired: Command, applied: Command, dt: float) -> None:
-        """Let the virtual mass move like the handle if the supervisor reduced its command."""
+        """Move the virtual mass like the handle if the supervisor reduced the master's command."""
 
     def observe(self, pair: Pair) -> None:  # noqa: B027
         """Process a pair of slave position and contact force."""
@@ -38,7 +38,7 @@ class Link(ABC):
     def stiffness(self, position: float) -> float | None:
         """Return the expected slope of the contact force [N/m] at a position of the slave [m].
 
-        None: master and slave are at one place, and the soft limits act on both together.
+        None if master and slave are at the same place. The soft limits then act on both together.
         """
         return None
 
@@ -57,15 +57,15 @@ class DirectLink(Link):
         self._coupling = coupling
 
     def align(self, measurement: Measurement) -> None:
-        """Put the virtual mass at rest at the position that corresponds to that of the slave."""
+        """Put the virtual mass at rest where its scaled position equals the slave's position."""
         self._coupling.align(self._admittance, measurement)
 
     def step(self, force: float, measurement: Measurement, dt: float) -> Command:
-        """Return the desired velocities [m/s] after `force` [N] acted for `dt` [s]."""
+        """Return the desired velocities [m/s] of both drives after `force` [N] acted for dt [s]."""
         self._admittance.step(force, dt)
         return self._coupling.command(self._admittance, measurement)
 
     def follow(self, verdict: Verdict, desired: Command, applied: Command, dt: float) -> None:
-        """Let the virtual mass move like the handle if any soft limit reduced the command."""
+        """Move the virtual mass like the handle if any soft limit reduced the command."""
         if verdict.limited:
             self._admittance.follow(applied.master_velocity, dt)

@@ -1,4 +1,4 @@
-"""Convert the values that a rig returns to floats, which the checks of the supervisor require."""
+"""Conversion of the values that a rig returns to floats, which the supervisor's checks require."""
 
 from __future__ import annotations
 

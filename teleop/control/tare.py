@@ -13,11 +13,11 @@ from teleop.files import unreadable, write_text
 from teleop.json_documents import dumps
 
 LARGEST_ZERO = 15.0
-"""Largest zero offset of a force sensor that is accepted [N]; above it the sensor has a load."""
+"""Largest zero offset of a force sensor that is accepted [N]. A larger value means a load."""
 FARTHEST = 1.0
-"""Largest position that is accepted as the contact datum [m]."""
+"""Largest magnitude of the position that is accepted as the contact datum [m]."""
 LONGEST_TEXT = 1000
-"""Largest number of characters of a date or of a rig's name."""
+"""Largest number of characters of the date and of the rig's name in a tare file."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Tare:
 
     @property
     def zeros(self) -> dict[str, float]:
-        """Zero offsets that are not zero, by the name of the channel, in SI units."""
+        """Zero offsets that are not 0, in SI units, by the name of the channel."""
         return {name: value for name, value in asdict(self).items() if name in CHANNELS and value}
 
     def apply(self, measurement: Measurement) -> Measurement:
@@ -93,9 +93,9 @@ def write_tare(tare: Tare, path: Path, overwrite: bool = False) -> None:
 
 
 def read_tare(path: Path) -> Tare:
-    """Return the zero offsets in a file that `teleop rig tare` wrote.
+    """Read the zero offsets from a file that `teleop rig tare` wrote.
 
-    A file of teleop 0.1 contains no name of a rig; `Tare.rig` is then empty.
+    A file that teleop 0.1 wrote contains no name of a rig. `Tare.rig` is then empty.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The target of the condition mimic: a sine that the operator follows with the slave."""
+"""Target of the condition `mimic`: a sine that the operator follows with the slave."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ import math
 from dataclasses import dataclass
 
 TOUCH = 0.1
-"""Smallest displacement of the target as a fraction of the depth, > 0 so that contact is kept."""
+"""Smallest target displacement as a fraction of the depth; > 0 so that the slave stays in
+contact."""
 
 
 @dataclass(frozen=True)
@@ -26,7 +27,7 @@ class Target:
 
     @property
     def shortest(self) -> float:
-        """Duration of the count-in and two periods [s], from which tracking can be computed."""
+        """Shortest duration for which tracking is computed: count-in plus two periods [s]."""
         return self.count_in + 2.0 / self.frequency
 
     def position(self, t: float) -> float:

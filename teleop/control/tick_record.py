@@ -1,4 +1,4 @@
-"""All quantities of one tick, as they are recorded."""
+"""All quantities of one tick that are recorded."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ class Timing(NamedTuple):
     """Durations of the parts of a tick."""
 
     read: float
-    """Time to read the rig [s]."""
+    """Time that reading the rig took [s]."""
     compute: float
-    """Time of condition, admittance, supervisor and estimators [s]."""
+    """Time that condition, admittance, supervisor and estimators took [s]."""
     write: float
-    """Time to command the drives [s]."""
+    """Time that commanding the drives took [s]."""
 
 
 class Record(NamedTuple):
     """All quantities of one tick."""
 
     t: float
-    """Time since the first tick at which the drives may be armed [s]; negative before it."""
+    """Time since the first tick at which the drives may be armed [s]; negative before this tick."""
     dt: float
     """Time since the previous tick [s]."""
     measurement: Measurement
@@ -42,23 +42,24 @@ class Record(NamedTuple):
     applied: Command
     """Velocities that the drives applied."""
     pair: Pair
-    """Position and force at the same time; NaN if there is no new pair."""
+    """Slave position and contact force at the same time; NaN if there is no new pair."""
     x: float
-    """Displacement passed to the estimators [m]; NaN if none."""
+    """Displacement passed to the estimators [m]; NaN if they were not updated."""
     v: float
-    """Velocity passed to the estimators [m/s]; NaN if none."""
+    """Velocity passed to the estimators [m/s]; NaN if they were not updated."""
     f: float
-    """Force passed to the estimators [N]; NaN if none."""
+    """Force passed to the estimators [N]; NaN if they were not updated."""
     further: tuple[float, ...]
-    """Values of the regressors of the model other than v and x, such as x^3."""
+    """Values of the model's regressors other than v and x, for example x^3."""
     estimates: dict[str, Estimate]
     """Estimates by the name of the estimator; NaN if the estimators were not updated."""
     excitation: float
     """Excitation measure; 0 for no excitation, 1 for a sine of 1 Hz about the position x = 0."""
     contact: float
-    """1 while the gate of the bank detects contact, else 0; NaN without a gate or estimates."""
+    """1 while the contact gate of the estimators detects contact, else 0; NaN if there is no
+    contact gate or no estimate."""
     misfit: tuple[float, ...]
-    """Misfit of each estimator (`estimation.misfit`); NaN if it is not known yet."""
+    """Misfit of each estimator (`estimation.misfit`); NaN until it is known."""
     mode: Mode
     """Mode of the supervisor."""
     limited: int
@@ -68,6 +69,6 @@ class Record(NamedTuple):
     timing: Timing
     """Durations of the parts of the tick."""
     events: tuple[Event, ...]
-    """Changes of the supervisor's mode, and faults, in this tick."""
+    """Faults, and changes of the supervisor's mode, in this tick."""
     link: tuple[float, ...] = ()
     """Values of the channel and of the force feedback (`teleop.control.bilateral`)."""

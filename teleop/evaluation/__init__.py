@@ -1,1 +1,1 @@
-"""Evaluation of recordings and of measurements from other machines."""
+"""Evaluation of recordings, and of measurement files from other machines."""

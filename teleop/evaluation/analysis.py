@@ -1,4 +1,4 @@
-"""The batch evaluation of a record: phases, models, and the result to publish."""
+"""The batch evaluation of a record: phases, models, and the result for publication."""
 
 from __future__ import annotations
 
@@ -23,16 +23,18 @@ from teleop.evaluation.result import Result, publishable
 from teleop.evaluation.signals import Signals
 
 RAMP = 0.04
-"""Largest width of the kernel, relative to the median duration of a loading."""
+"""Largest width of the smoothing kernel, as a fraction of the median duration of a loading
+phase."""
 WIDER_BAND = 1.6
-"""Ratio of a second bandwidth to the first; the change of k between them widens the interval."""
+"""Ratio of a second smoothing bandwidth to the first. The change of k between the two bandwidths
+widens the interval of k."""
 FEWEST_HOLD = 10
-"""Least number of independent samples in a hold whose relaxation is fitted."""
+"""Smallest number of independent samples in a hold for which the relaxation is fitted."""
 
 
 @dataclass(frozen=True)
 class Analysis:
-    """The batch evaluation of a record."""
+    """The batch evaluation of a record: all samples are evaluated together."""
 
     record: Prepared
     phases: Phases
@@ -46,7 +48,7 @@ class Analysis:
 
     @cached_property
     def data(self) -> BatchData | None:
-        """Samples that the models are fitted to; None if there are too few in contact."""
+        """Samples to which the models are fitted; None if too few samples are in contact."""
         record, phases = self.record, self.phases
         rows = Rows(record, phases)
         if len(rows.rows) < FEWEST_HOLD:
@@ -74,7 +76,7 @@ class Analysis:
     def models(self, x: float, f: float) -> list[BatchFit]:
         """Return the models for a datum at position x [m] and force f [N], the best first.
 
-        There are none without contact.
+        The result is empty if there is no contact.
         """
         data = self.data
         if data is None or not self.has_contact:
@@ -105,7 +107,7 @@ class Analysis:
 
     @cached_property
     def rows(self) -> list[dict[str, Any]]:
-        """The phases, with the slope of force over position, and the relaxation in holds."""
+        """The phases, with the slope of force against position, and the relaxation in holds."""
         return [self.phase_row(phase) for phase in self.phases.phases]
 
     def phase_row(self, phase: Phase) -> dict[str, Any]:
@@ -134,7 +136,7 @@ class Analysis:
         return row
 
     def cycles(self) -> list[dict[str, Any]]:
-        """Return k and b of each cycle in contact; a cycle lasts from one loading to the next."""
+        """Return k and b of each cycle in contact. A cycle lasts from one loading to the next."""
         data = self.data
         if data is None:
             return []
@@ -160,8 +162,8 @@ class Analysis:
     def modulus(self) -> dict[str, float] | None:
         """Return the complex modulus at the frequency of the palpation.
 
-        It consists of k', k'' [N/m] and tan delta. None if the motion has no cycles or k is not
-        identifiable.
+        It consists of storage stiffness k' [N/m], loss stiffness k'' [N/m] and tan delta. The
+        result is None if the motion has no cycles or k is not identifiable.
         """
         result, record = self.result, self.record
         if record.order == 0 or result.k is None or result.b is None:
@@ -196,7 +198,7 @@ def analyse(signals: Signals, force_lag: float = 0.0) -> Analysis:
     signals
         The record as measured.
     force_lag
-        Time constant of the force channel [s], for which the evaluation compensates.
+        Time constant of the force channel [s], which the evaluation compensates.
     """
     record = prepare(signals, None, force_lag)
     phases = find_phases(record)

@@ -1,4 +1,4 @@
-"""Fit of one candidate model of the contact, with its stiffness (see `local_stiffness`)."""
+"""Fit of one candidate model of the contact, and its stiffness (see `local_stiffness`)."""
 
 from __future__ import annotations
 
@@ -12,23 +12,25 @@ from estimation.compiled import Floats
 from teleop.evaluation.contact_rows import Rows
 
 BAND = 0.08
-"""Distance from half of the force range within which samples are used, relative to the range."""
+"""Samples are used for the slope if their force is within this distance from half of the force
+range, as a fraction of the range."""
 SLOPE_SAMPLES = 3
-"""Least mean number of samples in a pass through half of the force range."""
+"""Smallest mean number of samples in a pass through half of the force range."""
 
 FINEST = 0.0005
-"""Standard deviation of the k of a relaxing body due to the smoothing and the grid, relative to k.
+"""Relative standard deviation of k that smoothing and grid cause for a relaxing body.
 
-It is the median error of k on synthetic records without noise (`estimation.testing_records`). A
-model without relaxing parts holds for the smoothed signals exactly.
+It is the median error of k for synthetic records without noise (`estimation.testing_records`). For
+a model without relaxing parts it is zero, because such a model holds exactly for the smoothed
+signals.
 """
 
 
 class Candidate(NamedTuple):
-    """One fitted model of the record."""
+    """A candidate model that was fitted to the record."""
 
     degree: int
-    """Degree of the polynomial P."""
+    """Degree of the polynomial P of the elastic force."""
     times: tuple[float, ...]
     """Time constants of the relaxing parts [s]."""
     bic: float
@@ -44,11 +46,11 @@ class Candidate(NamedTuple):
     rms: float
     """Root mean square of the residual [N]."""
     position: float
-    """Position at which the stiffness is taken [m]."""
+    """Position at which the stiffness is evaluated [m]."""
     force: float
-    """Half of the force range [N]."""
+    """Force at half of the force range [N]."""
     theta: Floats
-    """Parameters: baseline, b, powers of the normalised position, relaxing parts."""
+    """Parameters, in the order: baseline, b, powers of the normalised position, relaxing parts."""
 
 
 def evaluate(
@@ -59,13 +61,13 @@ def evaluate(
     Parameters
     ----------
     rows
-        Samples of the fit.
+        Samples that are fitted.
     degree
         Degree of the polynomial.
     times
         Time constants of the relaxing parts [s].
     relaxing
-        The relaxing parts, one array of shape (n,) for each time constant.
+        The relaxing parts of the elastic force, one array of shape (n,) for each time constant.
     """
     fit = rows.fit(degree, relaxing)
     theta, first = fit.theta, rows.v_column + 1
@@ -81,7 +83,7 @@ def evaluate(
     top, bottom = int(np.argmax(without)), int(np.argmin(without))
 
     def effect(i: int) -> Floats:
-        """Derivative of the elastic force at a usable sample with respect to the parameters."""
+        """Return the derivatives of the elastic force at usable sample i by the parameters."""
         found = np.zeros(m)
         found[first:] = [*rows.fine_powers[i, :degree], *(z[index[i]] for z in relaxing)]
         return found
@@ -149,16 +151,17 @@ def evaluate(
 
 
 def with_neighbours(mask: NDArray[np.bool_], index: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Return the indices of the true values, and of their neighbours if the runs are short.
+    """Return the indices of the true values; if the runs are short, also of their neighbours.
 
-    A slope within a run needs three samples. A fast motion has fewer at half of the force range.
+    The slope within a run needs three samples. In a fast motion, fewer samples are near half of the
+    force range.
 
     Parameters
     ----------
     mask
         Samples to use, shape (n,).
     index
-        Their indices on the grid, shape (n,); a step of more than 1 ends a run.
+        Index of each of these samples on the grid, shape (n,). A step of more than 1 ends a run.
     """
     chosen = np.flatnonzero(mask)
     passes = np.count_nonzero(np.diff(index[chosen]) > 1) + 1
@@ -172,7 +175,7 @@ def with_neighbours(mask: NDArray[np.bool_], index: NDArray[np.intp]) -> NDArray
 
 
 def middle_position(x: Floats, f: Floats, force: float) -> float:
-    """Fit a parabola to position over force, and return the position at `force` [m]."""
+    """Fit position as a parabola of force, and return the position at `force` [m]."""
     if np.ptp(f) == 0.0 or len(x) < 4:
         return float(x.mean())
     size = float(np.max(np.abs(f - force)))
@@ -182,14 +185,14 @@ def middle_position(x: Floats, f: Floats, force: float) -> float:
 
 
 def loading_slope(x: Floats, v: Floats, z: Floats, pass_of: NDArray[np.int_]) -> float:
-    """Return the slope of z over x within passes, without the part that is proportional to v.
+    """Return the slope of z against x within passes, without the part that is proportional to v.
 
     Parameters
     ----------
     x, v, z
         Position [m], velocity [m/s] and a relaxing part, each of shape (n,).
     pass_of
-        Number of the pass through half of the force range that each sample is in, shape (n,).
+        For each sample, the number of its pass through half of the force range, shape (n,).
     """
     spread = float(np.std(v) / np.mean(np.abs(v)))
     x, v, z = (values - pass_means(values, pass_of) for values in (x, v, z))
@@ -200,5 +203,5 @@ def loading_slope(x: Floats, v: Floats, z: Floats, pass_of: NDArray[np.int_]) ->
 
 
 def pass_means(values: Floats, pass_of: NDArray[np.int_]) -> Floats:
-    """Replace each value by the mean over its pass, shape (n,)."""
+    """Replace each value by the mean of its pass, shape (n,)."""
     return np.asarray((np.bincount(pass_of, values) / np.bincount(pass_of))[pass_of])

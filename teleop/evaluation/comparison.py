@@ -1,4 +1,4 @@
-"""Several recordings side by side: their results, and the mean of each group of them."""
+"""Comparison of several recordings: the results of each, and the means of groups of recordings."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from teleop.evaluation.result import Result
 from teleop.evaluation.tracking import COLUMNS, Tracking
 
 NO_LEVEL = "-"
-"""Level of a recording for which a factor is not known."""
+"""Level of a factor that is not known for a recording."""
 RESULT = "result"
-"""Name of the result of a recording beside the names of the estimators."""
+"""Name of the method `result`, the batch result; the other methods are the estimators."""
 NEVER_UPDATED = "the estimator was never updated: no contact or no motion"
 SUBJECT = "subject"
-"""Name of the random factor, whose levels are a sample of persons or specimens."""
+"""Name of the random factor. Its levels are a sample of persons or specimens."""
 
 
 @dataclass(frozen=True)
@@ -33,44 +33,47 @@ class Compared:
     file: str
     """Name of the file."""
     factors: dict[str, str]
-    """Level of each factor that is known of the recording."""
+    """Level of each factor that is known for the recording, by the name of the factor."""
     result: Result
     """Stiffness and damping with their intervals, or the reasons why there are none."""
     estimates: dict[str, EstimatorSummary]
-    """Averages of the estimators over the record, by their names."""
+    """Averages of the estimates over the record, by the name of the estimator."""
     tracking: Tracking | None = None
-    """How the slave followed the target of mimic; None for other conditions and files."""
+    """Gain, phase and error of the slave relative to the target of `mimic`; None without a
+    target."""
 
     def levels(self, by: Sequence[str]) -> tuple[str, ...]:
-        """Return the levels of these factors."""
+        """Return the levels of the factors `by`."""
         return tuple(self.factors.get(name, NO_LEVEL) for name in by)
 
 
 class Mean(NamedTuple):
-    """Mean of a group with its 95 % interval."""
+    """Mean of a quantity over a group of recordings, with its 95 % interval."""
 
     value: float
-    """Mean; NaN without values."""
+    """Mean; NaN if there are no values."""
     half: float
-    """Half width of the interval of the mean; NaN for none."""
+    """Half width of the interval of the mean; NaN if there is no interval."""
     recordings: int
-    """Number of recordings."""
+    """Number of recordings in the mean."""
 
 
 @dataclass(frozen=True)
 class Group:
-    """Recordings with the same levels of the factors."""
+    """Group of recordings with the same levels of all factors."""
 
     levels: tuple[str, ...]
     """Level of each factor."""
     means: dict[str, dict[str, Mean]]
     """Means of k [N/m], b [N s/m] and e_f [N], by `RESULT` or the name of the estimator."""
     missing: dict[str, dict[str, str]]
-    """Files without a value, and the reason, by `RESULT` or the name of the estimator."""
+    """Files without a value, each with the reason, by `RESULT` or the name of the estimator."""
     tracking: dict[str, Mean]
-    """Means of gain, phase_deg, rms_m and frequency_hz of the tracking; empty without a target."""
+    """Means of the tracking values gain, phase_deg, rms_m and frequency_hz; empty without a
+    target."""
     subjects: int
-    """Number of subjects with several recordings in this group, if there are two or more."""
+    """Number of subjects, if there are two or more and some have several recordings in this group;
+    otherwise 0."""
 
 
 def compared(
@@ -85,19 +88,19 @@ def compared(
 
 
 def mean_of(values: Sequence[float], halves: Sequence[float]) -> Mean:
-    """Return the mean of some recordings.
+    """Return the mean of a quantity over recordings, with its 95 % interval.
 
     Parameters
     ----------
     values
         One finite value per recording.
     halves
-        Half width of the 95 % interval of each value; NaN for none.
+        Half width of the 95 % interval of each value; NaN if there is no interval.
 
     Returns
     -------
-    The mean. For two or more recordings, the interval is that of Student's t for the spread
-    between them. For one recording, it is the interval of the recording.
+    The mean. For two or more recordings, its interval is computed with Student's t from the spread
+    between the recordings. For one recording, it is the interval of this recording.
     """
     if not values:
         return Mean(math.nan, math.nan, 0)
@@ -117,7 +120,7 @@ def grouped(rows: Iterable[Compared], by: Sequence[str]) -> list[Group]:
     rows
         The recordings.
     by
-        Names of factors; a factor that is not known of a recording has the level `NO_LEVEL`.
+        Names of factors. A factor that is not known for a recording has the level `NO_LEVEL`.
     """
     members: dict[tuple[str, ...], list[Compared]] = {}
     for row in rows:
@@ -127,7 +130,7 @@ def grouped(rows: Iterable[Compared], by: Sequence[str]) -> list[Group]:
 
 
 def group_of(levels: tuple[str, ...], rows: Sequence[Compared]) -> Group:
-    """Return the group of some recordings, which have these levels."""
+    """Return the group that consists of `rows`, recordings with the same levels."""
     missing: dict[str, dict[str, str]] = {}
     for row in rows:
         if not row.result.identifiable:
@@ -145,7 +148,7 @@ def group_of(levels: tuple[str, ...], rows: Sequence[Compared]) -> Group:
 
 
 def in_order(level: str) -> tuple[float, str]:
-    """Return a key that sorts numbers by their value, before other levels."""
+    """Return a sort key for a level: numbers in the order of their values, before other levels."""
     try:
         return float(level), level
     except ValueError:
@@ -153,7 +156,7 @@ def in_order(level: str) -> tuple[float, str]:
 
 
 def means(rows: Sequence[Compared]) -> dict[str, dict[str, Mean]]:
-    """Return the means of the results and of the estimators of some recordings."""
+    """Return the means of the results and of the estimates of recordings."""
     results = [row.result for row in rows if row.result.identifiable]
     found = {RESULT: {symbol: mean_result(results, symbol) for symbol in ("k", "b")}}
     for name in dict.fromkeys(name for row in rows for name in row.estimates):
@@ -167,7 +170,7 @@ def means(rows: Sequence[Compared]) -> dict[str, dict[str, Mean]]:
 
 
 def mean_result(results: Sequence[Result], symbol: str) -> Mean:
-    """Return the mean of k or b of some results that are identifiable."""
+    """Return the mean of k or b over those results that are identifiable."""
     values = [getattr(result, symbol) for result in results]
     halves = [
         0.5 * (getattr(result, f"{symbol}_high") - getattr(result, f"{symbol}_low"))
@@ -177,7 +180,7 @@ def mean_result(results: Sequence[Result], symbol: str) -> Mean:
 
 
 def check_factors(rows: Sequence[Compared], by: Sequence[str]) -> None:
-    """Raise InputError for a factor that is known of none of the recordings."""
+    """Raise InputError if a factor is not known for any of the recordings."""
     known = dict.fromkeys(name for row in rows for name in row.factors)
     for name in by:
         if name not in known:
@@ -185,10 +188,10 @@ def check_factors(rows: Sequence[Compared], by: Sequence[str]) -> None:
 
 
 def tidy_rows(rows: Iterable[Compared], by: Sequence[str]) -> list[dict[str, Any]]:
-    """Return one row per recording and method, for a file.
+    """Return one row for each recording and method, for a table file.
 
-    The row of the method `result` has the result with its 95 % interval. Rows of estimators have
-    their averages over the record.
+    The row of the method `result` contains the batch result with its 95 % interval. The row of an
+    estimator contains the averages of its estimates over the record.
     """
     found = []
     for row in rows:

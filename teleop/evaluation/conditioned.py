@@ -1,4 +1,4 @@
-"""Condition the part of a record that is evaluated, about its datum and between its gaps."""
+"""Signal conditioning of the evaluated part of a record, relative to the datum and between gaps."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from teleop.evaluation.sampling_gaps import condition
 from teleop.evaluation.signals import Signals
 
 FEWEST = 10
-"""Fewest moving samples that are evaluated."""
+"""Smallest number of moving samples that are evaluated."""
 
 
 class Conditioned(NamedTuple):
@@ -24,33 +24,34 @@ class Conditioned(NamedTuple):
     t: Floats
     """Time [s], shape (n,)."""
     regression: Regression
-    """The conditioned samples. The first `dt` after left out samples includes their time."""
+    """The conditioned samples. The first `dt` after omitted samples includes the time of these
+    samples."""
     used: NDArray[np.intp]
     """Index of each sample in the record, shape (n,)."""
     apart: NDArray[np.intp]
-    """Index of each sample that follows left out samples."""
+    """Index of each sample that follows omitted samples."""
 
 
 def conditioned(
     conditioner: Conditioner, signals: Signals, datum: Datum, motion: slice = slice(None)
 ) -> Conditioned:
-    """Condition a record, and leave out the samples after a gap until the filters have settled.
+    """Condition a record, and omit the samples after each gap until the filters have settled.
 
     Parameters
     ----------
     conditioner
-        The filters.
+        The filters that condition the signals.
     signals
         The record.
     datum
-        Position and force that count as zero.
+        Position and force that are treated as zero.
     motion
-        Part of the record that is used.
+        Part of the record that is evaluated.
 
     Raises
     ------
     InputError
-        Gaps leave too few samples.
+        Too few samples remain between the gaps.
     """
     t = signals.t
     whole, settled = condition(

@@ -17,7 +17,7 @@ class ContactBank(Bank):
     Parameters
     ----------
     bank
-        Bank from which the estimators and the gate are taken.
+        Bank from which the estimators and the contact gate are taken.
     contact
         Whether there is contact at each sample of the record, shape (n,).
     """

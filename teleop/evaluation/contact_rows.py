@@ -1,4 +1,4 @@
-"""The samples of a record that are fitted, and the regressors of each candidate model."""
+"""The samples of a record to which models are fitted, and the regressors of each model."""
 
 from __future__ import annotations
 
@@ -16,28 +16,30 @@ from teleop.evaluation.phases import Phases
 from teleop.evaluation.prepared import Prepared
 
 DEGREES = (1, 2, 3, 4, 5)
-"""Degrees of the polynomial that are tried."""
+"""Degrees of the polynomial P for which candidates are fitted."""
 STEADY = 0.01
-"""Standard deviation of a steady force out of contact, at most, relative to the force range."""
+"""Largest standard deviation of the force out of contact, as a fraction of the force range, for
+which this force counts as steady."""
 MOST_ROWS = 20_000
-"""Approximate largest number of samples in a fit, at equal distances.
+"""Approximate largest number of samples in a fit. The samples have equal distances.
 
-It bounds the memory and the time for a record of more than about ten minutes, whose intervals are
-narrow anyway.
+It limits memory and computing time for a record of more than about ten minutes. The intervals of
+such a record are narrow, even with this number of samples.
 """
 SPARE = 6
-"""Least number of samples minus number of parameters."""
+"""Smallest difference between number of samples and number of parameters."""
 
 
 class Rows:
-    """The samples of the fit, and the regressors of the candidates.
+    """The samples that are fitted (the rows), and the regressors of the candidate models.
 
     Parameters
     ----------
     record, phases
         The prepared record and its phases.
     baseline
-        Whether the baseline may have cosines. It has none if the force out of contact is steady.
+        Whether the baseline may contain cosines. It contains none if the force out of contact is
+        steady.
     """
 
     def __init__(self, record: Prepared, phases: Phases, baseline: bool = True) -> None:
@@ -68,7 +70,7 @@ class Rows:
         self.fine_powers = self.normalised(self.fine_x)[:, None] ** np.arange(1, DEGREES[-1] + 1)
 
     def normalised(self, x: Floats) -> Floats:
-        """Scale positions [m] so that the contact ranges from -1 to 1."""
+        """Return positions [m] scaled such that positions in contact range from -1 to 1."""
         return (x - self.origin) / self.scale
 
     def polynomial(self, theta: Floats) -> Floats:
@@ -77,7 +79,7 @@ class Rows:
         Parameters
         ----------
         theta
-            Parameters of a candidate up to those of P, without the relaxing parts.
+            Parameters of a candidate, without those of the relaxing parts.
         """
         first = self.v_column + 1
         degree = len(theta) - first
@@ -86,7 +88,7 @@ class Rows:
         )
 
     def in_contact(self, y: Floats) -> Floats:
-        """Return y with its values out of contact replaced by its value at the contact point."""
+        """Return y, with the values out of contact replaced by the value at the contact point."""
         point = self.phases.contact_point
         if point is None:
             return y
@@ -105,22 +107,23 @@ class Rows:
 
     @cached_property
     def scaled_powers(self) -> Floats:
-        """Powers 0 to 4 of the normalised position at the rows, shape (n, 5)."""
+        """Powers 0 to 4 of the normalised position at the samples that are fitted, shape (n, 5)."""
         depth = np.clip(self.normalised(self.record.x[self.rows]), -1.5, 1.5)
         return np.asarray(depth[:, None] ** np.arange(DEGREES[-1]))
 
     def rounding_error(self, to_force: Floats, slopes: Floats) -> Floats:
         """Return standard deviations of parameters due to the resolution of position and force.
 
-        The rounding error is the same whenever the channel has the same count: throughout a hold,
-        and in every cycle. No average over these samples makes it smaller.
+        The rounding error is the same at all samples with the same count of the channel, for
+        example throughout a hold or in every cycle. Averaging over such samples does not reduce the
+        error.
 
         Parameters
         ----------
         to_force
-            Change of m parameters with the force of each of the n rows, shape (m, n).
+            Derivative of m parameters with respect to the force at each of n samples, shape (m, n).
         slopes
-            Change of the force with the position at each row [N/m], shape (n,).
+            Derivative of the force with respect to the position at each sample [N/m], shape (n,).
 
         Returns
         -------
@@ -133,37 +136,37 @@ class Rows:
 
     @cached_property
     def fits(self) -> BaselineFits:
-        """Fits of the force to the baseline and further regressors."""
+        """Least-squares fits of the force with the baseline and further regressors."""
         return BaselineFits(self.basis, self.f)
 
     def fit(self, degree: int, relaxing: list[Floats]) -> RobustFit:
-        """Fit the force to baseline, velocity, powers of the position and relaxing parts."""
+        """Fit the force with baseline, velocity, powers of the position and relaxing parts."""
         columns = [self.record.v[self.rows], *self.powers[:degree]]
         return self.fits.fit(np.column_stack([*columns, *(z[self.rows] for z in relaxing)]))
 
     @cached_property
     def loading(self) -> NDArray[np.bool_]:
-        """Whether the tip moves inwards, for each of the usable samples."""
+        """Whether the tip moves inwards, at each usable sample."""
         moving = self.fine_v > 0.1 * np.percentile(np.abs(self.fine_v), 95)
         return moving if moving.sum() >= 4 else np.abs(self.fine_v) > 0.0
 
     @property
     def v_column(self) -> int:
-        """Index of the velocity among the regressors."""
+        """Index of the velocity in the list of regressors."""
         return int(self.basis.shape[1])
 
 
 def summed_by_count(sensitivity: Floats, values: Floats, count: float) -> Floats:
-    """Return the root of the sum of squares, over counts, of the sensitivity summed at each count.
+    """Sum the sensitivities at each count, and return the root of the sum of squares over counts.
 
     Parameters
     ----------
     sensitivity
-        Change of m parameters with each of n values, shape (m, n).
+        Derivative of m parameters with respect to each of n values, shape (m, n).
     values
         Measured values, shape (n,).
     count
-        Resolution of the values; the result is 0 if it is 0.
+        Resolution of the values. If it is 0, the result is 0.
 
     Returns
     -------

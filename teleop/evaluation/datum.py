@@ -1,4 +1,4 @@
-"""Find the moving part of a recording, and the zero of position and force (the datum)."""
+"""Detection of the moving part of a record, and of the zero of position and force (the datum)."""
 
 from __future__ import annotations
 
@@ -15,25 +15,26 @@ from teleop.evaluation.units import quantity
 
 
 class Datum(NamedTuple):
-    """Position and force that count as zero, in the coordinates of the file."""
+    """Position and force that are treated as zero, in the coordinates of the file."""
 
     x: float
     """Position [m]."""
     f: float
     """Force [N]."""
     source: str
-    """How the datum was chosen, in words."""
+    """Text that describes how the datum was chosen."""
 
 
 OWN_ZERO = Datum(0.0, 0.0, "the file's own zero")
 
 
 def find_datum(signals: Signals, wanted: str, phases: Phases | None = None) -> Datum:
-    """Return the position and force that count as zero.
+    """Return the position and force that are treated as zero.
 
-    `contact` is the contact point and the force out of contact. `auto` is the same if the
-    record has both. Otherwise it is the mean of the moving part, because a preloaded specimen is
-    approximately linear about its mean position. The names of the columns have no influence.
+    With `contact`, the datum is the contact point and the force out of contact. With `auto`, it is
+    the same if the record has a contact point. Otherwise, it is the mean of the moving part,
+    because a preloaded specimen is approximately linear about the mean position. The names of the
+    columns have no influence.
 
     Parameters
     ----------
@@ -42,12 +43,12 @@ def find_datum(signals: Signals, wanted: str, phases: Phases | None = None) -> D
     wanted
         `auto`, `contact`, `file`, `start`, `mean`, or a position and a force.
     phases
-        Phases of the record; None to compute them if they are needed.
+        Phases of the record. If they are None, they are computed when they are needed.
 
     Raises
     ------
     InputError
-        `wanted` is none of these, or there is no contact point.
+        `wanted` is none of the permitted values, or there is no contact point.
     """
     if wanted in ("auto", "contact"):
         if phases is None:
@@ -84,10 +85,11 @@ def find_datum(signals: Signals, wanted: str, phases: Phases | None = None) -> D
 
 
 def moving_part(x: Floats) -> slice:
-    """Return the part of the record between the rest at its begin and the rest at its end.
+    """Return the part of the record between the rest at the beginning and the rest at the end.
 
-    A rest ends where the position differs from it by more than 2 % of the range. The range is
-    taken between the 1st and the 99th percentile, so that a single outlier does not change it.
+    A rest ends when the position differs from the rest position by more than 2 % of the range. The
+    range is the difference between the 99th and the 1st percentile, so that a single outlier does
+    not change it.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Run the estimators over a recording, or over any file with position and force."""
+"""Evaluation of a recording, or of any file with position and force, by all estimators."""
 
 from __future__ import annotations
 
@@ -47,18 +47,18 @@ from teleop.evaluation.signals import Signals
 from teleop.evaluation.smallest_step import smallest_step
 
 FEWEST_KEPT = 0.9
-"""Share of the force variance below which conditioning is reported to remove the signal."""
+"""A message is reported if the conditioning keeps less than this fraction of the force variance."""
 LEAST_EXCITATION = 0.01
-"""Excitation below which b is not reported by the online estimators without a remark.
+"""Excitation below which the b of an online estimator is reported with a remark.
 
-The standard deviation of b omega is then more than ten times that of k, so that a loss b omega / k
-of less than one is not resolved where k is known to 10 %.
+Below this excitation, the standard deviation of b omega is more than ten times that of k. If k is
+known to 10 %, a loss tangent b omega / k below one can then not be measured.
 """
 
 
 @dataclass(frozen=True, repr=False)
 class Evaluation(Presented):
-    """Online estimates and batch evaluation of one recording; arrays have shape (n,)."""
+    """Online estimates and batch evaluation of one recording. Arrays have shape (n,)."""
 
     t: Floats
     regression: Regression
@@ -71,9 +71,9 @@ class Evaluation(Presented):
     preset: Preset
     bandwidth: float
     rate: float
-    """Median sampling rate [Hz]."""
+    """Sampling rate: inverse of the median sample period [Hz]."""
     jitter: float
-    """Largest deviation of a sample period from the median, as a share of it."""
+    """Largest deviation of a sample period from the median, as a fraction of the median."""
     samples: int
     """Number of samples in the recording, including those at rest."""
     excitation: Floats
@@ -83,20 +83,21 @@ class Evaluation(Presented):
     analysis: Analysis
     """The batch evaluation."""
     kept_force_variance: float
-    """Share of the variance of the force that the conditioning keeps, from 0 to 1."""
+    """Fraction of the variance of the force that the conditioning keeps, from 0 to 1."""
     filter_note: str
-    """How the delay of a stated force filter was compensated, or why not; empty for none."""
+    """Text that states how the delay of the force filter was compensated, or why it was not; empty
+    if the file states no filter."""
     gaps: tuple[tuple[float, float], ...] = ()
-    """Times of the last sample before each gap and of the first after it [s]."""
+    """Time of the last sample before each gap, and of the first sample after the gap [s]."""
 
     def summary(self, cost: bool = False) -> dict[str, Any]:
-        """Return the results in the form that `teleop estimate --json` prints.
+        """Return the results with the keys of the output of `teleop estimate --json`.
 
         Parameters
         ----------
         cost
-            Whether to measure the computing time of each estimator per sample. The measured
-            time differs from call to call.
+            Whether to measure the computing time of each estimator per sample. The measured time is
+            different in each call.
         """
         estimates = {name: one._asdict() for name, one in self.summaries().items()}
         if not set(estimates) <= set(PAPER):
@@ -142,7 +143,7 @@ class Evaluation(Presented):
         }
 
     def summaries(self) -> dict[str, EstimatorSummary]:
-        """Return the summary of the estimates of each estimator, by its name."""
+        """Return a summary of the estimates of each estimator, by the name of the estimator."""
         return {
             name: summarise(self.t, self.regression, series, self.bank[name], self.misfit[name])
             for name, series in self.estimates.items()
@@ -150,7 +151,7 @@ class Evaluation(Presented):
 
     @cached_property
     def models(self) -> list[BatchFit]:
-        """The batch models about the datum, the best first."""
+        """The models of the batch evaluation, relative to the datum, the best first."""
         return self.analysis.models(self.datum.x, self.datum.f)
 
     def batch_summary(self) -> dict[str, Any]:
@@ -197,16 +198,16 @@ class Evaluation(Presented):
 
 
 def evaluate(signals: Signals, settings: EstimateSettings) -> Evaluation:
-    """Subtract the datum, condition the signals, and run the estimators over the motion.
+    """Subtract the datum, condition the signals, and run the estimators over the moving part.
 
-    The filters restart after each gap, and the samples until they have settled are left out.
-    The estimators receive the length of the gap as the sample period, so that the weight of the
+    The filters restart after each gap. Samples are omitted until the filters have settled. The
+    estimators receive the duration of the gap as the sample period, so that the weight of the
     samples before the gap depends on their true age.
 
     Raises
     ------
     InputError
-        A setting is out of its range, nothing moves, or gaps leave too few samples.
+        A setting is out of its range, nothing moves, or too few samples remain between gaps.
     """
     lag, note = settings.force_lag, ""
     if lag is None:

@@ -1,4 +1,4 @@
-"""Read files that `teleop export` wrote, as recordings."""
+"""Reading of files that `teleop export` wrote, as recordings."""
 
 from __future__ import annotations
 
@@ -10,11 +10,12 @@ from teleop.evaluation.formats.table import Table
 from teleop.recording.recording import Recording, gaps_of
 
 COLUMNS = ("time", "paired_position", "paired_force", "paired_dt", "x", "dt", "dropped")
-"""Columns that every exported recording has, and by which it is recognised."""
+"""Columns that every exported recording has. A table with these columns is treated as an exported
+recording."""
 
 
 def exported_recording(table: Table) -> Recording | None:
-    """Return the recording that was exported; None for any other table.
+    """Return the recording that a table contains; None if the table is not an exported recording.
 
     Raises
     ------
@@ -39,7 +40,7 @@ def exported_recording(table: Table) -> Recording | None:
 
 
 def stored(table: Table, name: str, default: Any) -> Any:
-    """Return a JSON document that was exported with the columns.
+    """Return the contents of a JSON document that was exported together with the columns.
 
     Parameters
     ----------
@@ -53,7 +54,7 @@ def stored(table: Table, name: str, default: Any) -> Any:
     Raises
     ------
     InputError
-        The document is not JSON.
+        The document is not valid JSON.
     """
     try:
         value = json.loads(table.about.get(name, "null"))

@@ -1,9 +1,10 @@
-"""The delay of a force filter that the header of a file states, and its compensation.
+"""Compensation of the delay of a force filter that the header of a file states.
 
-Far below its cutoff frequency, a low-pass filter delays the force and leaves its size unchanged. A
-Butterworth filter of order n and cutoff frequency fc has the delay 1 / (2 pi fc sin(pi / 2n)); for
-n = 3 the delay at fc / 10 differs from this by 0.2 %, and the size by less than 0.01 %. A delay
-lowers the estimated damping by k times the delay.
+Far below the cutoff frequency, a low-pass filter delays the force and does not change its
+amplitude. A Butterworth filter of order n and cutoff frequency fc has the delay 1 / (2 pi fc sin(pi
+/ 2n)). For n = 3 and a signal frequency of fc / 10, the delay differs from this value by 0.2 %, and
+the amplitude changes by less than 0.01 %. A delay of the force decreases the estimated damping by k
+times the delay.
 
 References
 ----------
@@ -38,17 +39,18 @@ WITHOUT_DELAY = re.compile(r"zero[- ]?phase|filtfilt", re.IGNORECASE)
 
 
 class Compensated(NamedTuple):
-    """Signals after the compensation, and what was done."""
+    """Signals after the compensation, and a note on the compensation."""
 
     signals: Signals
     note: str
-    """What was done or what is missing, in words; empty if no filter is stated."""
+    """Text that states how the delay was compensated, or why it was not; empty if no filter is
+    stated."""
 
 
 def stated_delay(text: str) -> float | None:
-    """Return the delay of the described low-pass filter [s]; None if it does not follow.
+    """Return the delay [s] of the low-pass filter that a text describes; None if unknown.
 
-    A filter of no stated type counts as a Butterworth filter.
+    A filter whose type is not stated is treated as a Butterworth filter.
 
     Parameters
     ----------
@@ -71,7 +73,7 @@ def stated_delay(text: str) -> float | None:
 
 
 def without_filter_delay(signals: Signals) -> Compensated:
-    """Advance the force by the delay of the filter that the file states."""
+    """Shift the force to earlier times by the delay of the force filter that the file states."""
     stated = signals.force_filter
     if not stated:
         return Compensated(signals, "")
@@ -92,10 +94,10 @@ def without_filter_delay(signals: Signals) -> Compensated:
 
 
 def advanced(signals: Signals, delay: float) -> Signals:
-    """Return the signals with the force earlier by `delay` [s].
+    """Return the signals with the force shifted to earlier times by `delay` [s].
 
-    The force is interpolated by a cubic spline. Samples at the end of each piece between gaps,
-    for which there is no later force, are left out.
+    The force is interpolated by a cubic spline. At the end of each piece between gaps, samples for
+    which there is no later force are omitted.
     """
     t, x, f = signals.t, signals.x, signals.f.copy()
     kept = np.ones(len(t), dtype=np.bool_)

@@ -1,7 +1,7 @@
-"""Parts of a record in which the force rests at its lowest or highest level.
+"""Parts of a record in which the force stays at its lowest or highest level.
 
-At the lowest level they are free motion; at the highest level the sensor is saturated, or the
-specimen slips or yields (`teleop.evaluation.phases`).
+At the lowest level, such a part is free motion. At the highest level, the sensor is saturated, or
+the specimen slips or yields (`teleop.evaluation.phases`).
 """
 
 from __future__ import annotations
@@ -16,17 +16,20 @@ from teleop.evaluation.prepared import Prepared
 from teleop.evaluation.smallest_step import smallest_step
 
 TRAVEL = 4.0
-"""Travel at one force level that counts as free motion, relative to what the stiffness allows."""
+"""Travel at one force level that counts as free motion, as a multiple of the travel that the
+stiffness permits."""
 LAG = 1.5
-"""Safety factor on the travel at a peak of the force, which precedes the peak of the position."""
+"""Safety factor for the travel near a peak of the force, because the peak of the position is
+later."""
 SHORTEST, FEWEST = 3, 8
-"""Least number of samples at exactly the highest force in one cycle, and in all, that count."""
+"""Smallest numbers of samples at exactly the highest force that indicate saturation: in one cycle,
+and in total."""
 
 
 def levels(
     record: Prepared, low: float, high: float, width: float
 ) -> tuple[NDArray[np.bool_] | None, bool]:
-    """Return the samples in free motion, and whether the sensor is saturated.
+    """Return the samples in free motion, and whether the force sensor is saturated.
 
     Parameters
     ----------
@@ -39,8 +42,8 @@ def levels(
 
     Returns
     -------
-    Mask of free motion, shape (n,), or None if there is none; and whether the force stays at its
-    highest level while the position moves.
+    Mask of the samples in free motion, shape (n,), or None if there is no free motion; and whether
+    the force stays at its highest level while the position moves.
     """
     x, f = record.palpation, record.f
     if width > 0.2 * (high - low):
@@ -78,20 +81,20 @@ def levels(
 
 
 def continued(x: Floats, start: int, end: int, inwards: bool) -> float:
-    """Return how far the motion continues in its direction after the force came to rest [m].
+    """Return how far the motion continues in its direction while the force stays constant [m].
 
-    After a reversal, lost motion between the position sensor and the tip lets the force rest too.
-    That travel is not counted, except at the ends of the record, where the motion before or after
-    is not known.
+    After a reversal, the force also stays constant while lost motion between position sensor and
+    tip is passed. This travel is not counted, except at the ends of the record, where the motion
+    before or after is not known.
 
     Parameters
     ----------
     x
         Position [m], shape (n,).
     start, end
-        Index of the first sample at that force, and index after the last.
+        Index of the first sample at the constant force, and index after the last such sample.
     inwards
-        Whether the force came to rest in loading; otherwise in unloading.
+        True if the force became constant in loading, False if in unloading.
     """
     part = x[start:end] if inwards else -x[start:end]
     if start == 0 or end == len(x):
@@ -100,9 +103,10 @@ def continued(x: Floats, start: int, end: int, inwards: bool) -> float:
 
 
 def clipped(record: Prepared) -> bool:
-    """Return whether many samples have exactly the highest force while the position goes on.
+    """Return whether many samples have exactly the highest force while the position changes.
 
-    Within one count of the force, the position can travel by a count divided by the stiffness.
+    The position may change by one count of the force divided by the stiffness without saturation,
+    because the force is then still within the same count.
     """
     f, x = record.raw_f, record.raw_x
     count = smallest_step(f)

@@ -1,6 +1,7 @@
-"""Measures whose samples are Python objects, which take five times the memory of arrays.
+"""Excitation and misfit of a record, computed in blocks of samples to save memory.
 
-They are computed in blocks of samples, with the same results to the bit as all samples together.
+Their samples are Python objects, which take five times the memory of arrays. The results are equal,
+bit by bit, to those for all samples together.
 """
 
 from __future__ import annotations
@@ -35,13 +36,13 @@ def misfit_of(
     Parameters
     ----------
     misfit
-        The measure, before its first sample.
+        The misfit measure, which has processed no sample yet.
     regression
-        The n samples.
+        The n samples that the estimators processed.
     estimates
         Estimates of each estimator after each sample.
     bank
-        The estimators, after their last sample.
+        The estimators, which have processed all samples.
     """
     parts = [
         misfit.run(

@@ -1,4 +1,4 @@
-"""The share of the variance of the force that the conditioning keeps."""
+"""The fraction of the variance of the force that the signal conditioning keeps."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from estimation.compiled import Floats
 
 LONGEST_DELAY = 0.5
-"""Longest delay of the conditioning that is tried, relative to 1 / bandwidth."""
+"""Longest delay of the conditioning that is tried, as a multiple of 1 / bandwidth."""
 DELAYS = 26
-"""Number of delays tried."""
+"""Number of delays of the conditioning that are tried."""
 MOST_SAMPLES = 20_000
 """Approximate number of samples that are compared."""
 
@@ -18,11 +18,12 @@ MOST_SAMPLES = 20_000
 def kept_variance(
     raw: Floats, conditioned: Floats, used: NDArray[np.intp], bandwidth: float
 ) -> float:
-    """Return the share of the variance of a signal that conditioning keeps, from 0 to 1.
+    """Return the fraction of a signal's variance that conditioning keeps, from 0 to 1.
 
-    The signal is the sum of a kept and a removed part: the conditioned signal, and the difference
-    between it and the signal with the same delay. The result is the variance of the kept part
-    relative to the sum of the two variances. The delay is that with the smallest difference.
+    The raw signal is delayed like the conditioned signal. The kept part is the conditioned signal.
+    The removed part is the difference between the delayed raw signal and the conditioned signal.
+    The result is the variance of the kept part, divided by the sum of the variances of both parts.
+    The delay is chosen such that the difference is smallest.
 
     Parameters
     ----------

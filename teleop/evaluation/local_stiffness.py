@@ -5,20 +5,22 @@ The candidate models are
     f(t) = baseline(t) + P(x) + b v + sum_j c_j z_j,    z_j' = dP/dt - z_j / tau_j
 
 - P is a polynomial of degree 1 to 5.
-- The baseline is a constant. For a palpation of many cycles it also has cosines that are slower
-  than the palpation.
-- z_j are up to two relaxing parts of the elastic force (quasi-linear viscoelasticity).
-- k is the slope of the elastic force over displacement at half of the force range, in loading. The
-  elastic force includes its relaxing parts. For a Kelvin-Voigt body k is its stiffness; for a
-  steady sine it is the storage modulus. It does not depend on the zero of position and force.
+- The baseline is a constant. For a palpation of many cycles, it also contains cosines that are
+  slower than the palpation.
+- z_j are the relaxing parts of the elastic force (quasi-linear viscoelasticity), at most two.
+- k is the slope of the elastic force against displacement at half of the force range, in loading.
+  The elastic force includes the relaxing parts. For a Kelvin-Voigt body, k is the stiffness of the
+  body; in a steady sine, k is the storage modulus. k does not depend on the zero of position and
+  force.
 - b is the coefficient of the velocity.
 
 Each candidate is fitted to the smoothed samples by linear least squares. The candidates are
-weighted by the Bayesian information criterion; one that does not determine k is left out. With
-these weights the candidates form a mixture of normal distributions, each with the standard
-deviation of its candidate (`estimation.robust_error`). The result is the median of the mixture, and
-its interval contains 95 % of the mixture, so that uncertainty about the model widens it. An
-unlikely candidate does not: the variance of the mixture would be too large by its distance squared.
+weighted by the Bayesian information criterion. A candidate that does not determine k is omitted.
+With these weights, the candidates form a mixture of normal distributions. The standard deviation of
+each normal distribution is that of the candidate (`estimation.robust_error`). The result is the
+median of the mixture, and its interval contains 95 % of the mixture. Uncertainty about the model
+therefore widens the interval. An unlikely candidate that is far from the others does not widen it,
+but would increase the variance of the mixture. Therefore the variance is not used.
 
 References
 ----------
@@ -45,23 +47,27 @@ from teleop.evaluation.phases import Phases
 from teleop.evaluation.prepared import Prepared
 
 TIMES = 10
-"""Number of relaxation time constants tried, from 4 kernel widths to twice the record's length."""
+"""Number of relaxation time constants that are tried, from 4 widths of the smoothing kernel to
+twice the length of the record."""
 REFINEMENTS = 3
-"""Number of times that the step of log tau is halved about the best time constant."""
+"""Number of times that the step of log tau is halved in the search around the best time
+constant."""
 LARGEST_SCORE = 10.0
-"""Distance from its mean beyond which a normal distribution is 0, in standard deviations."""
+"""Distance from the mean beyond which a normal distribution is treated as 0, in standard
+deviations."""
 HALVINGS = 60
-"""Number of bisections; the result is accurate to rounding errors."""
+"""Number of bisections, with which the result is accurate to rounding errors."""
 
 
 @dataclass(frozen=True)
 class LocalStiffness:
-    """Median of the mixture of the candidates."""
+    """Stiffness and damping: median and spread of the mixture of the candidates."""
 
     k: float
     """Stiffness [N/m]."""
     k_std: float
-    """Standard deviation of k [N/m]; 1.96 times it is the half width of the 95 % interval."""
+    """Standard deviation of k [N/m]. The half width of the 95 % interval is 1.96 times this
+    value."""
     b: float
     """Damping [N s/m]."""
     b_std: float
@@ -69,7 +75,7 @@ class LocalStiffness:
     best: Candidate
     """Candidate with the smallest Bayesian information criterion."""
     kelvin_voigt: Candidate
-    """Candidate of degree 1 without relaxation."""
+    """The Kelvin-Voigt model: candidate of degree 1 without relaxing parts."""
     baseline_size: float
     """Peak-to-peak size of the baseline [N]."""
     samples: int
@@ -88,7 +94,7 @@ def local_stiffness(
     record, phases
         The prepared record and its phases.
     baseline
-        Whether the baseline may have cosines.
+        Whether the baseline may contain cosines.
     """
     rows = Rows(record, phases, baseline)
     found = [evaluate(rows, degree, (), []) for degree in DEGREES if rows.allow(degree)]
@@ -127,9 +133,9 @@ def with_relaxation(rows: Rows, y: Floats, degrees: tuple[int, ...]) -> list[Can
     Parameters
     ----------
     rows
-        Samples of the fit.
+        Samples that are fitted.
     y
-        Elastic force of which parts relax [N], shape (n,).
+        Elastic force from which the relaxing parts are computed [N], shape (n,).
     degrees
         Degrees of the polynomial to try.
     """
@@ -170,9 +176,9 @@ def with_relaxation(rows: Rows, y: Floats, degrees: tuple[int, ...]) -> list[Can
 def model_weights(found: list[Candidate]) -> Floats:
     """Return the weights of the candidates, shape (m,).
 
-    The candidates of one degree and one number of time constants are one model, whose time
-    constants are parameters. The weight of a model is that of its best candidate, so that it does
-    not depend on how many time constants are tried.
+    All candidates with the same degree and the same number of time constants are treated as one
+    model, whose time constants are parameters. The weight of a model is the weight of its best
+    candidate. It therefore does not depend on how many time constants are tried.
     """
     bics = np.array([one.bic for one in found])
     weights = np.exp(-0.5 * (bics - bics.min()))
@@ -184,9 +190,10 @@ def model_weights(found: list[Candidate]) -> Floats:
 
 
 def averaged(weights: Floats, values: list[tuple[float, float]]) -> tuple[float, float]:
-    """Return the median of a mixture of normal distributions, and its half width over 1.96.
+    """Return median and standard deviation of a mixture of normal distributions.
 
-    95 % of the mixture lie within the half width about the median.
+    The standard deviation is defined as h / 1.96, where 95 % of the mixture is within the distance
+    h from the median.
 
     Parameters
     ----------
@@ -199,7 +206,7 @@ def averaged(weights: Floats, values: list[tuple[float, float]]) -> tuple[float,
     std = np.maximum(std, 1e-12 * np.max(np.abs(value)) + 1e-300)
 
     def share(x: float) -> float:
-        """Share of the mixture below x."""
+        """Return the fraction of the mixture below x."""
         return float(weights @ ndtr((x - value) / std))
 
     span = float(np.ptp(value)) + LARGEST_SCORE * float(std.max())
@@ -209,7 +216,7 @@ def averaged(weights: Floats, values: list[tuple[float, float]]) -> tuple[float,
 
 
 def crossing(function: Callable[[float], float], level: float, low: float, high: float) -> float:
-    """Return where an increasing function reaches a level, by bisection between two arguments."""
+    """Return where an increasing function reaches `level`, by bisection from `low` to `high`."""
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
         if function(middle) < level:
@@ -222,7 +229,8 @@ def crossing(function: Callable[[float], float], level: float, low: float, high:
 def relaxing_part(record: Prepared, y: Floats, tau: float) -> Floats:
     """Return the relaxing part of an elastic force, shape (n,).
 
-    It is the solution z of z' = y' - z / tau, with z = 0 at the start of each piece between gaps.
+    The relaxing part is the solution z of z' = y' - z / tau, with z = 0 at the start of each piece
+    between gaps.
     """
     decay = math.exp(-record.period / tau)
     gain = tau / record.period * (1.0 - decay)

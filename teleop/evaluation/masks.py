@@ -11,7 +11,7 @@ from estimation.compiled import Floats
 def hysteresis(values: Floats, low: float, high: float) -> NDArray[np.bool_]:
     """Return a mask that becomes True above `high` and False below `low`, shape (n,).
 
-    Between `low` and `high` it keeps its previous value.
+    Between `low` and `high`, the mask keeps its previous value.
     """
     state = np.where(values > high, 1, np.where(values < low, 0, -1))
     known = np.flatnonzero(state >= 0)
@@ -22,7 +22,7 @@ def hysteresis(values: Floats, low: float, high: float) -> NDArray[np.bool_]:
 
 
 def runs(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """Return the first index of each run of true values, and the index after its last."""
+    """Return first index, and index after the last, of each run of true values."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(np.int8), [0]])))
     return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
@@ -39,7 +39,7 @@ def without_short(mask: NDArray[np.bool_], shortest: int) -> NDArray[np.bool_]:
 def eroded(mask: NDArray[np.bool_], guard: int) -> NDArray[np.bool_]:
     """Return the mask with `guard` samples at each end of a run set to False.
 
-    An end of a run that is an end of the record is kept.
+    At the ends of the record, no samples of a run are set to False.
     """
     kept = mask.copy()
     for start, end in runs(mask):

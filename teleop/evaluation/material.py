@@ -1,20 +1,21 @@
-"""Elastic modulus from stiffness and the geometry of an indenter.
+"""Elastic modulus, computed from the stiffness and the geometry of an indenter.
 
-With E* = E / (1 - nu^2) and the tangent stiffness k at a depth d of the specimen's surface:
+With E* = E / (1 - nu^2), the tangent stiffness k at the indentation depth d is
 
 - flat punch of radius a (Sneddon): k = 2 a E*;
 - sphere of radius R (Hertz): k = 2 E* sqrt(R d), with the contact radius a = sqrt(R d);
 - cone of half angle alpha (Sneddon): k = (4 / pi) E* tan(alpha) d, with the contact radius
   a = (2 / pi) tan(alpha) d.
 
-In all three cases k = 2 a E*. A layer of thickness h that is bonded to a rigid base is stiffer than
-a half-space. For a flat punch k = 2 a kappa E* with Hayes' factor kappa(a / h, nu). It follows from
-the integral equation
+In all three cases, k = 2 a E* with the contact radius a. A layer of thickness h that is bonded to a
+rigid base is stiffer than a half-space. For a flat punch, k = 2 a kappa E* with Hayes' factor
+kappa(a / h, nu). This factor is computed from the integral equation
 
     phi(t) - (a / pi h) int_-1^1 K(a (t - s) / h) phi(s) ds = 1,    kappa = int_0^1 phi dt
 
 with K(u) = int_0^inf (1 - L(m)) cos(m u) dm, and L the compliance of the layer divided by that of a
-half-space. For a sphere and a cone, the factor at their contact radius is an approximation.
+half-space. For a sphere or a cone, the factor kappa for the contact radius a is used as an
+approximation.
 
 References
 ----------
@@ -53,7 +54,7 @@ class Indenter:
     radius: float | None = None
     """Radius of a flat punch or a sphere [m]."""
     angle: float | None = None
-    """Half angle of a cone, between its axis and its side [rad]."""
+    """Half angle of a cone, between axis and side [rad]."""
     thickness: float | None = None
     """Thickness of the specimen on a rigid base [m]; None for a half-space."""
     poisson: float = 0.5
@@ -71,7 +72,7 @@ class Indenter:
             raise InputError("--poisson: expected a ratio from 0 to 0.5")
 
     def contact_radius(self, depth: float) -> float:
-        """Return the radius of the contact area [m] at a depth [m]."""
+        """Return the radius of the contact area [m] at an indentation depth [m]."""
         if self.shape == "flat":
             assert self.radius is not None
             return self.radius
@@ -83,14 +84,14 @@ class Indenter:
 
 
 def hayes_factor(aspect: float, poisson: float, nodes: int = 48) -> float:
-    """Return the stiffness of a bonded layer under a flat punch, relative to a half-space.
+    """Return the ratio of the stiffness of a bonded layer to that of a half-space (flat punch).
 
     Parameters
     ----------
     aspect
-        Radius of the contact divided by the thickness.
+        Radius of the contact area divided by the thickness of the layer.
     poisson
-        Poisson's ratio.
+        Poisson's ratio of the layer.
     nodes
         Number of nodes of the Gauss-Legendre quadrature.
     """
@@ -117,11 +118,11 @@ def elastic_modulus(result: Result, indenter: Indenter, depth_known: bool) -> di
     Parameters
     ----------
     result
-        Stiffness and depth.
+        Result of an evaluation, with stiffness and depth.
     indenter
         Shape of the tip, and the specimen.
     depth_known
-        Whether the depth is measured from a contact point, which a sphere and a cone need.
+        Whether the depth is measured from a contact point. A sphere or a cone needs such a depth.
 
     Raises
     ------

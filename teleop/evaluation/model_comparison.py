@@ -1,4 +1,4 @@
-"""Compare estimators on the same samples: accuracy, coverage of the intervals, computing time."""
+"""Comparison of estimators on the same samples: accuracy, coverage of intervals, computing time."""
 
 from __future__ import annotations
 
@@ -17,26 +17,28 @@ from estimation.compiled import Floats, interpreted_sweep
 from estimation.model import KELVIN_VOIGT
 
 WINDOW = 1.0
-"""Window of the least squares that one-step errors are divided by [s]."""
+"""Window of the batch least squares whose one-step error is the reference [s]."""
 ROUNDING = 1e-9
-"""If batch least squares errs by less than this share of the force, the ratio is NaN."""
+"""If the error of batch least squares is less than this fraction of the force, the ratio is NaN."""
 TIMED = 2000
 """Number of samples over which the computing time of an estimator is measured."""
 
 
 class Comparison(NamedTuple):
-    """Errors of one estimator against a reference (b, k), without the first second."""
+    """Errors of one estimator relative to a reference (b, k). The first second is omitted."""
 
     one_step_ratio: float
-    """Root mean square one-step error, divided by that of batch least squares over 1 s."""
+    """Root mean square error of the force prediction one step ahead, divided by that of batch least
+    squares over 1 s."""
     k_error: float
-    """Root mean square error of the stiffness, relative to the reference."""
+    """Root mean square error of the stiffness, as a fraction of the reference."""
     b_error: float
     """Root mean square error of the damping [N s/m]."""
     k_coverage: float
-    """Share of the samples whose 95 % interval of the stiffness contains the reference."""
+    """Fraction of the samples at which the 95 % interval of the stiffness contains the
+    reference."""
     b_coverage: float
-    """Share of the samples whose 95 % interval of the damping contains the reference."""
+    """Fraction of the samples at which the 95 % interval of the damping contains the reference."""
 
 
 def compare(
@@ -55,9 +57,10 @@ def compare(
     bank
         The estimators.
     estimates
-        Their estimates after each sample.
+        Estimates of each estimator after each sample.
     b, k
-        The reference: damping [N s/m] and stiffness [N/m], of shape (n,) or one number for all.
+        The reference: damping [N s/m] and stiffness [N/m], as arrays of shape (n,) or as one number
+        for all samples.
     """
     if not estimates:
         return {}
@@ -96,7 +99,7 @@ def rms(values: Floats) -> float:
 def cost(estimator: Estimator, regression: Regression) -> float:
     """Measure the computing time per sample on this machine [s], the shortest of three runs.
 
-    The interpreted code is measured. The result differs from call to call.
+    The code is measured as interpreted Python. The result is different in each call.
     """
     part = regression.part(slice(TIMED))
     further = part.further if estimator.model.further else None

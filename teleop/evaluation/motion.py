@@ -1,4 +1,4 @@
-"""Frequency, amplitude and travel of the motion of a record."""
+"""Frequency, amplitude and travel of the motion in a record."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from teleop.evaluation.turning_points import turning_points
 
 
 class Motion(NamedTuple):
-    """The motion of a record."""
+    """Description of the motion in a record."""
 
     frequency_hz: float
     """Mean frequency of the cycles [Hz]; NaN for a motion without cycles."""
     amplitude_m: float
-    """Half of the median stroke between two reversals [m]; NaN for a motion without cycles."""
+    """Half of the median travel between two reversals [m]; NaN for a motion without cycles."""
     travel_m: float
     """Largest minus smallest position [m]."""
 
 
 def motion_of(record: Prepared) -> Motion:
-    """Return the motion of a record, from its smoothed position."""
+    """Return the motion in a record, computed from the smoothed position."""
     x = record.sharpened(record.x)
     travel = float(np.ptp(x))
     palpation = without_baseline(x, record.order)

@@ -1,27 +1,28 @@
 """Phases of a palpation: free motion, loading, hold and unloading, and the contact point.
 
-**Contact.** Out of contact the force stays at one level while the position moves. In contact the
-force changes with the position, so that a nearly constant force permits only a small travel, which
-the stiffness determines. If the force stays near its lowest level for some time, and the position
-travels several times farther than that, this part of the record is free motion. The method needs
-neither a zero of position or force nor the names of the columns, and it works when the surface
-drifts. If there is no free motion, the record is in contact throughout, or never.
-It is never in contact if the force does not follow the displacement (`teleop.evaluation.result`).
-A force that stays at its highest level while the position moves on indicates a saturated sensor.
-Only travel in the direction of the motion counts: lost motion (backlash) lets the force rest after
-a reversal.
+**Contact.** Out of contact, the force stays at one level while the position changes. In contact,
+the force changes with the position. While the force is nearly constant, the stiffness therefore
+permits only a small travel. If the force stays near its lowest level and the travel is several
+times larger than this small travel, this part of the record is free motion. The method needs no
+zero of position or force and no column names, and it also works if the surface drifts. If there is
+no free motion, the record is either in contact throughout or never in contact. It is never in
+contact if the force does not follow the displacement (`teleop.evaluation.result`). A force that
+stays at its highest level while the position changes indicates a saturated sensor. Travel directly
+after a reversal is not counted, because lost motion (backlash) also keeps the force constant there.
 
-**Contact point.** The force of each approach is constant before the contact, and quadratic in the
-depth with damping after it: f = f0 + a d + q d^2 + b v [d > 0], d = (x - xc)+. This model is fitted
-to the measured signals for a grid of values xc. The value with the smallest sum of squares is the
-contact point. Its interval is the range of xc in which the sum of squares differs from the smallest
-one by no more than noise can cause. For several approaches the median is reported. The half width
-of the interval is then the median half width, or Student's t times the standard deviation between
-approaches if that is larger.
+**Contact point.** In each approach, the force is constant before the contact. After the beginning
+of contact, it is a quadratic function of the depth d with an additional damping force:
+f = f0 + a d + q d^2 + b v [d > 0], with d = (x - xc)+, where x is the position and xc the contact
+point. This model is fitted to the measured signals for a grid of values xc. The value with the
+smallest sum of squares is the contact point. Its interval is the range of xc in which the sum of
+squares exceeds the smallest sum by no more than noise can cause. If there are several approaches,
+the median of the contact points is reported. The half width of the interval is then the larger of
+two values: the median half width, and Student's t times the standard deviation between approaches.
 
 **Phases.** In contact, loading and unloading are the monotone parts between turning points. A
-reversal counts if it exceeds 5 % of the travel. In a hold the position stays within 2 % of its
-range for longer than a third of the median monotone part.
+reversal counts as a turning point if it exceeds 5 % of the travel. A hold is a part in which the
+position stays within 2 % of its range for longer than a third of the median duration of the
+monotone parts.
 """
 
 from __future__ import annotations
@@ -42,21 +43,25 @@ from teleop.evaluation.prepared import Prepared
 from teleop.evaluation.turning_points import turning_points
 
 LEVEL = 0.015
-"""Least width of a force level, relative to the force range."""
+"""Smallest width of a force level, as a fraction of the force range."""
 NOISE = 6.0
-"""Least width of a force level, in standard deviations of the noise of the smoothed force."""
+"""Smallest width of a force level, in standard deviations of the noise of the smoothed force."""
 TURN = 0.05
-"""Least reversal of the motion that separates loading from unloading, relative to the travel."""
+"""Smallest reversal of the motion that separates loading from unloading, as a fraction of the
+travel."""
 STILL = 0.02
-"""Range of the position within a hold, relative to that of the monotone part."""
+"""Largest range of the position within a hold, as a fraction of the range of the monotone part."""
 HOLD = 0.33
-"""Shortest hold, relative to the median duration of the monotone parts."""
+"""Shortest duration of a hold, as a fraction of the median duration of the monotone parts."""
 APPROACHES, MOST_POINTS = 10, 300
-"""Approximate number of approaches in the fit of the contact point, and samples of each."""
+"""Approximate largest number of approaches to which the contact point is fitted, and of samples in
+each approach."""
 SHORT = 4
-"""A record of fewer guards than this for each of its ends is used up to its ends."""
+"""If a record has fewer usable samples than `SHORT` guards for each end, no samples at its first
+and last end are omitted."""
 GUARD = 3.5
-"""Samples less than this many kernel widths from the begin or end of a contact are not fitted."""
+"""Guard: samples within this number of kernel widths from the beginning or end of a contact are not
+fitted."""
 
 
 class Phase(NamedTuple):
@@ -65,9 +70,9 @@ class Phase(NamedTuple):
     name: str
     """`free`, `loading`, `hold` or `unloading`."""
     start: int
-    """Index of its first sample on the grid of the prepared record."""
+    """Index of the first sample of the phase, on the grid of the prepared record."""
     end: int
-    """Index after its last sample."""
+    """Index after the last sample of the phase."""
 
 
 @dataclass(frozen=True)
@@ -75,15 +80,17 @@ class Phases:
     """Contact, contact point and phases of a record of n samples."""
 
     contact: NDArray[np.bool_]
-    """Whether there is contact, shape (n,)."""
+    """Whether there is contact at each sample, shape (n,)."""
     usable: NDArray[np.bool_]
-    """Whether there is contact, and no begin or end of contact within the smoothing; shape (n,)."""
+    """Whether there is contact at each sample, and no beginning or end of contact within the width
+    of the smoothing, shape (n,)."""
     free_force: float | None
     """Force out of contact [N]; None if the record is in contact throughout."""
     free_spread: float
     """Standard deviation of the smoothed force out of contact [N]."""
     free_error: float
-    """The same without the samples that the smoothing mixes with contact [N]."""
+    """Standard deviation of the smoothed force out of contact, without the samples at which the
+    smoothing includes contact [N]."""
     contact_point: Interval | None
     """Position at which contact begins [m]; None if the record has no approach."""
     saturated: bool
@@ -149,7 +156,7 @@ def contact_point(
 
 
 def onset(x: Floats, v: Floats, f: Floats, noise: float) -> Interval | None:
-    """Return the position at which a constant force changes to a quadratic, with its interval [m].
+    """Return the position at which the force begins to increase, with its interval [m].
 
     Parameters
     ----------
@@ -173,7 +180,7 @@ def onset(x: Floats, v: Floats, f: Floats, noise: float) -> Interval | None:
 
 
 def split(record: Prepared, contact: NDArray[np.bool_]) -> tuple[Phase, ...]:
-    """Return the phases in the order of time."""
+    """Divide the part in contact into phases, and return all phases in the order of time."""
     bounds = sorted({0, len(contact), *record.starts, *np.flatnonzero(np.diff(contact) != 0) + 1})
     whole = float(np.ptp(record.palpation))
     found: list[Phase] = []

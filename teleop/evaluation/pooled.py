@@ -1,13 +1,14 @@
-"""Test whether one Kelvin-Voigt body explains several recordings of one specimen.
+"""Test whether a single Kelvin-Voigt body explains several recordings of a specimen.
 
-Cochran's Q compares the k of the files, and likewise the b, each with its interval. If all m files
-have the same k, Q is chi-squared distributed with m - 1 degrees of freedom. The size of a
-difference is the ratio of the largest value to the smallest, with an interval that follows from the
-intervals of these two. The residual of one Kelvin-Voigt fit to all files is compared with the
-residuals of one fit to each file.
+Cochran's Q compares the values of k of all files, with their intervals. The values of b are
+compared in the same way. If all m files have the same k, Q is chi-squared distributed with m - 1
+degrees of freedom. The size of a difference is stated as the ratio of the largest to the smallest
+value. The interval of the ratio is computed from the intervals of the largest and the smallest
+value. In addition, a single Kelvin-Voigt model is fitted to all files, and its residual is compared
+with the residuals of separate fits to each file.
 
-Agreement is evidence of one body only if the intervals are narrow. Therefore the smallest ratio
-that the test detects with a probability of 80 % is reported too.
+Equal values are evidence of a single body only if the intervals are narrow. Therefore, the smallest
+ratio that the test would detect with a probability of 80 % is also reported.
 
 References
 ----------
@@ -29,20 +30,23 @@ from estimation.estimator import LEVEL_95
 from teleop.evaluation.evaluation import Evaluation
 
 POWER_80 = 2.8
-"""Difference in standard deviations that a test at the 5 % level detects with 80 % probability."""
+"""Difference, in standard deviations, that a test at the 5 % level detects with 80 %
+probability."""
 LARGE = 1.1
-"""Ratio of the largest to the smallest value above which files may count as different."""
+"""Ratio of the largest to the smallest value above which the values of files may count as
+different."""
 WORSE = 1.2
-"""Residual of one fit to all files, relative to one fit to each, above which it is a misfit."""
+"""Ratio of residuals, single fit to all files over separate fits, above which the single fit is a
+misfit."""
 
 
 def evaluate_together(evaluations: Mapping[str, Evaluation]) -> dict[str, Any]:
-    """Fit all recordings together, test whether the files agree, and return a dictionary for JSON.
+    """Test whether recordings agree, fit them together, and return a dictionary for JSON.
 
     Parameters
     ----------
     evaluations
-        At least two evaluations, by the name of their file.
+        Evaluations of at least two recordings, by the name of the file.
     """
     regressions = [e.regression for e in evaluations.values()]
     x, v, f = (np.concatenate([r[channel] for r in regressions]) for channel in range(3))

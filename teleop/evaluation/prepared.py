@@ -1,12 +1,13 @@
-"""Prepare a record for batch evaluation: evenly sampled, and smoothed without delay.
+"""Preparation of a record for batch evaluation: even sampling, and smoothing without delay.
 
-1. The record is interpolated linearly onto a grid of constant period. A gap ends a piece.
-2. If the sampling rate is much higher than the force needs, blocks of samples are averaged.
-3. Position and force are smoothed with the same Gaussian kernel (`estimation.smoothing`). A model
-   that is linear in its parameters therefore holds for the smoothed signals too.
+1. The record is interpolated linearly onto a grid of constant period. Gaps divide it into pieces.
+2. If the sampling rate is much higher than the bandwidth of the force requires, blocks of samples
+   are averaged.
+3. Position and force are smoothed with the same Gaussian kernel (`estimation.smoothing`).
+   Therefore, a model that is linear in its parameters also holds for the smoothed signals.
 
-The corner frequency of the kernel is a multiple of the upper end of the band in which the force
-follows the displacement (`estimation.coherent_band`).
+The corner frequency of the kernel is a multiple of the upper end of the coherent band. In this
+band, the force follows the displacement (`estimation.coherent_band`).
 """
 
 from __future__ import annotations
@@ -30,14 +31,15 @@ from teleop.evaluation.turning_points import turning_points
 CORNER = 5.0
 """Corner frequency of the kernel, as a multiple of the upper end of the coherent band."""
 FINENESS = 4.0
-"""Least number of grid points per standard deviation of the kernel, if the record has as many."""
+"""Smallest number of grid points per standard deviation of the kernel, if the sampling rate
+permits."""
 FEWEST = 16
-"""Least number of samples in a piece between two gaps; shorter pieces are not used."""
+"""Smallest number of samples in a piece between two gaps. Shorter pieces are not used."""
 
 
 @dataclass(frozen=True)
 class Prepared:
-    """A record on a grid of constant period; arrays have shape (n,)."""
+    """A record on a grid of constant period. Arrays have shape (n,)."""
 
     t: Floats
     """Time [s]."""
@@ -54,31 +56,32 @@ class Prepared:
     period: float
     """Grid period [s]."""
     width: float
-    """Standard deviation of the kernel [s]."""
+    """Width (standard deviation) of the smoothing kernel [s]."""
     band: CoherentBand
     starts: tuple[int, ...]
     """Index of the first sample of each piece between gaps."""
     x_noise: float
-    """Standard deviation of the noise of the measured position [m], quantisation included."""
+    """Standard deviation of the noise of the measured position, including quantisation [m]."""
     f_noise: float
     """Standard deviation of the noise of the measured force [N]."""
     count: float
-    """Resolution of the position: its smallest step [m]; 0 if it never changes."""
+    """Resolution of the position: its smallest step [m]; 0 if the position never changes."""
     f_count: float
-    """Resolution of the force: its smallest step [N]; 0 if it never changes."""
+    """Resolution of the force: its smallest step [N]; 0 if the force never changes."""
     f_rounding: float
-    """Standard deviation of the rounding error of the force that repeats with the force [N]."""
+    """Standard deviation of the part of the force's rounding error that is the same whenever the
+    force has the same value [N]."""
 
     @cached_property
     def clock(self) -> Floats:
-        """Time since the first sample, not counting the gaps [s], shape (n,)."""
+        """Time since the first sample, without the duration of gaps [s], shape (n,)."""
         return np.asarray(self.period * np.arange(len(self.t)), dtype=np.float64)
 
     @cached_property
     def order(self) -> int:
-        """Number of cosines in the baseline, which is slower than the palpation; 0 for none.
+        """Number of cosines in the baseline. The cosines are slower than the palpation.
 
-        A motion of fewer than three cycles has no baseline.
+        The number is 0 if the motion has fewer than three cycles.
         """
         order = baseline_order(self.band.low, float(self.clock[-1]))
         if order == 0 or self.band.coherence == 0.0:
@@ -104,17 +107,17 @@ class Prepared:
         return without_baseline(self.x, self.order)
 
     def smoothed(self, values: Floats) -> Floats:
-        """Return values on the grid smoothed with the kernel, shape (n,)."""
+        """Smooth values on the grid with the kernel, and return them, shape (n,)."""
         pieces = np.split(values, self.starts[1:])
         return np.concatenate([smooth(piece, self.width / self.period) for piece in pieces])
 
     def sharpened(self, values: Floats) -> Floats:
-        """Return smoothed values with their peaks restored to second order: 2 y - H y."""
+        """Return smoothed values y with corrected peaks: 2 y - H y, where H is the smoothing."""
         return 2.0 * values - self.smoothed(values)
 
     @property
     def f_noise_smoothed(self) -> float:
-        """Standard deviation of the noise of the smoothed force, if the noise is white [N]."""
+        """Standard deviation of the noise in the smoothed force [N], for white measured noise."""
         return self.f_noise * self.noise_gain
 
     @property
@@ -124,7 +127,7 @@ class Prepared:
 
     @property
     def stride(self) -> int:
-        """Distance in samples at which smoothed noise is nearly independent (2.5 widths)."""
+        """Distance at which smoothed noise is nearly independent [samples], 2.5 kernel widths."""
         return max(1, round(2.5 * self.width / self.period))
 
 
@@ -138,7 +141,8 @@ def prepare(signals: Signals, bandwidth: float | None = None, force_lag: float =
     bandwidth
         Half-power frequency of the kernel [Hz]; None to choose it from the coherent band.
     force_lag
-        Time constant of the force channel [s]; the position is passed through the same lag.
+        Time constant of the force channel [s]. To compensate this lag, the position is delayed by
+        the same lag.
 
     Raises
     ------
@@ -205,6 +209,6 @@ def measurement_noise(values: Floats) -> float:
     Parameters
     ----------
     values
-        Evenly sampled, shape (n,).
+        Evenly sampled values, shape (n,).
     """
     return float(1.4826 * np.median(np.abs(np.diff(values, 3))) / np.sqrt(20.0))

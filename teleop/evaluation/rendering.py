@@ -1,4 +1,4 @@
-"""What the hand felt in a recorded trial with force feedback, beside what the slave touched."""
+"""Force that the hand felt in a recorded trial with force feedback, and contact force."""
 
 from __future__ import annotations
 
@@ -12,55 +12,57 @@ from estimation.compiled import Floats
 from teleop.recording.recording import Recording
 
 SETTLING = 4.0
-"""Time at the start that is left out, in which the local model converges [s]; at most one half of
-the trial."""
+"""Time at the start that is omitted, because the local model converges [s]; at most half of the
+trial."""
 LEAST_FORCE = 0.5
 """Contact force above which a tick is evaluated [N]."""
 FASTEST = 4.0
-"""Frequency above which motion is not voluntary: tremor or an oscillation of the loop [Hz]."""
+"""Frequency above which motion is not voluntary, but tremor or an oscillation of the loop [Hz]."""
 MOST_FAST = 0.8
-"""Greatest share of the power of the velocity above this frequency in a stable trial. The tremor of
-a stiff arm has up to 0.65."""
+"""Greatest fraction of the power of the velocity above `FASTEST` in a stable trial. The tremor of a
+stiff arm causes up to 0.65."""
 
 
 class Rendering(NamedTuple):
-    """What the hand felt in a trial. A value is NaN if there was no contact after `SETTLING`."""
+    """Summary of what the hand felt in a trial. Values are NaN without contact after `SETTLING`."""
 
     rendered_k: float
-    """Secant stiffness at the hand [N/m]: sum of f x divided by the sum of x^2."""
+    """Secant stiffness that the hand felt [N/m]: sum of f x divided by sum of x^2."""
     rendered_k_error: float
-    """Relative difference to the same quantity at the slave, times the gains of both."""
+    """Relative difference between `rendered_k` and the secant stiffness at the slave, multiplied by
+    force gain and motion scale."""
     felt_force_error: float
-    """Root mean square difference of the felt force to the contact force of the same motion,
-    relative to the root mean square contact force."""
+    """Root mean square difference between the felt force and the contact force of the same motion,
+    divided by the root mean square contact force."""
     energy_min_j: float
-    """Lowest energy that the hand had given to the environment; negative if it was generated [J].
-    The energy in the virtual damping and mass is not included."""
+    """Lowest value of the energy that the hand had given to the environment [J]; negative if energy
+    was generated. The energy in virtual damping and virtual mass is not included."""
     stable: bool
-    """Whether the trial had no safety stop, and no oscillation above `FASTEST`."""
+    """Whether there was no safety stop in the trial, and no oscillation above `FASTEST`."""
 
 
 class Hand(NamedTuple):
     """Quantities at the hand, each an array of shape (ticks,)."""
 
     position: Floats
-    """Position of the virtual mass from the contact point [m]."""
+    """Position of the virtual mass relative to the contact point [m]."""
     force: Floats
-    """Force of the environment as the hand felt it [N]."""
+    """Force that the hand felt from the environment [N]."""
     velocity: Floats
     """Velocity of the virtual mass [m/s]."""
 
 
 def hand(recording: Recording, mass: float, damping: float, scale: float = 1.0) -> Hand:
-    """Return what the hand felt at each tick in mode active.
+    """Return motion and force at the hand, at each tick in mode active.
 
-    The force of the environment is the measured force of the hand minus m a + d v of the virtual
-    mass. Where a limit acted, it is the displayed force that the controller recorded.
+    The force of the environment is the measured force of the hand minus m a + d v, with mass m,
+    damping d, acceleration a and velocity v of the virtual mass. At ticks at which a limit acted,
+    it is the displayed force that the controller recorded.
 
     Parameters
     ----------
     recording
-        A trial with force feedback or a channel, in mode active.
+        Ticks in mode active of a trial with force feedback or a channel.
     mass, damping
         Virtual mass [kg] and damping [N s/m] of the admittance.
     scale
@@ -79,7 +81,7 @@ def hand(recording: Recording, mass: float, damping: float, scale: float = 1.0) 
 def rendering(
     active: Recording, mass: float, damping: float, scale: float = 1.0, gain: float = 1.0
 ) -> Rendering:
-    """Return what the hand felt in a trial with force feedback or a channel.
+    """Return a summary of what the hand felt in a trial with force feedback or a channel.
 
     Parameters
     ----------
@@ -113,12 +115,12 @@ def rendering(
 
 
 def secant(x: Floats, f: Floats) -> float:
-    """Return the stiffness of the line through the contact point that fits best [N/m]."""
+    """Return the slope of the best-fitting line through the contact point [N/m]."""
     return float(np.dot(f, x) / np.dot(x, x))
 
 
 def fast_share(velocity: Floats, dt: Floats) -> float:
-    """Return the share of the power of a velocity above `FASTEST`."""
+    """Return the fraction of a velocity's power at frequencies above `FASTEST`."""
     power: NDArray[np.float64] = np.abs(np.fft.rfft(velocity * np.hanning(len(velocity)))) ** 2
     frequency = np.fft.rfftfreq(len(velocity), float(np.mean(dt)))
     total = float(power.sum())

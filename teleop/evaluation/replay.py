@@ -1,4 +1,4 @@
-"""Recompute the estimates of a recorded trial, and compare them with the recorded ones."""
+"""Recomputation of the estimates of a recorded trial, and comparison with the recorded ones."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ if TYPE_CHECKING:
     from pydantic import TypeAdapter
 
 NEEDED = ("time", "dt", "dropped", "x", "paired_position", "paired_force", "paired_dt")
-"""Columns that an evaluation of a recorded trial needs."""
+"""Columns that are needed to evaluate a recorded trial."""
 
 
 def is_replayed(column: str) -> bool:
-    """Return whether an evaluation, its checks, or the tracking need a column."""
+    """Return whether a column is needed for an evaluation, its checks, or the tracking."""
     return column in (*NEEDED, "slave_position", "target") or column.endswith(("_b", "_k"))
 
 
 def recorded_signals(recording: Recording) -> Signals:
     """Return the samples of a recorded trial before conditioning.
 
-    The first sample after missing ticks has a `paired_dt` that counts from a missing sample.
-    It is replaced by the time since the last sample before the gap.
+    In the first sample after missing ticks, `paired_dt` is the time since a sample that is missing.
+    This value is replaced by the time since the last sample before the gap.
 
     Raises
     ------
@@ -56,14 +56,14 @@ def recorded_signals(recording: Recording) -> Signals:
 
 
 def recorded_settings(recording: Recording) -> EstimateSettings:
-    """Return the settings with which the estimators of a recorded trial ran.
+    """Return the settings of the estimators in a recorded trial.
 
-    With them, `evaluate` computes exactly the recorded estimates, bit by bit.
+    With these settings, `evaluate` computes exactly the recorded estimates, bit by bit.
 
     Raises
     ------
     InputError
-        A setting is missing in the recording or invalid.
+        A setting in the recording is missing or invalid.
     """
     from pydantic import ValidationError
 
@@ -91,17 +91,17 @@ def recorded_settings(recording: Recording) -> EstimateSettings:
 
 @cache
 def validator(kind: type) -> TypeAdapter[Any]:
-    """Return the validator of a class of settings; one is made of each class."""
+    """Return the pydantic object that checks settings of the class `kind`; it is cached."""
     from pydantic import TypeAdapter
 
     return TypeAdapter(kind)
 
 
 def agrees(evaluation: Evaluation, recording: Recording) -> bool:
-    """Return whether the estimates equal the recorded ones exactly, bit by bit.
+    """Return whether the estimates equal the recorded estimates exactly, bit by bit.
 
-    If ticks are missing in the recording, the result is False: the estimators of the trial used
-    those ticks, and their estimates cannot be recomputed.
+    If ticks are missing in the recording, the result is False: the estimators used the missing
+    ticks in the trial, so that the estimates cannot be recomputed.
     """
     if recording.gaps:
         return False

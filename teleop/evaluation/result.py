@@ -1,13 +1,13 @@
-"""The result to publish: stiffness and damping with 95 % intervals, or why there is none.
+"""The result for publication: stiffness and damping with 95 % intervals, or reasons for none.
 
 k is the tangent stiffness at half of the force range, in loading (`local_stiffness`). It depends
-neither on the zero of position and force nor on the length of the record. The secant stiffness
-F / x depends on both. It is reported with the tangent, and so is its change for a datum error of
-0.1 mm.
+neither on the zero of position and force nor on the length of the record. The secant stiffness F /
+x depends on both. It is reported in addition to k, with the change that a datum error of 0.1 mm
+would cause.
 
 The interval accounts for the autocorrelation of the residual, for the spread between models, and
-for the change of k with the smoothing bandwidth. If the data are not sufficient for k, then k and
-b are None and `reasons` explains why.
+for the change of k with the smoothing bandwidth. If the data are not sufficient for k, both k and b
+are None, and `reasons` contains the reasons.
 """
 
 from __future__ import annotations
@@ -24,25 +24,30 @@ from teleop.evaluation.phases import Phases
 from teleop.evaluation.prepared import Prepared
 
 WIDEST = 0.5
-"""Half width of the interval of k, relative to k, above which k is not identifiable."""
+"""Half width of the interval of k, as a fraction of k, above which k is not identifiable."""
 MOTION = 10.0
-"""Least travel in contact, as a multiple of 2.5 standard deviations of the position noise."""
+"""Smallest travel in contact, as a multiple of 2.5 standard deviations of the position noise."""
 DEPTH = 0.02
-"""Least travel in contact, relative to the travel of the record."""
+"""Smallest travel in contact, as a fraction of the travel of the record."""
 POOR = 0.9
-"""R^2 below which a bad fit is reported."""
+"""R^2 of the best model below which a bad fit is reported."""
 EXPLAINED = 0.8
-"""R^2 below which no stiffness is reported, in intermittent contact or for a structural misfit."""
+"""R^2 of the best model below which no stiffness is reported, if the contact is intermittent or the
+misfit is structural."""
 STRUCTURAL = 4
-"""Degree of the best polynomial from which a bad fit counts as structural misfit, not noise."""
+"""Degree of the best polynomial at and above which a bad fit is called a structural misfit. Below
+it, noise is assumed."""
 SLIGHT = 0.02
-"""Residual of Kelvin-Voigt, relative to the force, below which that model is sufficient."""
+"""Residual of the Kelvin-Voigt model, as a fraction of the force, below which this model is
+sufficient."""
 SMALL_BASELINE = 0.05
-"""Size of a baseline, relative to the force range, below which it is not reported."""
+"""Size of the baseline, as a fraction of the force range, below which the baseline is not
+reported."""
 FEWEST_INDEPENDENT = 35
-"""Least number of independent samples for the intervals.
+"""Smallest number of independent samples for which intervals are reported.
 
-With fewer, the error model of four parameters has less than four cosines (`robust_error`).
+With fewer samples, the error model for four parameters has fewer than four cosines
+(`robust_error`).
 """
 DATUM_ERROR = 1e-4
 """Datum error for which the change of the secant stiffness is reported [m]."""
@@ -50,7 +55,7 @@ DATUM_ERROR = 1e-4
 
 @dataclass(frozen=True)
 class Result:
-    """Stiffness and damping with 95 % intervals, and where they were taken."""
+    """Stiffness and damping with 95 % intervals, and the force and depth at which they hold."""
 
     k: float | None = None
     """Tangent stiffness [N/m]; None if it is not identifiable."""
@@ -67,15 +72,15 @@ class Result:
     identifiable: bool = False
     """Whether the data are sufficient for k and b."""
     reasons: tuple[str, ...] = ()
-    """Why k is not identifiable, or remarks on a k that is."""
+    """Reasons why k is not identifiable; if it is identifiable, remarks on k."""
     force: float | None = None
-    """Force at which the tangent is taken: half of the force range [N]."""
+    """Force at which the tangent stiffness is evaluated: half of the force range [N]."""
     depth: float | None = None
-    """Depth at that force, from the contact point or the lowest position in contact [m]."""
+    """Depth at `force`, relative to the contact point or to the lowest position in contact [m]."""
     secant: float | None = None
-    """Secant stiffness at that force: force over depth [N/m]."""
+    """Secant stiffness at `force`: force divided by depth [N/m]."""
     secant_change: float | None = None
-    """Relative change of the secant for a datum error of 0.1 mm."""
+    """Relative change of the secant stiffness that a datum error of 0.1 mm causes."""
     times: tuple[float, ...] = field(default=())
     """Relaxation time constants of the best model [s]."""
     depth_from: str = "lowest position"
@@ -110,7 +115,8 @@ def publishable(
     local
         Stiffness and damping in contact; None if there are too few samples.
     other
-        The same with another smoothing bandwidth; None to leave that comparison out.
+        Stiffness and damping in contact with another smoothing bandwidth; None to omit this
+        comparison.
     """
     against = reasons_before_fit(record, phases)
     if local is None and not against:
@@ -154,7 +160,7 @@ def publishable(
 
 
 def reasons_before_fit(record: Prepared, phases: Phases) -> list[str]:
-    """Return the reasons why no stiffness can be fitted to the record; empty if it can."""
+    """Return the reasons why no stiffness can be fitted to a record; empty if it can be fitted."""
     found = []
     if phases.saturated:
         found.append(
@@ -183,12 +189,12 @@ def reasons_before_fit(record: Prepared, phases: Phases) -> list[str]:
 
 
 def reasons_after_fit(local: LocalStiffness, half_k: float, phases: Phases) -> list[str]:
-    """Return the reasons why a fitted stiffness is not reported; empty if it is.
+    """Return the reasons why a fitted stiffness is not reported; empty if it is reported.
 
     Parameters
     ----------
     local
-        The fit.
+        The fitted stiffness and damping.
     half_k
         Half width of the 95 % interval of k [N/m].
     phases
@@ -223,7 +229,7 @@ def remarks(record: Prepared, phases: Phases, local: LocalStiffness, half_b: flo
     Parameters
     ----------
     record, phases, local
-        The prepared record, its phases, and the fit.
+        The prepared record, its phases, and the fitted stiffness and damping.
     half_b
         Half width of the 95 % interval of b [N s/m].
     """

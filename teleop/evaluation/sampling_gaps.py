@@ -1,4 +1,4 @@
-"""Find gaps between samples, and condition the signals piece by piece between them."""
+"""Detection of gaps between samples, and signal conditioning of the pieces between gaps."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from estimation import Conditioner, Regression
 from estimation.compiled import Floats
 
 LONG = 20.0
-"""A sample period longer than this multiple of the median period is a gap."""
+"""A sample period is a gap if it is longer than this multiple of the median period."""
 
 
 def long_periods(dt: Floats) -> NDArray[np.intp]:
@@ -43,12 +43,12 @@ def condition(
     dt: Floats,
     gaps: Sequence[int],
 ) -> tuple[Regression, NDArray[np.bool_]]:
-    """Condition each piece of the signals between gaps.
+    """Condition the signals separately in each piece between gaps.
 
     Parameters
     ----------
     conditioner
-        The filters; they are reset at each gap.
+        The filters that condition the signals. They are reset at each gap.
     t, x, f, dt
         Time [s], position [m], force [N] and time since the previous sample [s], each of shape
         (n,).

@@ -1,4 +1,4 @@
-"""Settings of an evaluation, as they are stated beside its results."""
+"""Settings of an evaluation that are stated together with the results."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from teleop.evaluation.estimate_settings import EstimateSettings
 
 
 def settings_summary(settings: EstimateSettings) -> dict[str, Any]:
-    """Return the version of the software, and the conditioning and force lag of an evaluation."""
+    """Return software version, conditioning and force lag of an evaluation."""
     return {
         "software": f"teleop {version('teleop')}",
         "conditioning": settings.conditioning,

@@ -1,4 +1,4 @@
-"""Read measured time, position and force from a file of any supported format."""
+"""Reading of measured time, position and force from a file of any supported format."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from teleop.evaluation.units import LARGEST
 SHORTEST = 1e-9
 """Shortest sample period [s]."""
 FEWEST = 3
-"""Least number of samples in a table."""
+"""Smallest number of samples in a table."""
 COARSE = 0.1
-"""Share of repeated times above which the option `--rate` is suggested."""
+"""Fraction of samples with a repeated time above which the option `--rate` is suggested."""
 BLOCKS_SHOWN = 12
 """Largest number of tables that an error message lists."""
 
@@ -44,13 +44,13 @@ class Signals(NamedTuple):
     force_filter: str = ""
     """Description of the force filter in the file; empty if the file has none."""
     notes: tuple[str, ...] = ()
-    """Changes that were made to the samples on reading, in words."""
+    """Texts that describe the changes that were made to the samples on reading."""
 
 
 def periods(t: Floats) -> Floats:
     """Return the time since the previous sample [s], shape (n,).
 
-    The first sample has no predecessor; its value is the median of the others.
+    For the first sample, the result is the median of the other periods.
     """
     steps = np.diff(t)
     return np.concatenate(([np.median(steps)], steps))
@@ -70,15 +70,15 @@ def read_signals(
     path
         The file, in a format of `formats/registry.py`.
     position, force, time
-        Column to read, as NAME, or as NAME=UNIT if the header has no unit. None for the column
-        that has one of the usual names.
+        Column to read, as NAME, or as NAME=UNIT if the header has no unit. If it is None, the
+        column with a usual name is read.
     wanted
         All other options of the user.
 
     Raises
     ------
     InputError
-        The file, a column, a unit or a value is not as expected. The message has the file and
+        The file, a column, a unit or a value is not as expected. The message contains the file and
         the place.
     """
     wanted = (wanted or Wanted())._replace(position=position, force=force, time=time)
@@ -86,7 +86,7 @@ def read_signals(
 
 
 def chosen_table(path: Path, wanted: Wanted, whole: Collection[str] = ()) -> Table:
-    """Return the table of a file that has the wanted columns, or the block of the given number.
+    """Return the table of a file with the wanted columns, or with the number that the user states.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def chosen_table(path: Path, wanted: Wanted, whole: Collection[str] = ()) -> Tab
     wanted
         The options of the user.
     whole
-        Names of columns; a table that has all of them is loaded with every column.
+        Names of columns. If a table contains all of these columns, it is loaded completely.
 
     Raises
     ------
@@ -128,7 +128,8 @@ def blocks(tables: Sequence[Table]) -> str:
 def signals_of(table: Table, wanted: Wanted) -> Signals:
     """Return time, position and force of a table in SI units.
 
-    A sample with the same time as the previous one is left out; `notes` has their number.
+    A sample with the same time as the previous sample is omitted. `notes` states the number of
+    omitted samples.
 
     Raises
     ------
@@ -183,12 +184,12 @@ def signals_of(table: Table, wanted: Wanted) -> Signals:
 
 
 def rising(table: Table, t: Floats) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-    """Return a mask of the samples whose time is later than that of the previous one, shape (n,).
+    """Return a mask, shape (n,): True if the time of a sample is later than the previous time.
 
     Raises
     ------
     InputError
-        The times decrease, are less than 1 ns apart, or too few samples are left.
+        The times decrease, two different times are less than 1 ns apart, or too few samples remain.
     """
     steps = np.diff(t)
     kept = np.concatenate(([True], steps > 0.0))

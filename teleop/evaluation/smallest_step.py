@@ -1,4 +1,4 @@
-"""The smallest step of a channel: one count of an encoder or a converter."""
+"""The smallest step of a measured channel: one count of an encoder or a converter."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ import numpy as np
 from estimation.compiled import Floats
 
 ROUNDING = 1e-12
-"""Steps smaller than this share of the largest value are rounding errors."""
+"""Steps smaller than this fraction of the largest value are treated as rounding errors."""
 
 
 def smallest_step(values: Floats) -> float:
-    """Return the smallest change between successive samples; 0 if there is none.
+    """Return the smallest change between successive samples; 0 if the value never changes.
 
     Parameters
     ----------
@@ -26,19 +26,20 @@ def smallest_step(values: Floats) -> float:
 
 
 def repeated_rounding(count: float, noise: float) -> float:
-    """Return the standard deviation of the rounding error that repeats with the signal.
+    """Return the standard deviation of the repeatable part of the rounding error of a signal.
 
-    Rounding to counts has an error of count / sqrt(12). It is the same whenever the signal has the
-    same value, unless noise before the rounding varies it. Noise reduces the mean error at one
-    value by the characteristic function of the noise at 2 pi / count (Widrow).
+    Rounding to counts causes an error with standard deviation count / sqrt(12). Without noise, the
+    error is the same whenever the signal has the same value. Noise that is added before the
+    rounding varies the error. It reduces the mean error at a value by a factor: the characteristic
+    function of the noise at 2 pi / count (Widrow).
 
     Parameters
     ----------
     count
         Smallest step of the channel.
     noise
-        Standard deviation of the measured noise, in the same unit. It includes the rounding error
-        if that changes from sample to sample.
+        Standard deviation of the measured noise, in the unit of `count`. It includes the rounding
+        error if the rounding error changes from sample to sample.
 
     References
     ----------

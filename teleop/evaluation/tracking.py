@@ -1,4 +1,4 @@
-"""How well a position follows a sinusoidal target."""
+"""Tracking: how well a position follows a sinusoidal target."""
 
 from __future__ import annotations
 
@@ -10,15 +10,19 @@ import numpy as np
 from estimation.compiled import Floats
 
 FEWEST = 2.0
-"""Least number of periods of the target from which the tracking is computed."""
+"""Smallest number of periods of the target for which the tracking is computed."""
 ROUNDING = 0.02
-"""Fraction by which the last period may be incomplete, so that a few ticks do not cost a period."""
+"""Fraction of a period by which the last period may be incomplete. Then, a few missing ticks do not
+exclude a whole period."""
 EARLIEST = 0.25
-"""Greatest lead of the position, as a fraction of the period; a longer lead counts as a delay."""
+"""Greatest lead of the position, as a fraction of the period. A larger lead is treated as a
+delay."""
 SPAN = 2.0
-"""The achieved frequency is searched up to this factor below and above that of the target."""
+"""The achieved frequency is searched between the target frequency divided and multiplied by this
+factor."""
 SAMPLES, PADDING = 64, 8
-"""Samples per period of the target in the search, and factor by which they are zero-padded."""
+"""In the search of the achieved frequency: samples per period of the target, and factor by which
+zero-padding lengthens the signal."""
 COLUMNS = {
     "gain": "tracking gain",
     "phase_deg": "tracking phase [deg]",
@@ -26,21 +30,23 @@ COLUMNS = {
     "frequency_hz": "achieved frequency [Hz]",
     "target_hz": "target frequency [Hz]",
 }
-"""Headings of the tracking in tables with a row per recording; empty if there is no target."""
+"""Headings of the tracking values in tables with one row per recording. The values are empty if
+there is no target."""
 
 
 class Tracking(NamedTuple):
-    """Tracking of a sinusoidal target by a position.
+    """Result: how a position follows a sinusoidal target.
 
-    Gain, phase and delay are those at the frequency of the target.
+    Gain, phase and delay are values at the frequency of the target.
     """
 
     gain: float
-    """Amplitude of the position as a multiple of that of the target."""
+    """Amplitude of the position divided by the amplitude of the target."""
     phase_deg: float
     """Phase of the position relative to the target [deg], in (-270, 90]; negative for a lag."""
     delay_s: float
-    """Delay of the position after the target that gives this phase [s]; negative for a lead."""
+    """Delay of the position relative to the target that corresponds to this phase [s]; negative for
+    a lead."""
     rms_m: float
     """Root mean square of position minus target [m]."""
     frequency_hz: float
@@ -48,22 +54,23 @@ class Tracking(NamedTuple):
     target_hz: float
     """Frequency of the target [Hz]."""
     periods: int
-    """Periods of the target that were evaluated."""
+    """Number of periods of the target that were evaluated."""
 
 
 def tracking(t: Floats, target: Floats, position: Floats, frequency: float) -> Tracking | None:
-    """Return how a position follows a sinusoidal target.
+    """Return gain, phase and error of a position relative to a sinusoidal target.
 
-    The largest number of whole periods at the end of the record is evaluated, without the first
-    period, in which the position starts to move. Sines and a linear trend are fitted by
-    least squares.
+    As many whole periods as possible at the end of the record are evaluated. The first period of
+    the target is omitted, because the position starts to move in it. Sines and a linear trend are
+    fitted by least squares.
 
     Parameters
     ----------
     t
         Time [s], of shape (n,), increasing.
     target
-        Target [m], of shape (n,); NaN where there is none, constant before it moves.
+        Target [m], of shape (n,); NaN at samples without a target, and constant until the target
+        moves.
     position
         Position [m], of shape (n,).
     frequency
@@ -104,7 +111,7 @@ def design(t: Floats, frequency: float) -> Floats:
 
 
 def phasor(t: Floats, x: Floats, frequency: float) -> complex:
-    """Return the complex amplitude of the sine that fits a signal best."""
+    """Return the complex amplitude of the sine of the given frequency that fits a signal best."""
     (cosine, sine, *_), *_ = np.linalg.lstsq(design(t, frequency), x)
     return complex(cosine, -sine)
 

@@ -1,4 +1,4 @@
-"""Find the points where a motion reverses."""
+"""Detection of the points at which a motion reverses."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ from estimation.compiled import Floats
 
 
 def turning_points(x: Floats, least: float) -> list[int]:
-    """Return the indices where the motion reverses, with 0 at the begin and n at the end.
+    """Return the indices at which the motion reverses, with 0 before them and n after them.
 
     Parameters
     ----------
     x
         Position [m], shape (n,).
     least
-        Distance by which the motion must reverse to count [m].
+        Smallest distance of a motion in the opposite direction that counts as a reversal [m].
     """
     turns = [0]
     highest = lowest = 0

@@ -1,4 +1,4 @@
-"""Units of time, position and force, and their spellings in measurement files."""
+"""Units of time, position and force, and the spellings of these units in measurement files."""
 
 from __future__ import annotations
 
@@ -37,14 +37,14 @@ UNITS = {
         "µN": 1e-6,
     },
 }
-"""Units of each quantity and their size in SI units."""
+"""Units of each quantity, with the size of each unit in SI units."""
 
 OPTION_UNITS = {
     **UNITS,
     "frequency": {"Hz": 1.0, "mHz": 1e-3, "kHz": 1e3},
     "angle": {"deg": math.pi / 180.0, "rad": 1.0, "mrad": 1e-3},
 }
-"""Units of the quantities of options and their size in SI units."""
+"""Units of each quantity that command options accept, with the size of each unit in SI units."""
 
 ON_LEVER = {
     "time": {},
@@ -71,14 +71,14 @@ SPELLINGS = {
     "deg": "° degree degrees grad",
     "rad": "radian radians",
 }
-"""Other spellings of a unit, in any case. For a force, g and kg mean gf and kgf."""
+"""Other spellings of each unit, in upper or lower case. For a force, g and kg mean gf and kgf."""
 CANONICAL = {other: unit for unit, others in SPELLINGS.items() for other in others.split()}
 
 MICRO, GREEK_MU = "\u00b5", "\u03bc"
 """The micro sign and the Greek letter mu, which look the same but are two Unicode characters."""
 
 LARGEST = 1e12
-"""Limit of the absolute value of a time, position or force in SI units; larger is an error."""
+"""Largest absolute value of a time, position or force in SI units. A larger value is an error."""
 
 
 class Size(NamedTuple):
@@ -86,11 +86,12 @@ class Size(NamedTuple):
 
     scale: float
     on_lever: bool
-    """Whether this is a unit of angle [rad] or torque [N m], which needs a lever arm."""
+    """Whether the unit is a unit of angle [rad] or torque [N m], for which a lever arm is
+    needed."""
 
 
 def canonical(unit: str) -> str:
-    """Return the unit in the spelling of this module, such as `s` for `sec`, `N m` for `Nm`."""
+    """Return a unit in the spelling of this module, for example `s` for `sec`, `N m` for `Nm`."""
     unit = unit.strip().replace(GREEK_MU, MICRO)
     torque = re.fullmatch(r"([mk]?N)[\s.·*-]?(m|mm|cm)", unit)
     if torque:
@@ -99,7 +100,7 @@ def canonical(unit: str) -> str:
 
 
 def size_of(unit: str, kind: str) -> Size | None:
-    """Return the size of a unit in SI units; None if it is not a unit of this kind.
+    """Return the size of a unit in SI units; None if it is not a unit of the quantity `kind`.
 
     Parameters
     ----------
@@ -117,7 +118,7 @@ def size_of(unit: str, kind: str) -> Size | None:
 
 
 def is_unit(text: str) -> bool:
-    """Return whether this is a unit of time, position or force."""
+    """Return whether a text is a unit of time, position or force."""
     return any(size_of(text, kind) for kind in UNITS)
 
 
@@ -125,7 +126,7 @@ NUMBER = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\d\s.]+)"
 
 
 def quantity(text: str, kind: str) -> float | None:
-    """Convert a text such as 1.5mm to SI units; None if it has no number with such a unit.
+    """Convert a text such as 1.5mm to SI units; None if it is not a number with a unit of `kind`.
 
     Parameters
     ----------

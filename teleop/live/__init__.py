@@ -1,1 +1,1 @@
-"""Display on the terminal while a trial runs: the progress line."""
+"""Display of running trials: the live page in a browser, and the progress line on the terminal."""

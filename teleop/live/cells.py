@@ -1,8 +1,9 @@
-"""Cells in shared memory with the requests of the live page, which the loop reads once a tick.
+"""Cells in shared memory with the requests of the live page. The loop reads them at each tick.
 
-The live process writes, and the control process reads. A cell has 8 bytes, which a processor
-writes at once, so that no lock is needed. The pointer consists of two cells, which belong together
-if the sequence number is even and the same before and after.
+The live process writes the cells, and the control process reads them. A cell has 8 bytes, which a
+processor writes in one operation, so that no lock is needed. The state of the pointer takes two
+cells, depth and grip. The two values belong together if the sequence number was even and the same
+before and after they were read.
 """
 
 from __future__ import annotations
@@ -12,11 +13,12 @@ from mmap import mmap
 SIZE = 4096
 """Size of the shared memory [bytes]."""
 STOP, END, ARM, PROCESS, PAGE, SEQUENCE, DEPTH, GRIP = range(8)
-"""Cells: counters of three requests, two heartbeats, and the pointer."""
+"""Numbers of the cells: counters of the requests STOP, END and ARM, heartbeats of live process and
+page, and three cells for the pointer."""
 
 
 class CellWriter:
-    """Writes the requests; for the live process.
+    """Writes the requests to the cells; used by the live process.
 
     Parameters
     ----------
@@ -29,11 +31,11 @@ class CellWriter:
         self._numbers = memoryview(buffer).cast("d")
 
     def count(self, cell: int) -> None:
-        """Increase a counter or a heartbeat by one."""
+        """Increase a counter or heartbeat by one."""
         self._counts[cell] += 1
 
     def point(self, depth: float, grip: bool) -> None:
-        """Write the intended depth of the hand [m], and whether it holds the handle."""
+        """Write the intended depth of the hand [m], and whether the hand holds the handle."""
         self._counts[SEQUENCE] += 1
         self._numbers[DEPTH] = depth
         self._counts[GRIP] = grip
@@ -41,7 +43,7 @@ class CellWriter:
 
 
 class CellReader:
-    """Reads the requests; for the control process.
+    """Reads the requests from the cells; used by the control process.
 
     Parameters
     ----------
@@ -51,11 +53,11 @@ class CellReader:
 
     def __init__(self, buffer: mmap) -> None:
         self.counts = memoryview(buffer).toreadonly().cast("Q")
-        """Counters and heartbeats, by the number of the cell."""
+        """Values of the counters and heartbeats, indexed by the number of the cell."""
         self._numbers = memoryview(buffer).toreadonly().cast("d")
 
     def pointer(self) -> tuple[int, float, bool] | None:
-        """Return sequence number, depth [m] and grip; None while they are being written."""
+        """Return sequence number, depth [m] and grip; None while the live process writes them."""
         counts = self.counts
         before = counts[SEQUENCE]
         depth, grip = self._numbers[DEPTH], counts[GRIP]

@@ -1,4 +1,4 @@
-"""One client of the live page: its connection, its limits, and what it has received."""
+"""One client of the live page: its connection, its limits, and the rows that were sent to it."""
 
 from __future__ import annotations
 
@@ -12,33 +12,33 @@ from teleop.json_documents import dumps
 from teleop.live.history import History
 
 MOST_CLIENTS = 8
-"""Largest number of clients at a time."""
+"""Largest number of connected clients."""
 MOST_REQUESTS = 400
-"""Largest number of messages of a client in a second."""
+"""Largest number of messages that a client may send in a second."""
 MOST_UNSENT = 64_000
-"""Number of unsent bytes of a client above which it receives no further frames."""
+"""Number of unsent bytes to a client above which no further frames are sent to it."""
 MOST_UNSENT_TEXT = 4 * MOST_UNSENT
-"""Number of unsent bytes of a client above which its connection is aborted."""
+"""Number of unsent bytes to a client above which its connection is aborted."""
 ALIVE = 2.0
-"""Longest time between two heartbeats of a page in control [s]."""
+"""Longest time between two heartbeats of the live page in control [s]."""
 
 
 class Client:
-    """A page that is connected.
+    """A live page in a browser that is connected to the server.
 
     Parameters
     ----------
     connection
         The WebSocket connection.
     now
-        Returns the present time [s].
+        Function that returns the present time [s].
 
     Attributes
     ----------
     view
-        View that the page shows: main or operator.
+        View that the page shows: `main` or `operator`.
     is_new
-        Whether the client has not received the messages for new clients yet.
+        Whether the messages for new clients have not been sent to this client yet.
     """
 
     def __init__(
@@ -55,11 +55,11 @@ class Client:
 
     @property
     def unsent(self) -> int:
-        """Number of bytes that the system has not accepted yet."""
+        """Number of bytes that were not yet passed to the operating system."""
         return self.connection.transport.get_write_buffer_size()
 
     def is_flooding(self) -> bool:
-        """Count a message, and return whether there were too many in this second."""
+        """Count a message of the client, and return whether it sent too many in this second."""
         second = int(self._now())
         if second != self._second:
             self._second, self._requests = second, 0
@@ -67,7 +67,7 @@ class Client:
         return self._requests > MOST_REQUESTS
 
     def send(self, document: dict[str, Any]) -> None:
-        """Send a message, or abort the connection of a client that does not read."""
+        """Send a message; if too many bytes are unsent, abort the connection instead."""
         if self.unsent > MOST_UNSENT_TEXT:
             self.abort()
         else:
@@ -76,14 +76,14 @@ class Client:
     def send_rows(
         self, history: History, frames: dict[tuple[int, bool], tuple[bytes, int]]
     ) -> None:
-        """Send the next rows of the history, unless too much is unsent.
+        """Send the next rows of the history, unless too many bytes are unsent.
 
         Parameters
         ----------
         history
-            The rows.
+            The latest rows of the live page.
         frames
-            Frames that other clients have received at this time, by their first row.
+            Frames that were made for other clients in the same period, by their first row.
         """
         clear = self._epoch != history.epoch
         first = history.start if clear else self._next

@@ -1,4 +1,4 @@
-"""Which client has control, and whether it may start a trial."""
+"""Control: which client of the live page has control, and whether it may start a trial."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ UNLOCKED = 2.0
 
 
 class Control:
-    """At most one client has control.
+    """Keeps the client that has control. At most one client has control.
 
     Parameters
     ----------
     now
-        Returns the present time [s].
+        Function that returns the present time [s].
 
     Attributes
     ----------
     holder
-        The client in control; None for none.
+        The client in control; None if no client has control.
     """
 
     def __init__(self, now: Callable[[], float] = time.monotonic) -> None:
@@ -32,7 +32,7 @@ class Control:
         self._beat = self._unlocked = -math.inf
 
     def ask(self, client: Client) -> bool:
-        """Give control to a client if nobody has it, and return whether the client has it."""
+        """Give control to a client if no other client has it; return whether the client has it."""
         if self.holder is None:
             self.holder = client
             self.lock()
@@ -40,7 +40,7 @@ class Control:
         return self.holder is client
 
     def release(self, client: Client) -> bool:
-        """Take control from a client, and return whether it had control."""
+        """End the control of a client, and return whether the client had control."""
         if self.holder is not client:
             return False
         self.holder = None
@@ -48,14 +48,14 @@ class Control:
         return True
 
     def beat(self, client: Client) -> bool:
-        """Note the heartbeat of a client, and return whether it has control."""
+        """Store the time of a client's heartbeat, and return whether the client has control."""
         if self.holder is client:
             self._beat = self._now()
         return self.holder is client
 
     @property
     def is_silent(self) -> bool:
-        """Whether there is a client in control whose page has stopped to send heartbeats."""
+        """Whether the page of the client in control has stopped sending heartbeats."""
         return self.holder is not None and self._now() - self._beat > ALIVE
 
     @property
@@ -64,15 +64,15 @@ class Control:
         return self._now() - self._unlocked <= UNLOCKED
 
     def unlock(self) -> None:
-        """Accept START for the next `UNLOCKED` seconds."""
+        """Accept START during the next `UNLOCKED` seconds."""
         self._unlocked = self._now()
 
     def lock(self) -> None:
-        """Do not accept START."""
+        """Accept START no longer."""
         self._unlocked = -math.inf
 
     def of(self, client: Client) -> str:
-        """Return who has control, for a client: you, other or none."""
+        """Return who has control, for a message to a client: `you`, `other` or `none`."""
         if self.holder is None:
             return "none"
         return "you" if self.holder is client else "other"

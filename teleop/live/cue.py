@@ -1,4 +1,4 @@
-"""Display for the condition mimic: a bar with marks for the target and the slave's position."""
+"""Display for the condition `mimic`: a bar with marks for target position and slave position."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Cue:
         t
             Time of the trial [s].
         target, position
-            Position of the target and of the slave [m]; NaN for none.
+            Position of the target and of the slave [m]; NaN if there is no such position.
         """
         cells = [" "] * WIDTH
         own, aim = self._place(position), self._place(target)

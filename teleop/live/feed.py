@@ -32,19 +32,19 @@ NAMES = (
     "pointer_depth",
     "pointer_grip",
 )
-"""Columns of a tick that the page receives, besides those of the estimators."""
+"""Columns of a tick that are sent to the live page, besides the columns of the estimators."""
 PARTS = ("k", "b", "k_std", "b_std", "held", "misfit")
-"""Columns of an estimator that the page receives."""
+"""Columns of an estimator that are sent to the live page, by the end of their names."""
 
 
 def shown_columns(names: Sequence[str], estimators: Sequence[str]) -> list[str]:
-    """Return those columns of a tick that the page receives, in the order of a row."""
+    """Return the columns of a tick that are sent to the live page, in the order of a row."""
     of_estimators = [f"{name}_{part}" for name in estimators for part in PARTS]
     return [name for name in (*NAMES, *of_estimators) if name in set(names)]
 
 
 def estimator_indices(names: Sequence[str], estimators: Sequence[str]) -> list[dict[str, Any]]:
-    """Return the name of each estimator, and the indices of its columns in a row; None for none."""
+    """Return each estimator's name and the indices of its columns in a row (None if missing)."""
     place = {name: i for i, name in enumerate(names)}
     return [
         {"name": name, **{part: place.get(f"{name}_{part}") for part in PARTS}}
@@ -58,14 +58,14 @@ class Feed(ABC):
     Attributes
     ----------
     history
-        The latest rows.
+        The latest rows of the live page.
     """
 
     history: History
 
     @abstractmethod
     def advance(self) -> list[dict[str, Any]]:
-        """Add new rows to the history, and return new messages for all clients.
+        """Add new rows to the history, and return the new messages for all clients.
 
         The server calls this function 60 times a second.
         """
@@ -76,7 +76,7 @@ class Feed(ABC):
 
     @abstractmethod
     def state(self) -> dict[str, Any]:
-        """Return the fields of the message `state` that describe the source."""
+        """Return the fields of the message `state` that describe this source of data."""
 
     @abstractmethod
     def request(self, request: dict[str, Any]) -> None:
@@ -92,8 +92,8 @@ class Feed(ABC):
 
     @abstractmethod
     def beat(self) -> None:
-        """Receive the heartbeat of the client in control."""
+        """Process a heartbeat of the client in control."""
 
     @abstractmethod
     def lost(self) -> None:
-        """Carry out what follows when the client in control has released it or is lost."""
+        """React to the end of control: the client in control has released it or is lost."""

@@ -1,8 +1,8 @@
-"""The ticks of running trials for viewers of the Foxglove protocol, to be viewed only.
+"""Server that sends the ticks of running trials to viewers of the Foxglove protocol.
 
-The server checks neither token nor origin, so that any program and any web page of this machine
-can receive the ticks. It therefore offers nothing that can be called or changed: it has no
-capabilities.
+The server checks neither a token nor the origin of a request. Any program and any web page on this
+machine can therefore receive the ticks. For this reason, viewers can only view: they can call no
+function and change no value.
 """
 
 from __future__ import annotations
@@ -17,18 +17,18 @@ from teleop.errors import InputError
 from teleop.live.ring import RingReader
 
 ALL, SLOW = "/tick", "/tick_60hz"
-"""Topics with every tick, and with 60 ticks a second for viewers that are slower."""
+"""Topic with every tick, and topic with 60 ticks per second for slow viewers."""
 BATCH = 400
 """Largest number of ticks that are sent at a time."""
 
 
 class FoxgloveBridge:
-    """Serves the ticks of a ring.
+    """Serves the ticks that a ring contains to Foxglove viewers.
 
     Parameters
     ----------
     ring
-        Ring of the ticks.
+        Ring in shared memory that contains the ticks.
     port
         Port; 0 for any free port.
 
@@ -60,14 +60,14 @@ class FoxgloveBridge:
         self.url = f"ws://127.0.0.1:{self._server.port}"
 
     def begin(self, definition: str, name: str, units: dict[str, str], first: int) -> None:
-        """Announce the columns of a trial.
+        """Announce the columns of a new trial to the viewers.
 
         Parameters
         ----------
         definition
             Definition of the message in the message definition language of ROS 2.
         name
-            Name of the message.
+            Name of the message type of a tick.
         units
             Unit of each column, by its name.
         first
@@ -92,7 +92,7 @@ class FoxgloveBridge:
         }
 
     def advance(self) -> None:
-        """Send the ticks that were written since the last call."""
+        """Send the ticks that were written to the ring since the last call."""
         end = self._ring.newest + 1
         first = max(self._read + 1, self._ring.oldest, end - BATCH)
         if first >= end or not self._channels:

@@ -1,4 +1,4 @@
-"""Health of the loop, counted over all ticks of a trial."""
+"""Health of the control loop: counts of timing problems over all ticks of a trial."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ import numpy as np
 from estimation.compiled import Floats
 
 RECENT = 1.0
-"""Time over which the largest lateness is shown [s]."""
+"""Length of the time window for the largest lateness that is shown [s]."""
 
 
 class Health:
-    """Counts overruns, skipped periods and dropped ticks."""
+    """Counts overruns, skipped periods and dropped ticks of a trial."""
 
     def __init__(self) -> None:
         self._overruns = self._skipped = self._dropped = 0
         self._latenesses: deque[tuple[float, float]] = deque()
 
     def add(self, values: Floats, column: Mapping[str, int], now: float) -> None:
-        """Add ticks.
+        """Add ticks to the counts.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""The latest rows of the live page, shared by all clients, and the frames that contain them."""
+"""The latest rows of data for the live page, shared by all clients, and frames with these rows."""
 
 from __future__ import annotations
 
@@ -11,33 +11,33 @@ import numpy as np
 from estimation.compiled import Floats
 
 SHOWN = 10.0
-"""Time that the page shows [s]."""
+"""Length of the time axis of the live page [s]."""
 MOST_ROWS = 250.0
-"""Largest number of rows per second."""
+"""Largest number of rows that are sent per second."""
 HEAD = struct.Struct("<IIIId")
 """Head of a frame: kind, number of rows, number of columns, flags, time of sending [s]."""
 TICKS = 1
 """Kind of a frame that contains rows of ticks."""
 CLEAR = 1
-"""Flag: the rows replace those that the page shows."""
+"""Flag of a frame: its rows replace all rows that the page shows."""
 LARGEST_FRAME = 32_000
-"""Largest size of the rows in a frame [bytes]."""
+"""Largest total size of the rows in a frame [bytes]."""
 
 
 def decimation(rate: float) -> int:
-    """Return the smallest distance between two rows [ticks] for a loop of a rate [Hz]."""
+    """Return the smallest distance between two rows [ticks], from the rate of the loop [Hz]."""
     return max(1, int(np.ceil(rate / MOST_ROWS)))
 
 
 def decimated(first: int, end: int, last: int, step: int) -> list[int]:
-    """Return the ticks of a batch that are sent: the newest one, and others before it.
+    """Return the ticks of a batch to send: the newest, and every `step`-th tick before it.
 
     Parameters
     ----------
     first, end
         The batch: ticks from `first` up to but not including `end`.
     last
-        The newest tick that was already sent.
+        The newest tick that has already been sent.
     step
         Smallest distance between two ticks that are sent.
     """
@@ -45,23 +45,23 @@ def decimated(first: int, end: int, last: int, step: int) -> list[int]:
 
 
 class History:
-    """A buffer of the latest rows. Old rows are overwritten.
+    """A ring buffer of the latest rows. Old rows are overwritten.
 
     Parameters
     ----------
     columns
         Number of columns.
     rows
-        Number of rows that are kept.
+        Number of rows that the buffer holds.
     now
-        Returns the time that is written into the frames [s].
+        Function that returns the time that is written into the frames [s].
 
     Attributes
     ----------
     epoch
         Number of times that the rows were cleared.
     end
-        Number of rows so far; the index of the next row.
+        Number of rows so far, which is the index of the next row.
     """
 
     def __init__(
@@ -78,7 +78,7 @@ class History:
 
     @property
     def start(self) -> int:
-        """Index of the oldest row that is kept."""
+        """Index of the oldest row in the buffer."""
         return max(self._start, self.end - len(self._rows))
 
     def add(self, rows: Floats) -> None:
@@ -89,7 +89,7 @@ class History:
         self.end += len(rows)
 
     def clear(self) -> None:
-        """Remove all rows. Every page is then told to remove what it shows."""
+        """Remove all rows. The next frame tells every page to remove its rows."""
         self.epoch += 1
         self._start = self.end
 
@@ -99,9 +99,9 @@ class History:
         Parameters
         ----------
         first
-            Index of the first row; rows that are not kept any more are left out.
+            Index of the first row. Rows that are no longer in the buffer are omitted.
         clear
-            Whether the rows replace those that the page shows.
+            Whether the rows replace all rows that the page shows.
         """
         count = self._rows.shape[1]
         first = max(first, self.start)

@@ -1,4 +1,4 @@
-"""The static files of the live page."""
+"""The files of the live page that do not change, such as HTML and scripts."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ KINDS = {
     ".js": "text/javascript; charset=utf-8",
     ".svg": "image/svg+xml",
 }
-"""Media types of the files by their ending."""
+"""Media types of the files, by the ending of the file name."""
 
 
 class Page(NamedTuple):
-    """A file that the server sends."""
+    """A file that the server of the live page sends."""
 
     kind: str
-    """Media type."""
+    """Media type of the file."""
     content: bytes
 
 
 def read_pages() -> dict[str, Page]:
-    """Read all files of the page, and return them by their path on the server.
+    """Read all files of the live page, and return them by their path on the server.
 
-    No other file can be requested, whatever the path in a request is.
+    The server sends only these files. No path in a request can select another file.
     """
     pages = {}
     folder = files("teleop.live").joinpath("page")

@@ -1,11 +1,11 @@
-"""The live process: serves the live page beside the control process.
+"""The live process: serves the live page in a process other than the control process.
 
     python -m teleop.live.process
 
-Standard input has one JSON document per line: first the session, then messages about the trials.
-The end of standard input is the end of the control process. To standard output, the process writes
-the address of the page, or a problem, and then the requests that the control process carries out
-between two trials.
+Standard input contains one JSON document per line: first the session, then messages about the
+trials. When standard input ends, the control process has ended. The live process writes to standard
+output the address of the page, or a problem, and then the requests that the control process carries
+out between two trials.
 """
 
 from __future__ import annotations
@@ -26,19 +26,19 @@ from teleop.live.shared_file import SharedFile
 from teleop.live.trial_feed import TrialFeed
 
 FAREWELL = 1.0
-"""Time for which the pages are served after the control process has ended [s]."""
+"""Time for which the live process continues after the control process has ended [s]."""
 MOST_UNREAD = 1 << 16
-"""Number of bytes that are read from standard input at a time."""
+"""Largest number of bytes that are read from standard input at a time."""
 
 
 class ControlPipe:
-    """Receives the messages of the control process, and sends it requests, without waiting."""
+    """Receives messages from the control process and sends requests to it, without waiting."""
 
     def __init__(self) -> None:
         self._input, self._output = sys.stdin.fileno(), sys.stdout.fileno()
         self._received = b""
         self.ended = 0.0
-        """Time at which standard input ended [s]; 0 before."""
+        """Time at which standard input ended [s]; 0 before it ended."""
 
     def read_line(self) -> dict[str, Any]:
         """Wait for a message.
@@ -56,7 +56,7 @@ class ControlPipe:
         return loads(line)
 
     def receive_into(self, feed: TrialFeed) -> None:
-        """Pass the messages that have arrived to the feed."""
+        """Pass all messages that have arrived to the feed."""
         if self.ended:
             return
         try:
@@ -71,7 +71,7 @@ class ControlPipe:
             feed.receive(loads(line))
 
     def send(self, document: dict[str, Any]) -> None:
-        """Send a document; it is discarded if the control process does not read."""
+        """Send a document; discard it if the control process does not read."""
         try:
             os.write(self._output, dumps(document).encode() + b"\n")
         except (BlockingIOError, BrokenPipeError):

@@ -1,6 +1,6 @@
-"""The progress line: it shows time, mode and present estimates during a trial.
+"""The progress line: shows time, mode and present estimates during a trial.
 
-It is drawn on a terminal, or in the output of a notebook.
+It is shown on a terminal, or in the output of a notebook.
 """
 
 from __future__ import annotations
@@ -15,8 +15,9 @@ from teleop.live.cue import LEGEND, Cue
 from teleop.live.terminal import Terminal
 
 REDRAW, REDRAW_CUE, REDRAW_PLAIN = 0.1, 0.03, 0.5
-"""Time between two updates of the line, without and with a target that the operator follows, and
-if standard error is not a terminal, as in a notebook [s]."""
+"""Time between two updates of the progress line [s]: on a terminal without a target, on a terminal
+with a target that the operator follows, and if standard error is not a terminal, as in a
+notebook."""
 PLAIN_WIDTH = 100
 """Width of the line if standard error is not a terminal [characters]."""
 SHOWN = 4
@@ -54,9 +55,9 @@ class Progress:
     instructions
         Text that explains how to stop the trial; written once at the start.
     largest_misfit
-        Misfit above which an estimator is marked.
+        Misfit above which an estimator is marked in the line.
     cue
-        Bar that shows the target of the condition mimic; None for another condition.
+        Bar that shows the target in the condition `mimic`; None for another condition.
     """
 
     def __init__(
@@ -80,7 +81,7 @@ class Progress:
             self.report(f"teleop: {instructions}" + (f"; {LEGEND}" if cue else ""))
 
     def show(self, t: float, status: Callable[[], Status]) -> None:
-        """Update the line, unless the latest update was a short time ago.
+        """Update the line, unless the time since the last update is too short.
 
         Parameters
         ----------
@@ -101,7 +102,7 @@ class Progress:
         self._draw(line, ["  no contact"] if estimates is None else self._texts(estimates))
 
     def _texts(self, estimates: Sequence[tuple[str, float, float, float]]) -> list[str]:
-        """Return the texts of the estimators, after a heading if there are any."""
+        """Return the heading and a text for each estimator; empty if there is no estimator."""
         shown = [one for one in estimates if not math.isnan(one[2])][:SHOWN]
         marked = [misfit > self._largest_misfit for *_, misfit in shown]
         texts = [
@@ -112,7 +113,7 @@ class Progress:
         return [f"{HEADING}{note}:", *texts] if texts else []
 
     def report(self, text: str) -> None:
-        """Write a message on a line of its own, which remains on the terminal."""
+        """Write a message on a separate line, which remains on the terminal."""
         self._terminal.write((self._replacing("") + "\r" if self._shown else "") + text + "\n")
 
     def close(self) -> None:
@@ -122,7 +123,7 @@ class Progress:
         self._terminal.close()
 
     def _draw(self, line: str, texts: list[str]) -> None:
-        """Draw the line with a heading and texts. Texts that do not fit are omitted."""
+        """Draw the line with heading and texts of estimators. Omit texts that do not fit."""
         width = terminal_width() or PLAIN_WIDTH
         if len(texts) > 1 and len(line + "".join(texts)) >= width:
             texts = [SHORT_HEADING, *texts[1:]]
@@ -131,7 +132,7 @@ class Progress:
         self._terminal.draw(self._replacing((line + "".join(texts))[: width - 1]))
 
     def _replacing(self, text: str) -> str:
-        """Return a text that replaces the present line; not in a terminal, spaces do it."""
+        """Return a text that overwrites the present line; without a terminal, by adding spaces."""
         drawn, self._drawn = self._drawn, len(text)
         return f"\r{text}\x1b[K" if terminal_width() else f"\r{text:<{drawn}}"
 

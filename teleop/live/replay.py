@@ -1,4 +1,4 @@
-"""Replay of a recording in the live page, with a slider for the time."""
+"""Replay of a recording on the live page, with a slider for the time."""
 
 from __future__ import annotations
 
@@ -17,28 +17,28 @@ from teleop.live.requests import BadRequest
 POSITION_PERIOD = 0.1
 """Time between two messages with the position of the replay [s]."""
 FASTEST = 16.0
-"""Largest speed of a replay, relative to real time."""
+"""Largest speed of a replay, as a multiple of real time."""
 
 
 class Replay(Feed):
-    """Plays the columns of a recording.
+    """Source of data for the live page that replays a recording.
 
     Parameters
     ----------
     columns
         Columns of the recording by name, each of shape (ticks,). There is at least one tick.
     descriptions
-        Name, unit and meaning of columns.
+        Name, unit and meaning of each known column.
     estimators
         Names of the estimators.
     events
         Events of the recording.
     trial
-        The message `trial`, or an empty dictionary.
+        The message `trial`, which describes the recorded trial; may be empty.
     rate
         Rate of the recorded loop [Hz].
     now
-        Returns the present time [s].
+        Function that returns the present time [s].
     """
 
     def __init__(
@@ -89,7 +89,7 @@ class Replay(Feed):
         return float(self._t[-1])
 
     def advance(self) -> list[dict[str, Any]]:
-        """Add the rows up to the present time of the replay; return the position at changes."""
+        """Add the rows up to the present time of the replay; return a message if it is due."""
         now = self._now()
         if self._rate:
             self._at = min(self._from + (now - self._since) * self._rate, self.end)
@@ -121,12 +121,12 @@ class Replay(Feed):
         }
 
     def request(self, request: dict[str, Any]) -> None:
-        """Move to another time, or change the speed.
+        """Move to another time of the recording, or change the speed of the replay.
 
         Raises
         ------
         BadRequest
-            The request is for a running trial, or the value is not in its range.
+            The request applies only to a running trial, or a value is out of its range.
         """
         if request["type"] == "seek":
             self._seek(float(request["t"]))
@@ -141,10 +141,10 @@ class Replay(Feed):
             raise BadRequest(f"{request['type']}: this is a recording")
 
     def beat(self) -> None:
-        """Do nothing: no client drives a recording."""
+        """Do nothing, because a recording needs no client in control."""
 
     def lost(self) -> None:
-        """Do nothing: no client drives a recording."""
+        """Do nothing, because a recording needs no client in control."""
 
     def _position(self) -> dict[str, Any]:
         return {
@@ -160,7 +160,7 @@ class Replay(Feed):
         self._from, self._since, self._rate = self._at, self._now(), rate
 
     def _seek(self, t: float) -> None:
-        """Show the last `SHOWN` seconds before time t [s], limited to the recording."""
+        """Show the `SHOWN` seconds before time t [s]; t is limited to the recorded time."""
         if not math.isfinite(t):
             raise BadRequest("seek: expected a time")
         self._at = min(max(t, float(self._t[0])), self.end)
@@ -171,7 +171,7 @@ class Replay(Feed):
         self._add(int(np.searchsorted(self._t, self._at - SHOWN)), end)
 
     def _add(self, start: int, end: int) -> None:
-        """Add ticks from `start` up to `end`."""
+        """Add rows of the ticks from `start` up to but not including `end`."""
         ticks = decimated(start, end, start - 1, self._step)
         self.history.add(self._rows[ticks])
         self._next = ticks[-1] + 1 if ticks else start

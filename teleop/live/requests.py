@@ -1,4 +1,4 @@
-"""Requests of a page: small JSON objects, which are checked before they are used."""
+"""Requests of the live page: small JSON objects, which are checked before they are used."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 from teleop.json_documents import loads
 
 LONGEST_MESSAGE = 1024
-"""Largest size of a message from a page [bytes]."""
+"""Largest size of a message from the live page [bytes]."""
 FIELDS: dict[str, dict[str, tuple[type, ...]]] = {
     "hello": {"token": (str,), "view": (str,)},
     "beat": {"n": (int,)},
@@ -35,20 +35,21 @@ CHOICES: dict[str, tuple[type, ...]] = {
 }
 """Optional fields of the request `choose`."""
 IN_CONTROL = {"end", "unlock", "start", "pointer", "choose", "next", "repeat", "skip", "notes"}
-"""Requests of which only the client in control may make use."""
+"""Requests that only the client in control may send."""
 
 
 class BadRequest(ValueError):
-    """A message is not a request that a page sends."""
+    """A message from a client is not a valid request."""
 
 
 def parse_request(message: str | bytes) -> dict[str, Any]:
-    """Return the request in a message.
+    """Return the request that a message from a client contains.
 
     Raises
     ------
     BadRequest
-        The message is binary, not a JSON object, or not a known request with its fields.
+        The message is binary, is not a JSON object, or is not a known request with the right
+        fields.
     """
     if isinstance(message, bytes):
         raise BadRequest("expected text")

@@ -1,9 +1,9 @@
-"""A ring of messages in shared memory, which one process writes and another one reads.
+"""A ring buffer of messages in shared memory. One process writes it, and another process reads it.
 
-The ring has no lock, and writing needs no system call, so that a reader that hangs or ends cannot
-delay the writer. The writer overwrites the oldest messages. Each slot contains the number of its
-message before and after the message. A reader that finds another number there discards the slot,
-because the writer has changed it in the meantime.
+The ring has no lock, and writing needs no system call. A reader that hangs or ends can therefore
+not delay the writer. The writer overwrites the oldest messages. Each slot contains the number of
+its message twice, before and after the message. If a reader finds a number other than expected, the
+writer has overwritten the slot, and the reader discards it.
 """
 
 from __future__ import annotations
@@ -19,13 +19,14 @@ from numpy.typing import NDArray
 HEAD = 64
 """Size of the head of the ring, which contains the number of the newest message [bytes]."""
 BEFORE = 24
-"""Size of the part of a slot before the message: number, length, time of writing [bytes]."""
+"""Size of the part of a slot before the message, with number, length and time of writing
+[bytes]."""
 AFTER = 8
-"""Size of the part of a slot after the message: the number again [bytes]."""
+"""Size of the part of a slot after the message, which contains the number again [bytes]."""
 SLOTS = 4096
-"""Number of ticks in the ring of a loop."""
+"""Number of slots in the ring for the ticks of a control loop."""
 MARGIN = 64
-"""Number of the oldest slots that are not read, because the writer reaches them next."""
+"""Number of oldest slots that are not read, because the writer will overwrite them next."""
 
 
 def stride(size: int) -> int:
@@ -39,7 +40,7 @@ def ring_size(slots: int, size: int) -> int:
 
 
 class RingWriter:
-    """Writes messages.
+    """Writes messages to a ring.
 
     Parameters
     ----------
@@ -50,12 +51,12 @@ class RingWriter:
     size
         Largest size of a message [bytes].
     now
-        Returns the time that is stored with a message [s].
+        Function that returns the time that is stored with a message [s].
 
     Attributes
     ----------
     newest
-        Number of the newest message, from 1; 0 for none.
+        Number of the newest message, from 1; 0 if there is no message.
     """
 
     def __init__(
@@ -89,7 +90,7 @@ class RingWriter:
 
 
 class RingReader:
-    """Reads messages.
+    """Reads messages from a ring.
 
     Parameters
     ----------
@@ -109,7 +110,7 @@ class RingReader:
 
     @property
     def newest(self) -> int:
-        """Number of the newest message, from 1; 0 for none."""
+        """Number of the newest message, from 1; 0 if there is no message."""
         return int(self._newest[0])
 
     @property
@@ -118,15 +119,16 @@ class RingReader:
         return max(1, self.newest - self._slots + MARGIN)
 
     def read(self, numbers: Sequence[int]) -> tuple[list[int], NDArray[np.uint8]]:
-        """Return those of the numbered messages that are in the ring.
+        """Return the messages with the given numbers that are still in the ring.
 
         Returns
         -------
         found
-            Their numbers.
+            Numbers of the returned messages.
         slots
-            Their slots without the numbers, shape (len(found), bytes): the length as an unsigned
-            integer of 64 bits, the time of writing [s] as a double, and the message.
+            Slots of the returned messages without the numbers, shape (len(found), bytes). A slot
+            contains the length as an unsigned integer of 64 bits, the time of writing [s] as a
+            double, and the message.
         """
         wanted = np.asarray(numbers, dtype=np.uint64)
         places = wanted % np.uint64(self._slots)

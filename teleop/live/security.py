@@ -1,8 +1,8 @@
-"""Who may connect to the live page, and the headers of its responses.
+"""Security of the live page: who may connect to it, and the headers of its responses.
 
-Only a page of this server with the right token may connect. `Host` and `Origin` are compared with
-the exact address of the server. This refuses pages of other origins, and names that another person
-lets point to this machine (DNS rebinding).
+Only a page of this server with the right token may connect. The headers `Host` and `Origin` are
+compared with the exact address of the server. This refuses pages of other origins. It also refuses
+other host names that an attacker directs to this machine (DNS rebinding).
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ HEADERS = {
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 """Addresses that only programs of this machine can reach."""
 ANY_ADDRESS = ("", "0.0.0.0", "::")
-"""Addresses that mean all addresses of a machine."""
+"""Addresses with which a server listens at all addresses of a machine."""
 
 
 def new_token() -> str:
@@ -37,7 +37,7 @@ def new_token() -> str:
 
 
 def is_token(given: object, token: str) -> bool:
-    """Return whether a value is the token. The comparison takes the same time for any text."""
+    """Return whether a value equals the token. The comparison takes the same time for any text."""
     if not isinstance(given, str):
         return False
     return hmac.compare_digest(given.encode(errors="replace"), token.encode())
@@ -71,7 +71,7 @@ class Gate:
         values
             Function that returns all values of a header by its name.
         with_origin
-            Whether the request must have the header `Origin`, as that for a WebSocket.
+            Whether the request must have the header `Origin`; True for a WebSocket.
         """
         hosts, origins = values("Host"), values("Origin")
         if len(hosts) != 1 or hosts[0] not in self.hosts:

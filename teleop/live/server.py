@@ -23,30 +23,30 @@ from teleop.live.requests import IN_CONTROL, LONGEST_MESSAGE, BadRequest, parse_
 from teleop.live.security import HEADERS, Gate, is_token
 
 PERIOD = 1.0 / 60.0
-"""Time between two frames [s]."""
+"""Time between two frames of data [s]."""
 GREETING = 2.0
-"""Time in which a client has to open the connection, and to send its token [s]."""
+"""Time within which a client has to open the connection and to send its token [s]."""
 MOST_CONNECTIONS = 64
-"""Largest number of open connections, with those that have not sent a token yet."""
+"""Largest number of open connections, including those that have not sent a token yet."""
 REPEAT = 1.0
 """Longest time between two messages with the state [s]."""
 VIEWS = ("main", "operator")
 
 
 class Server:
-    """Sends the data of a feed to the clients, and passes their requests to it.
+    """Sends the data of a feed to the clients, and passes the clients' requests to the feed.
 
-    One task sends everything. The heartbeat of the feed is part of the same task, so that a
-    failure of this task cannot remain unnoticed.
+    One task sends all data. The same task sends the heartbeat to the control process, so that a
+    failure of the task is detected.
 
     Parameters
     ----------
     feed
         Source of the data.
     token
-        Token that a client has to send first.
+        Token that a client has to send in its first message.
     pages
-        Files of the page by their path.
+        Files of the live page, by their path.
     """
 
     def __init__(self, feed: Feed, token: str, pages: Mapping[str, Page]) -> None:
@@ -73,7 +73,7 @@ class Server:
 
         Yields
         ------
-        The port.
+        The port at which the server listens.
 
         Raises
         ------
@@ -85,7 +85,7 @@ class Server:
         outer = self
 
         class Connection(ServerConnection):
-            """A connection that is aborted if there are too many."""
+            """A connection that is aborted if too many connections are open."""
 
             def connection_made(self, transport: asyncio.BaseTransport) -> None:
                 outer._connections += 1
@@ -126,7 +126,7 @@ class Server:
             await asyncio.sleep(max(0.0, due - time.monotonic()))
 
     def fan_out(self) -> None:
-        """Send every client what is new."""
+        """Send all new messages and rows to every client."""
         if self.control.is_silent:
             self._lose_control()
         news = self._feed.advance()
@@ -157,7 +157,7 @@ class Server:
             self._feed.lost()
 
     def _process_request(self, connection: ServerConnection, request: Request) -> Response | None:
-        """Answer the request of a file; return None for a WebSocket that may be opened."""
+        """Answer the request for a file; return None if a WebSocket is allowed to open."""
         path = request.path
         refusal = self._gate.refusal(request.headers.get_all, path == "/ws")
         if refusal:
@@ -203,7 +203,7 @@ class Server:
                 self._lose_control()
 
     def _receive(self, client: Client, request: dict[str, Any]) -> None:
-        """Carry out a request of a client, or tell it why not."""
+        """Carry out a request of a client, or send it the reason why this is not possible."""
         kind = request["type"]
         if kind == "ping":
             client.send({"type": "pong", "at": request["at"]})

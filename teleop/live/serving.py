@@ -1,4 +1,4 @@
-"""Runs the server of the live page until it is asked to end."""
+"""Runs the server of the live page until the program ends it."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ from teleop.live.security import ANY_ADDRESS, new_token
 from teleop.live.server import Server
 
 CHECK = 0.1
-"""Time between two checks whether to end [s]."""
+"""Time between two checks whether the server must end [s]."""
 
 
 def page_url(host: str, port: int, token: str) -> str:
-    """Return the address of the page. The token is in the fragment, which no browser sends."""
+    """Return the URL of the live page. The token is in the fragment, which browsers do not send."""
     name = f"[{host}]" if ":" in host else host
     return f"http://{name}:{port}/#t={token}"
 
 
 def check_address(host: str, port: int) -> None:
-    """Check that an address and a port can be in a URL.
+    """Check that an address and a port can be used in the URL of the live page.
 
     Raises
     ------
     InputError
-        The address stands for all addresses, or there is no such port.
+        The address means all addresses of the machine, or the port number is not valid.
     """
     if host in ANY_ADDRESS:
         raise InputError(f"host {host!r}: expected one address or name of this machine")
@@ -47,13 +47,13 @@ def serve_until(
     Parameters
     ----------
     stopped
-        Returns whether to end.
+        Function that returns whether the server must end.
     feed
         Source of the data.
     host, port
         Address to listen at.
     ready
-        Function that is called with the URL of the page when it can be opened.
+        Function that is called with the URL of the live page as soon as the page can be opened.
 
     Raises
     ------
@@ -70,7 +70,7 @@ async def serve(
     port: int,
     ready: Callable[[str], object],
 ) -> None:
-    """Serve the live page, see `serve_until`."""
+    """Serve the live page as an asyncio task; the parameters are those of `serve_until`."""
     check_address(host, port)
     token = new_token()
     server = Server(feed, token, read_pages())

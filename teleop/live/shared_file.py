@@ -1,4 +1,4 @@
-"""A file in memory that two processes map: the control process and the live process."""
+"""A file in memory that the control process and the live process map, to share data."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ import tempfile
 from pathlib import Path
 
 MEMORY = Path("/dev/shm")
-"""Folder of files in memory, on Linux."""
+"""Folder on Linux whose files are in memory."""
 
 
 class SharedFile:
-    """A mapped file that its creator removes as soon as the other process has opened it.
+    """A memory-mapped file whose creator removes its name when the other process has opened it.
 
     Attributes
     ----------
@@ -29,7 +29,7 @@ class SharedFile:
 
     @classmethod
     def create(cls, size: int) -> SharedFile:
-        """Return a new file of zeros, which only this user can open.
+        """Create and return a new file of zeros, which only this user can open.
 
         Raises
         ------
@@ -49,7 +49,7 @@ class SharedFile:
 
     @classmethod
     def open(cls, path: Path, writable: bool) -> SharedFile:
-        """Return an existing file.
+        """Map an existing file, and return it.
 
         Raises
         ------
@@ -61,6 +61,6 @@ class SharedFile:
             return cls(path, mmap.mmap(file.fileno(), 0, access=access))
 
     def remove(self) -> None:
-        """Remove the name of the file; both processes keep its contents."""
+        """Remove the name of the file. The contents remain mapped in both processes."""
         with contextlib.suppress(OSError):
             self.path.unlink()

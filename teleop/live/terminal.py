@@ -1,4 +1,4 @@
-"""Output to a terminal from a separate thread: a stopped terminal blocks only this thread."""
+"""Output to a terminal from a separate thread. A stopped terminal blocks only this thread."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ class Terminal:
     """Writes to a terminal without blocking the caller.
 
     While a terminal is stopped (Ctrl-S), or while its output is not read, a write to the terminal
-    blocks. A separate thread therefore writes the text. The file descriptor cannot be made
-    non-blocking instead, because the shell shares it.
+    blocks. A separate thread therefore writes the text. Making the file descriptor non-blocking is
+    not a solution, because the shell uses the same descriptor.
 
     Parameters
     ----------
@@ -32,20 +32,20 @@ class Terminal:
         self._thread = threading.Thread(target=self._write_all, daemon=True)
 
     def draw(self, text: str) -> None:
-        """Write text. It replaces the text of the previous call if that is not yet written."""
+        """Write text. If the text of the previous call is not yet written, it is replaced."""
         with self._changed:
             self._line = encoded(text)
             self._wake()
 
     def write(self, text: str) -> None:
-        """Write text that is never discarded; unwritten text of an earlier `draw` is discarded."""
+        """Write text that cannot be replaced. Unwritten text of an earlier `draw` is discarded."""
         with self._changed:
             self._kept += encoded(text)
             self._line = b""
             self._wake()
 
     def close(self) -> None:
-        """Wait until all text is written, but at most for `TIMEOUT`."""
+        """Wait until all text is written, for at most `TIMEOUT`."""
         with self._changed:
             self._closed = True
             self._changed.notify()
@@ -71,5 +71,5 @@ class Terminal:
 
 
 def encoded(text: str) -> bytes:
-    """Return the text in UTF-8; a character that cannot be encoded becomes a backslash escape."""
+    """Return the text in UTF-8. Characters that cannot be encoded become backslash escapes."""
     return text.encode(errors="backslashreplace")

@@ -1,4 +1,4 @@
-"""Feed of running trials: rows from the ring of the loop, requests to its cells."""
+"""Feed of running trials: reads rows from the loop's ring, and writes requests to the cells."""
 
 from __future__ import annotations
 
@@ -22,36 +22,36 @@ if TYPE_CHECKING:
     from teleop.live.foxglove_bridge import FoxgloveBridge
 
 SILENCE = 0.5
-"""Time without a new tick after which the loop counts as gone [s]."""
+"""Time without a new tick after which the page shows that the loop has ended [s]."""
 DEEPEST = 0.1
-"""Largest intended depth that is passed on, in magnitude [m]."""
+"""Largest magnitude of the intended depth that is passed to the control process [m]."""
 IN_CONDITION = {
     "free": "palpate freely",
     "mimic": "follow the target with the slave",
     "autonomous": "the controller moves the slave; leave the handle free",
 }
-"""What the operator does in each condition."""
+"""Instruction to the operator, by control condition."""
 OUTSIDE_TRIALS = {"next", "repeat", "skip", "notes"}
 """Requests that the control process carries out between two trials."""
 SENT = {"name": "sent", "unit": "s", "meaning": "time at which the loop wrote the tick"}
-"""The additional last column of a row."""
+"""Additional column at the end of each row."""
 
 
 class TrialFeed(Feed):
-    """Data of the trials of one control process.
+    """Source of data for the live page: the trials of one control process.
 
     Parameters
     ----------
     ring, events
-        Rings of the ticks and of the events.
+        Ring that contains the ticks, and ring that contains the events.
     cells
-        Cells for the requests.
+        Shared-memory cells to which requests are written.
     session
         Description of the session: `may_arm`, `pointer` and `choices` of the message `welcome`.
     send
-        Sends a request to the control process, which reads it between two trials.
+        Function that sends a request to the control process, which reads it between two trials.
     bridge
-        Server for other viewers.
+        Server for Foxglove viewers; None for no such server.
     """
 
     def __init__(
@@ -85,7 +85,7 @@ class TrialFeed(Feed):
         self._describe([], [], 0.0)
 
     def receive(self, document: dict[str, Any]) -> None:
-        """Receive a message of the control process: begin, end, prompt or summary."""
+        """Process a message of the control process: `begin`, `end`, `prompt` or `summary`."""
         kind = document["type"]
         if kind == "begin":
             self._begin_trial(document)
@@ -99,11 +99,11 @@ class TrialFeed(Feed):
             self._publish(document)
 
     def leave(self) -> None:
-        """Note that the control process has ended."""
+        """Store that the control process has ended."""
         self._gone = True
 
     def advance(self) -> list[dict[str, Any]]:
-        """Beat, and read what the loop has written since the last call."""
+        """Send a heartbeat, and read the ticks and events that are new since the last call."""
         self._cells.count(PROCESS)
         if self._running:
             self._read_ticks()
@@ -114,11 +114,11 @@ class TrialFeed(Feed):
         return news
 
     def documents(self) -> list[dict[str, Any]]:
-        """Return `welcome`, and the latest `trial` and `summary`."""
+        """Return the latest messages `welcome`, `trial` and `summary`."""
         return list(self._valid.values())
 
     def state(self) -> dict[str, Any]:
-        """Return the mode of the supervisor, a text, and whether the loop runs."""
+        """Return mode of the supervisor, text for the operator, and state of the loop."""
         silent = self._running and time.monotonic() - self._latest > SILENCE
         if not self._running:
             mode = "ended" if "trial" in self._valid else "idle"
@@ -140,7 +140,7 @@ class TrialFeed(Feed):
         Raises
         ------
         BadRequest
-            The request is not possible in this mode, or not in this session.
+            The request is not possible in the present mode, or in this session.
         """
         kind, active = request["type"], self._running and self._mode >= ACTIVE
         if kind == "stop":
@@ -166,11 +166,11 @@ class TrialFeed(Feed):
             raise BadRequest(f"{kind}: this is not a recording")
 
     def beat(self) -> None:
-        """Pass the heartbeat of the page in control on to the loop."""
+        """Pass the heartbeat of the page in control to the loop."""
         self._cells.count(PAGE)
 
     def lost(self) -> None:
-        """Let go of the handle. The loop stops a trial that the page armed."""
+        """Release the handle. A trial that the page has armed is then stopped by the loop."""
         self._cells.point(0.0, False)
 
     def _start(self) -> None:
@@ -181,7 +181,7 @@ class TrialFeed(Feed):
         self._cells.count(ARM)
 
     def _choose(self, request: dict[str, Any], active: bool) -> None:
-        """Send a choice to the control process. A trial that waits for START begins again."""
+        """Send chosen settings to the control process; restart a trial that waits for START."""
         choices = self._session["choices"]
         for name in request.keys() - {"type"}:
             if request[name] not in choices[name]:
@@ -218,7 +218,7 @@ class TrialFeed(Feed):
         self.history.epoch = epoch + 1
 
     def _describe(self, columns: list[dict[str, str]], estimators: list[str], rate: float) -> None:
-        """Make the message `welcome`."""
+        """Create the message `welcome` for a trial."""
         self._valid["welcome"] = {
             "type": "welcome",
             "version": 1,
@@ -234,7 +234,7 @@ class TrialFeed(Feed):
         self._news.append(document)
 
     def _read_ticks(self) -> None:
-        """Read all new ticks, and add the newest one and ticks before it to the history."""
+        """Read all new ticks, and add rows of some of them, with the newest, to the history."""
         first, end = max(self._read + 1, self._ring.oldest), self._ring.newest + 1
         found, slots = self._ring.read(range(first, end))
         if not found:
@@ -251,13 +251,13 @@ class TrialFeed(Feed):
             self.history.add(np.hstack([values[rows][:, self._indices], sent]))
 
     def _values(self, slots: np.ndarray[Any, np.dtype[np.uint8]]) -> Floats:
-        """Return the values of all columns of a tick, shape (n, columns)."""
+        """Return the values of all columns of n ticks, shape (n, columns)."""
         start = 16 + self._offset
         end = start + 8 * len(self._begin["columns"])
         return np.ascontiguousarray(slots[:, start:end]).view("<f8")
 
     def _read_texts(self) -> None:
-        """Read the events of the supervisor."""
+        """Read the new events of the supervisor."""
         first, end = max(self._read_events + 1, self._events.oldest), self._events.newest + 1
         found, slots = self._events.read(range(first, end))
         for slot in slots:
@@ -271,7 +271,7 @@ class TrialFeed(Feed):
         self._read_events = found[-1] if found else self._read_events
 
     def _advice(self, mode: str, by_page: bool) -> str:
-        """Return what a person can do next."""
+        """Return a text that states what a person can do next."""
         if mode == "ready" and by_page:
             return "UNLOCK, then START within 2 s, arms the drives"
         if mode == "active" and self._session["pointer"]:

@@ -1,1 +1,1 @@
-"""What a person reads afterwards: tables, figures, pages."""
+"""Output for a person: tables, figures and HTML pages."""

@@ -1,4 +1,4 @@
-"""Figure of stiffness and damping of several recordings, by group."""
+"""Figure of stiffness and damping in several recordings, by group."""
 
 from __future__ import annotations
 
@@ -15,19 +15,20 @@ from teleop.evaluation.result import Result
 from teleop.output.figure_files import plain
 
 SPREAD = 0.35
-"""Width on the axis for the recordings of a group, as a share of the distance of two groups."""
+"""Width on the axis for the recordings of a group, as a fraction of the distance between two
+groups."""
 WIDE = 10.0
-"""Ratio of the largest to the smallest stiffness above which the axis is logarithmic."""
+"""Ratio of the largest to the smallest stiffness above which the stiffness axis is logarithmic."""
 CHARACTERS = 9.0
-"""Number of characters of the group names per inch of width above which the names are rotated."""
+"""The group names are rotated if they have more characters per inch of width than this."""
 LONGEST_LEVEL = 24
-"""Largest number of characters that are shown of a level."""
+"""Largest number of characters of the name of a level that are shown."""
 
 
 def comparison_figure(
     rows: Sequence[Compared], groups: Sequence[Group], by: Sequence[str]
 ) -> Figure:
-    """Return a figure of k and b of each recording and the mean of each group.
+    """Return a figure of k and b of each recording, and of the mean of each group.
 
     Error bars are 95 % intervals.
 

@@ -1,4 +1,4 @@
-"""Tables of a comparison: the recordings, their groups, and the analysis of variance."""
+"""Tables of a comparison of recordings: recordings, groups, and analysis of variance."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ CAPTION = (
     "averages of an online estimator over each record. \u00b1: 95 % interval of the mean, from the "
     "spread between the recordings; for n = 1 that of the recording."
 )
-"""Note on the table of groups, which explains its rows."""
+"""Note below the table of groups that explains the rows of the table."""
 TRACKING_CAPTION = (
     "Tracking of the target in mimic: mean of n recordings; \u00b1: 95 % interval of the mean."
 )
@@ -27,15 +27,16 @@ POOLED = (
     "Recordings of several subjects are pooled: the interval counts the repeats of a subject as "
     "independent, and is too narrow if the subjects differ."
 )
-"""Note on groups with repeats of several subjects."""
+"""Note below the table of groups if a group has several subjects with several recordings."""
 FILES_NAMED = 3
-"""Largest number of files that a note names for one reason."""
+"""Largest number of files that a note lists for one reason."""
 
 
 def group_table(groups: Sequence[Group], by: Sequence[str]) -> TextTable:
-    """Return the table of groups, with one row per group and method, and its notes.
+    """Return the table of groups, with notes and with one row for each group and method.
 
-    The number of recordings has a mark if recordings have no value; its note has the reasons.
+    If some recordings of a group have no value, the number of recordings has a mark. The note with
+    this mark states the reasons.
     """
     rows, notes = [], [("", CAPTION)]
     if any(group.subjects for group in groups):
@@ -58,7 +59,7 @@ def group_table(groups: Sequence[Group], by: Sequence[str]) -> TextTable:
 
 
 def tracking_table(groups: Sequence[Group], by: Sequence[str]) -> TextTable | None:
-    """Return the table of the tracking in mimic, one row per group; None if there is none."""
+    """Return the table of gain, phase and error in `mimic`, by group; None without such trials."""
     rows = [
         [
             *group.levels,
@@ -73,16 +74,17 @@ def tracking_table(groups: Sequence[Group], by: Sequence[str]) -> TextTable | No
 
 
 TRACKED = (("gain", 1.0), ("phase_deg", 1.0), ("rms_m", 1e3), ("frequency_hz", 1.0))
-"""Values of the tracking, and the factor that converts each to the unit of its column."""
+"""Tracking values that are shown, each with the factor that converts it to the unit of its
+column."""
 
 
 def scaled(mean: Mean, size: float) -> Mean:
-    """Return a mean in another unit."""
+    """Return a mean and its interval multiplied by `size`, to convert them to another unit."""
     return mean._replace(value=mean.value * size, half=mean.half * size)
 
 
 def missing_text(method: str, missing: Mapping[str, str]) -> str:
-    """Return the reasons why a method has no value for some files, each with its files."""
+    """Return the reasons why a method has no value for some files, each with the files' names."""
     files: dict[str, list[str]] = {}
     for file, reason in missing.items():
         files.setdefault(reason, []).append(Path(file).name)
@@ -107,7 +109,7 @@ def letters(index: int) -> str:
 
 
 def mean_text(mean: Mean) -> str:
-    """Return a mean and half of its 95 % interval as text; a dash for a mean that is not finite."""
+    """Return a mean and the half width of its 95 % interval as text; a dash if it is not finite."""
     if not math.isfinite(mean.value):
         return "-"
     if not math.isfinite(mean.half):
@@ -116,7 +118,7 @@ def mean_text(mean: Mean) -> str:
 
 
 def print_comparison(rows: Sequence[Compared], groups: Sequence[Group], by: Sequence[str]) -> None:
-    """Print the results of the recordings, and the table of their groups."""
+    """Print the results of the recordings, and the table of groups."""
     console = plain_console()
     print_table(
         console,
@@ -145,7 +147,7 @@ def print_text_table(title: str, table: TextTable) -> None:
 
 
 def result_text(row: Compared, symbol: str) -> str:
-    """Return k or b (`symbol`) with half of its 95 % interval as text; a dash for no result."""
+    """Return k or b (`symbol`) and the half width of its 95 % interval; a dash for no result."""
     low, value, high = (getattr(row.result, f"{symbol}{end}") for end in ("_low", "", "_high"))
     if value is None:
         return "-"
@@ -153,7 +155,7 @@ def result_text(row: Compared, symbol: str) -> str:
 
 
 def effect_cells(effects: Iterable[Mapping[str, Any]]) -> list[list[str]]:
-    """Return the analysis of variance of one response as text, one row per effect."""
+    """Return the cells of the analysis of variance of one response, one row for each effect."""
     return [
         [
             effect["source"].replace(" x ", " \N{MULTIPLICATION SIGN} "),

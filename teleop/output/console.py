@@ -1,4 +1,4 @@
-"""Print results: tables for a person, or one JSON document for a program."""
+"""Output of results to the console: tables for a person, or one JSON document for a program."""
 
 from __future__ import annotations
 
@@ -19,20 +19,21 @@ from teleop.json_documents import dumps
 from teleop.printable import printable
 
 WIDTH, HEIGHT = 10_000, 25
-"""Size that rich uses as the size of the console [characters]."""
+"""Width and height of the console that the library rich assumes [characters]."""
 BREAK = re.compile(r" (?=\[)| (?=[^ ]*$)|(/)")
-"""Where a heading is divided into two lines: before its unit or last word, or after a slash."""
+"""Pattern of the places where a heading is divided into two lines: before the unit or the last
+word, or after a slash."""
 BORDERS = 3
-"""Number of characters between the texts of two neighbouring columns of a table."""
+"""Number of characters between the texts of two adjacent columns of a table."""
 
 
 def terminal_width() -> int:
-    """Return the width of the terminal [characters], or `WIDTH` if the output is no terminal."""
+    """Return the width of the terminal [characters]; `WIDTH` if the output is not a terminal."""
     return shutil.get_terminal_size((0, 0)).columns or WIDTH
 
 
 def print_json(document: Mapping[str, Any]) -> None:
-    """Print a JSON document with null for each number that is not finite."""
+    """Print a JSON document, with null instead of each number that is not finite."""
     print(dumps(dict(document), indent=2), flush=True)
 
 
@@ -46,7 +47,7 @@ class PlainConsole(Console):
         super().print(*shown, **options)
 
     def render_str(self, text: str, **options: Any) -> Text:
-        """Return the text with escapes for its control characters."""
+        """Return the text with escapes instead of control characters."""
         return super().render_str(printable(text), **options)
 
     def on_broken_pipe(self) -> None:
@@ -57,9 +58,9 @@ class PlainConsole(Console):
 def plain_console(stream: TextIO | None = None) -> Console:
     """Return a console without markup, highlighting and truncation.
 
-    Width and height are given to rich, so that it does not read them from the terminal or from
-    environment variables. It would assume 80 columns for a terminal of the type `dumb`, even if
-    the variable COLUMNS has another value.
+    Width and height are given to the library rich, so that rich does not read them from the
+    terminal or from environment variables. For a terminal of the type `dumb`, rich would assume 80
+    columns, even if the variable COLUMNS has another value.
 
     Parameters
     ----------
@@ -91,7 +92,7 @@ def wrapped(text: str, width: int) -> str:
 
 
 def number(value: float, digits: int) -> str:
-    """Return a number as text with a number of decimals; a dash if it is not finite."""
+    """Return a number as text with `digits` decimals; a dash if it is not finite."""
     if not math.isfinite(value):
         return "-"
     return f"{round(value, digits) + 0.0:.{digits}f}"  # 0 instead of -0
@@ -126,8 +127,9 @@ def fitting_tables(
     """Return a table that fits the width of the terminal, as one or several tables and lines.
 
     If the table is too wide, headings are divided into two lines. If it is still too wide, the
-    columns are divided between several tables. If the columns with text are too wide even then,
-    numbers replace the texts of the widest of them, and lines with the texts follow.
+    columns are divided between several tables. If the columns with text are still too wide, the
+    texts of the widest of these columns are replaced by numbers. Lines that explain the numbers
+    then follow the tables.
 
     Parameters
     ----------
@@ -136,8 +138,8 @@ def fitting_tables(
     headings, rows
         Text of the cells.
     left
-        Number of columns with text, at the left, which are part of each of several tables. The
-        other columns are numbers.
+        Number of columns at the left that contain text. If the table is divided, they are part of
+        each table. The other columns contain numbers.
     styles
         Style of each row; empty for plain rows.
     """
@@ -174,7 +176,7 @@ def fitting_tables(
 
 
 def numbered(texts: Iterable[str]) -> dict[str, str]:
-    """Return a number, from 1, for each different text that is not empty."""
+    """Return a different number, from 1, for each different text that is not empty."""
     distinct = dict.fromkeys(text for text in texts if text)
     return {text: str(number) for number, text in enumerate(distinct, start=1)}
 
@@ -189,12 +191,12 @@ def widths(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> list[int]:
 
 
 def total(columns: Sequence[int]) -> int:
-    """Return the width of a table with columns of these widths [characters]."""
+    """Return the width of a table [characters] from the widths of its columns."""
     return sum(columns) + BORDERS * len(columns)
 
 
 def parts(columns: Sequence[int], left: int, width: int) -> list[list[int]]:
-    """Divide columns that are too wide for one table between several tables.
+    """Divide the columns of a table that is too wide between several tables.
 
     Parameters
     ----------
@@ -207,7 +209,8 @@ def parts(columns: Sequence[int], left: int, width: int) -> list[list[int]]:
 
     Returns
     -------
-    Indices of the columns of each table. Each table has at least one of the other columns.
+    Indices of the columns of each table. Each table has at least one column that is not part of
+    every table.
     """
     first = list(range(left))
     found = [first[:]]

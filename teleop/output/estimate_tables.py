@@ -1,4 +1,4 @@
-"""Tables of estimates: the values at the end with intervals, averages, and remarks."""
+"""Tables of estimates: values at the end with intervals, averages over time, and remarks."""
 
 from __future__ import annotations
 
@@ -14,11 +14,12 @@ from teleop.output.result_tables import print_models, print_result, with_half
 from teleop.recording.gaps import Gap, missing_text
 
 STALL = 20.0
-"""A sample period is printed if it is this many times longer than the median."""
+"""The longest sample period is printed if it exceeds the median by this factor."""
 GAPS_LISTED = 3
-"""Largest number of gaps that are listed."""
+"""Largest number of gaps between samples that are listed."""
 MEANINGLESS = 1e6
-"""Ratio of an interval to its value above which the interval is so wide that it is not shown."""
+"""Ratio of an interval to the value above which the interval is not shown, because it is too
+wide."""
 HEADINGS = ("", "k [N/m]", "b [N s/m]", "e_f [N]", "one-step rms [N]", "rise time [s]")
 """Headings of the table of averages."""
 AVERAGES = "averages, from the first estimate of each estimator on"
@@ -34,7 +35,7 @@ RMS_RATIO = "rms/window"
 
 
 def estimate_cells(rows: Mapping[str, Mapping[str, Any]]) -> list[list[str]]:
-    """Return the table of averages as text, one row per estimator, for `HEADINGS`."""
+    """Return the cells of the table of averages, one row for each estimator, see `HEADINGS`."""
     return [
         [
             name,
@@ -54,10 +55,10 @@ def digits(value: float) -> int:
 
 
 def with_interval(value: float, half: float, decimals: int) -> str:
-    """Return a value and half of its 95 % interval as text.
+    """Return a value and the half width of its 95 % interval as text.
 
-    The interval has two significant digits. If it is not known or too wide, only the value is
-    returned, with the given number of decimals.
+    The half width is rounded to two significant digits. If it is not known or is too wide, only the
+    value is returned, with `decimals` decimals.
     """
     if not half < MEANINGLESS * max(abs(value), 1.0):
         return number(value, decimals)
@@ -74,9 +75,9 @@ def print_estimates(
     Parameters
     ----------
     rows
-        Summary of each estimator by its name.
+        Summary of the estimates, by the name of the estimator.
     further
-        Summaries that are only in the table of averages, such as that of least squares.
+        Further summaries for the table of averages only, for example of least squares.
     """
     console = plain_console()
     headings, cells = interval_table(rows)
@@ -100,7 +101,7 @@ def print_estimates(
 
 
 def further_lines(rows: Mapping[str, Mapping[str, Any]]) -> list[str]:
-    """Return the estimates of further parameters, such as k3, at the end: a line per estimator."""
+    """Return lines with the estimates of further parameters, such as k3, at the end."""
     lines = []
     for name, row in rows.items():
         if row["held"] == 1.0:
@@ -117,8 +118,8 @@ def further_lines(rows: Mapping[str, Mapping[str, Any]]) -> list[str]:
 def interval_table(rows: Mapping[str, Mapping[str, Any]]) -> tuple[list[str], list[list[str]]]:
     """Return headings and cells of the table of estimates at the end.
 
-    The columns are the estimates with 95 % intervals, the share of held samples, the misfit and,
-    if it was measured, the computing time.
+    The columns are the estimates with 95 % intervals, the fraction of samples at which the estimate
+    was held, the misfit and, if it was measured, the computing time.
     """
     timed = any("cost_us" in row for row in rows.values())
     headings = ["", "k [N/m]", "b [N s/m]", "held", "misfit", *(["cost [us]"] if timed else [])]
@@ -141,7 +142,7 @@ def comparison_table(
 ) -> tuple[list[str], list[list[str]]] | None:
     """Return headings and cells of the comparison of estimators with least squares.
 
-    None if no summary contains a comparison, see
+    The result is None if no summary contains a comparison, see
     `teleop.evaluation.model_comparison.Comparison`.
     """
     cells = [
@@ -158,24 +159,24 @@ def comparison_table(
 
 
 def percent(share: float) -> str:
-    """Return a share in percent, or a dash if it is not finite."""
+    """Return a fraction as text in percent; a dash if it is not finite."""
     return f"{share:.0%}" if math.isfinite(share) else "-"
 
 
 def print_estimated(console: Console, summary: Mapping[str, Any]) -> None:
-    """Print the channels that an observer estimated and no sensor measured."""
+    """Print the names of the channels that an observer estimated, because they have no sensor."""
     for name in summary.get("estimated_channels", ()):
         console.print(f"  {name}: estimated by an observer, not measured", style="yellow")
 
 
 def print_reading(console: Console, summary: Mapping[str, Any]) -> None:
-    """Print what was done to the samples on reading."""
+    """Print the changes that were made to the samples when the file was read."""
     for note in summary["reading"]:
         console.print(f"  {note}", style="yellow")
 
 
 def print_evaluation(summary: Mapping[str, Any], name: str) -> None:
-    """Print the evaluation of a file: the result to publish, batch models, online estimators."""
+    """Print the evaluation of a file: result for publication, batch models, online estimates."""
     console = plain_console()
     print_result(summary, name)
     print_models(summary)
@@ -190,7 +191,7 @@ def print_evaluation(summary: Mapping[str, Any], name: str) -> None:
 
 
 def evaluation_lines(summary: Mapping[str, Any]) -> list[str]:
-    """Return lines that state the conditions of the estimates, such as datum and conditioning."""
+    """Return lines that state how the estimates were computed, such as datum and conditioning."""
     datum = summary["datum"]
     lag = summary["force_lag_s"]
     return [
@@ -207,7 +208,7 @@ def evaluation_lines(summary: Mapping[str, Any]) -> list[str]:
 
 
 def print_gaps(console: Console, summary: Mapping[str, Any]) -> None:
-    """Print gaps between samples, and whether the estimates are equal to those of the run."""
+    """Print gaps between samples, and whether the estimates equal those of the recorded trial."""
     gaps = summary["gaps"]
     for gap in gaps[:GAPS_LISTED]:
         console.print(
@@ -238,7 +239,7 @@ def print_gaps(console: Console, summary: Mapping[str, Any]) -> None:
 
 
 def print_model(console: Console, summary: Mapping[str, Any]) -> None:
-    """Print which estimators use a model of their own, and which ones need the contact point."""
+    """Print which estimators use a model other than the chosen one or need a contact point."""
     from_contact = summary["from_contact"]
     if summary["own_model"]:
         console.print(f"  model {summary['model']}, but for {', '.join(summary['own_model'])}")

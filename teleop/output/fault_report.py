@@ -1,4 +1,4 @@
-"""Report of a fault: its cause, the channels at that time, the stopping time, and loop timing."""
+"""Report of a fault: cause, values of the channels, stopping time, and timing of the loop."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from teleop.recording.recording import Recording
 from teleop.recording.timing import loop_timing
 
 LISTED = (*CHANNELS, "desired_slave_velocity", "applied_slave_velocity")
-"""Columns that the report lists."""
+"""Columns whose values at the fault are listed in the report."""
 
 
 def write_fault_report(folder: Path, recording: Recording, fault: dict[str, Any]) -> None:
@@ -42,7 +42,7 @@ def write_fault_report(folder: Path, recording: Recording, fault: dict[str, Any]
 
 
 def fault_text(recording: Recording, fault: dict[str, Any]) -> str:
-    """Return the text of the report of a fault, for the parameters of `write_fault_report`."""
+    """Return the text of the report of a fault, with the parameters of `write_fault_report`."""
     t = recording["time"]
     lines = [
         f"what      {fault['text']}",
@@ -82,9 +82,9 @@ def fault_text(recording: Recording, fault: dict[str, Any]) -> str:
 
 
 def stopping_time(recording: Recording, fault: dict[str, Any]) -> float:
-    """Return the time from a fault until the commanded velocity remains zero [s].
+    """Return the time from a fault until the commanded velocity is zero and remains zero [s].
 
-    NaN if the commanded velocity is not zero at the end of the recording.
+    The result is NaN if the commanded velocity is not zero at the end of the recording.
     """
     t, speed = recording["time"], abs(recording["commanded_slave_velocity"])
     moving = (t >= fault["time"]) & (speed > 0.0)

@@ -1,4 +1,4 @@
-"""Figure of force over position at the hand, beside that at the slave."""
+"""Figure of force against position, at the hand and at the slave."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from teleop.safety.events import ACTIVE
 
 
 def feedback_figure(recording: Recording) -> Figure:
-    """Return a figure of force over position at the hand and at the slave.
+    """Return a figure of force against position, at the hand and at the slave.
 
     Parameters
     ----------
     recording
-        A trial with force feedback or a channel, with its settings.
+        Recording of a trial with force feedback or a channel, with the settings of the trial.
     """
     settings = recording.settings
     admittance, scale = settings["admittance"], settings["coupling"]["scale"]

@@ -1,4 +1,4 @@
-"""Text of figures that may come from a user, and the files of figures."""
+"""Files of figures, and texts in figures that may come from a user."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from teleop.files import new_file
 from teleop.printable import printable
 
 LONGEST_TITLE = 120
-"""Largest number of characters of a title; a longer title leaves no room for the figure."""
+"""Largest number of characters of a figure's title, so that enough room remains for the figure."""
 FILES: Any = {"pdf.fonttype": 42, "svg.fonttype": "none"}
 """Settings of matplotlib: Type 42 fonts in PDF files, and text stored as text in SVG files."""
 
@@ -27,7 +27,7 @@ def plain(text: str) -> str:
 
 
 def save(figure: Figure, path: Path, overwrite: bool = False) -> None:
-    """Write a figure to a file, in the format that the extension of the file selects.
+    """Write a figure to a file, in the format that the ending of the file name states.
 
     Parameters
     ----------
@@ -48,12 +48,12 @@ def save(figure: Figure, path: Path, overwrite: bool = False) -> None:
 
 
 def is_small(figure: Figure) -> bool:
-    """Return whether a figure is for print, which needs more pixels per inch than a screen."""
+    """Return whether a figure is for print and therefore needs more pixels per inch."""
     return bool(figure.get_figwidth() < WIDTHS["screen"])
 
 
 def render(figure: Figure, file: IO[Any], **options: Any) -> None:
-    """Write a figure to an open file, without warnings about characters missing in the font."""
+    """Write a figure to an open file, without warnings about characters that the font lacks."""
     with warnings.catch_warnings(), mpl.rc_context(FILES):
         warnings.filterwarnings("ignore", "Glyph .* missing from font")
         figure.savefig(file, **options)

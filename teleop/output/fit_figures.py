@@ -1,4 +1,4 @@
-"""Figures of a batch evaluation: fitted model, residual and phases, and the complex modulus."""
+"""Figures of a batch evaluation: fitted model, residual and phases; and complex modulus."""
 
 from __future__ import annotations
 
@@ -28,17 +28,18 @@ PHASE_LINES: dict[str, dict[str, Any]] = {
     "hold": {"linewidth": 1.0, "linestyle": "", "marker": ".", "markersize": 3.0},
     "unloading": {"linewidth": 1.2, "linestyle": (0, (5, 1.5))},
 }
-"""Width, dashes and markers of the phases, which differ without colours too."""
+"""Line width, dashes and markers of the phases, with which the phases also differ without
+colours."""
 MODEL = "#000000"
 MOST_POINTS = 4000
-"""Largest number of samples of a line that are drawn."""
+"""Largest number of samples that are drawn in a line."""
 
 
 def fit_figure(title: str, evaluation: Evaluation) -> Figure:
-    """Return a figure of the force over displacement and time, with the best model and residual.
+    """Return a figure of force against displacement and time, with best model and residual.
 
-    The models are fitted to the force without the baseline that varies more slowly than the
-    palpation. The figure shows the measured force, and adds this baseline to that of the model.
+    The models are fitted to the force minus a baseline, which varies more slowly than the
+    palpation. The figure shows the measured force, and the force of the model plus this baseline.
 
     Parameters
     ----------
@@ -97,7 +98,7 @@ def best_fit(evaluation: Evaluation) -> BatchFit | None:
 def draw_phases(
     axes: Axes, evaluation: Evaluation, x: np.ndarray, f: np.ndarray, every: int
 ) -> None:
-    """Draw the smoothed force over displacement, each phase in its colour."""
+    """Draw the smoothed force against displacement, each phase in its colour."""
     labelled = set()
     for phase in evaluation.analysis.phases.phases:
         part = slice(phase.start, phase.end + 1, min(every, max(1, (phase.end - phase.start) // 8)))
@@ -118,18 +119,18 @@ def draw_fit(
     modelled: tuple[np.ndarray, np.ndarray, np.ndarray],
     every: int,
 ) -> None:
-    """Draw the force of a model over displacement and over time.
+    """Draw the force of a model against displacement and against time.
 
     Parameters
     ----------
     over_x, over_t
-        Axes with displacement [mm] and with time [s].
+        Panels whose horizontal axes are displacement [mm] and time [s].
     name
         Name of the model.
     modelled
         Displacement [mm], time [s] and force of the model [N], each of shape (n,).
     every
-        One of this number of samples is drawn.
+        Only one of this number of samples is drawn.
     """
     x, t, force = (values[::every] for values in modelled)
     over_x.plot(x, force, color=MODEL, linewidth=0.6, label=name)
@@ -137,7 +138,7 @@ def draw_fit(
 
 
 def modulus_figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
-    """Return a figure of the complex modulus over frequency, with 95 % intervals.
+    """Return a figure of the complex modulus against frequency, with 95 % intervals.
 
     The panels are the storage modulus k', the loss modulus k'', and tan delta = k'' / k'.
 

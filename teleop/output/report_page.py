@@ -37,12 +37,13 @@ from teleop.recording.gaps import missing_text
 from teleop.recording.recording import Recording
 
 MARGIN = 0.1
-"""Candidates of the multi-estimator are tied if their monitoring signals differ by at most this.
+"""Candidates of the multi-estimator are tied with the best if their monitoring signal exceeds the
+smallest monitoring signal by at most this fraction.
 
-It is a share of the smallest monitoring signal. The data do not separate tied candidates.
+The data are not sufficient to choose between tied candidates.
 """
 LOOKS = 400
-"""Approximate number of times in a recording at which the tied candidates are computed."""
+"""Approximate number of points in time of a recording at which the tied candidates are computed."""
 STATED = ("condition", "specimen", "cube", "operator", "notes", "duration_s", "clock")
 """Settings that are shown at the top of the page, if they are known."""
 
@@ -63,16 +64,16 @@ def report_page(
     name
         Name of the recording, the title of the page.
     evaluation, summary
-        Evaluation of the recording, and the summary of the evaluation. None for a trial that was
-        stopped before there were enough samples.
+        Evaluation of the recording, and summary of this evaluation. Both are None for a trial that
+        was stopped before there were enough samples.
     recording
         The recorded trial; None for a file of another program.
     truth
         True values of a simulated trial; None if they are not known.
     link
-        Path of the recording from the folder of the page; empty for its name.
+        Path of the recording, relative to the folder of the page; empty to show only its name.
     tracking
-        Tracking of a trial of the condition mimic; None for another file.
+        Gain, phase and error of the slave in a trial of `mimic`; None for another file.
     """
     values = of_recording(recording) | of_evaluation(name, evaluation, summary, truth)
     values["tracking"] = ""
@@ -84,7 +85,7 @@ def report_page(
 
 
 def of_recording(recording: Recording | None) -> dict[str, Any]:
-    """Return the variables of the template of the page that describe a recorded trial."""
+    """Return the template variables of the page that describe a recorded trial."""
     values: dict[str, Any] = {
         "facts": [],
         "estimated_channels": [],
@@ -120,7 +121,7 @@ def of_recording(recording: Recording | None) -> dict[str, Any]:
 
 
 def facts(recording: Recording) -> Iterator[tuple[str, str]]:
-    """Yield the date, the rig, the settings in `STATED` and the software, as names and values."""
+    """Yield name and value of: the date, the rig, the settings in `STATED`, and the software."""
     session = recording.session
     yield "date", session.get("created", "not known")
     yield "rig", session.get("rig", "not known")
@@ -132,7 +133,7 @@ def facts(recording: Recording) -> Iterator[tuple[str, str]]:
 
 
 def flat(settings: Mapping[str, Any], start: str = "") -> Iterator[tuple[str, str]]:
-    """Yield the settings in a nested document, each with the keys on its path joined by dots."""
+    """Yield key and value of each setting in a nested document; dots join the nested keys."""
     for name, value in settings.items():
         if isinstance(value, Mapping):
             yield from flat(value, f"{start}{name}.")
@@ -146,7 +147,7 @@ def of_evaluation(
     summary: Mapping[str, Any] | None,
     truth: Truth | None,
 ) -> dict[str, Any]:
-    """Return the variables of the template of the page that describe an evaluation."""
+    """Return the template variables of the page that describe an evaluation."""
     if evaluation is None or summary is None:
         return {"summary": None, "gaps": ()}
     e = evaluation

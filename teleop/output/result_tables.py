@@ -1,4 +1,4 @@
-"""Tables of an evaluation: the result to publish, the batch models, and several files together."""
+"""Tables of an evaluation: result for publication, batch models, and several files together."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from teleop.output.console import number, plain_console, print_table, small
 
 
 def print_result(summary: Mapping[str, Any], name: str) -> None:
-    """Print the result of the evaluation of a file: k and b, or why there are none."""
+    """Print the result of the evaluation of a file: k and b, or the reasons why there are none."""
     console = plain_console()
     result = summary["result"]
     console.print(f"{name}: result", style="bold")
@@ -40,7 +40,7 @@ def print_result(summary: Mapping[str, Any], name: str) -> None:
 
 
 def result_lines(summary: Mapping[str, Any]) -> list[str]:
-    """Return lines with stiffness, damping and their 95 % intervals, or that there are none."""
+    """Return lines that state stiffness and damping with 95 % intervals, or that there are none."""
     result = summary["result"]
     if not result["identifiable"]:
         return ["no stiffness and no damping can be given:"]
@@ -65,7 +65,7 @@ def motion_line(summary: Mapping[str, Any]) -> str:
 
 
 def print_tangent(tangent: Mapping[str, Any]) -> None:
-    """Print the force and depth of the tangent stiffness, and the secant stiffness there."""
+    """Print force and depth at which the tangent stiffness holds, and the secant stiffness."""
     if tangent["force_n"] is None:
         return
     console = plain_console()
@@ -121,7 +121,7 @@ def print_models(summary: Mapping[str, Any]) -> None:
 
 
 def parameter_text(name: str, one: Mapping[str, Any]) -> str:
-    """Return a parameter and half of its interval as text, or that it is not identifiable."""
+    """Return a parameter and half width of its interval as text, or that it is not identifiable."""
     if not one["identifiable"]:
         return f"{name} not identifiable"
     half = 0.5 * (one["high"] - one["low"])
@@ -129,20 +129,20 @@ def parameter_text(name: str, one: Mapping[str, Any]) -> str:
 
 
 def with_half(value: float, half: float) -> str:
-    """Return a value with half of its interval, both rounded to two significant digits of it."""
+    """Return a value and a half width, both rounded to two significant digits of the half width."""
     if not math.isfinite(half) or half <= 0.0:
         return f"{value:.4g}"
     return f"{significant(value, half)} \u00b1 {significant(half, half)}"
 
 
 def significant(value: float, width: float) -> str:
-    """Return a value as text, rounded to two significant digits of `width`, its uncertainty."""
+    """Return a value as text, rounded to two significant digits of its uncertainty `width`."""
     decimals = 1 - math.floor(math.log10(width)) if width > 0.0 else 3
     return number(round(value, decimals), max(decimals, 0))
 
 
 def print_together(together: Mapping[str, Any]) -> None:
-    """Print a Kelvin-Voigt fit to each file and to all files, and whether one body fits all."""
+    """Print Kelvin-Voigt fits to each file and to all files, and whether one body fits all."""
     console = plain_console()
     names = [Path(row["file"]).name for row in together["alone"]]
     if len(set(names)) < len(names):

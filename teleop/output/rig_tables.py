@@ -22,13 +22,13 @@ if TYPE_CHECKING:
     from drivers.ports import Port
 
 Row = Mapping[str, Any]
-"""Result of the check of a channel or of a drive, by the names of its fields."""
+"""Result of the check of a channel or drive: values by the name of the field."""
 SHOWN_IN = {"N": ("N", 1.0), "m": ("mm", 1e3), "m/s": ("mm/s", 1e3)}
 """For each SI unit, the unit that is shown and the factor that converts a value to it."""
 
 
 def table(title: str, *headings: str) -> Table:
-    """Return an empty table. The first two columns are for text, the others for numbers."""
+    """Return an empty table. The first two columns are for text, the other columns for numbers."""
     made = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, title_style="bold")
     for i, heading in enumerate(headings):
         made.add_column(heading, justify="left" if i < 2 else "right", no_wrap=True)
@@ -50,7 +50,7 @@ CHANNEL_HEADINGS = (
 
 
 def channel_tables(title: str, channels: Sequence[Row]) -> list[Table | str]:
-    """Return the table of the channels of a rig, in parts that fit the terminal."""
+    """Return the table of a rig's channels, in one or more tables that fit the terminal."""
     rows = []
     for c in channels:
         unit, factor = SHOWN_IN[CHANNEL_UNITS[c["name"]]]
@@ -73,11 +73,12 @@ def channel_tables(title: str, channels: Sequence[Row]) -> list[Table | str]:
 
 @contextlib.contextmanager
 def live_channels(stream: TextIO) -> Iterator[Callable[[Sequence[Row]], None]]:
-    """Within the block, show a table of the channels that is updated, if `stream` is a terminal.
+    """Within the block, show a table of the channels that can be updated, on a terminal only.
 
     Yields
     ------
-    Function that updates the table. Its argument is the present result of each channel.
+    Function that updates the table. Its argument is the present result of the check of each
+    channel.
     """
     if not stream.isatty():
         yield lambda channels: None
@@ -142,9 +143,9 @@ def print_emulation(
     name
         Name of the rig.
     ports
-        Ports by the name of their bus.
+        Port of each bus, by the name of the bus.
     out
-        Rig file for runs with the emulator.
+        Rig file with which `teleop run` uses the emulated devices.
     palpation
         Options of `teleop run` for the emulated palpation, by name.
     """

@@ -1,4 +1,4 @@
-"""Figure of the estimated stiffness of several trials, with the values of the paper."""
+"""Figure of the estimated stiffness in several trials, with the values of the paper."""
 
 from __future__ import annotations
 
@@ -17,16 +17,18 @@ def stiffness_figure(
     paper: Mapping[str, float],
     same_scale: bool = False,
 ) -> Figure:
-    """Return a figure of the estimated stiffness of several trials, one panel per trial.
+    """Return a figure of the estimated stiffness in several trials, one panel for each trial.
 
     Parameters
     ----------
     panels
-        For each trial, by its title: time [s], shape (n,), and estimates by name of the estimator.
+        Trials by title. For each trial: time [s], shape (n,), and estimates by the name of the
+        estimator.
     paper
-        The paper's average stiffness [N/m] by the title of the trial, drawn as a horizontal line.
+        Average stiffness in the paper [N/m], by the title of the trial. It is drawn as a horizontal
+        line.
     same_scale
-        Whether all trials have the same axis of the stiffness.
+        Whether all trials have the same stiffness axis.
     """
     figure = new_figure(0.29 * len(panels) + 0.08, rows=len(panels))
     axes = figure.subplots(len(panels), 1, sharex=True, sharey=same_scale)

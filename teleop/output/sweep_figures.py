@@ -1,4 +1,4 @@
-"""Figures of a sweep: the effect of each factor on a result, and a map over two factors."""
+"""Figures of a sweep: effect of each factor on a result, and map of a result over two factors."""
 
 from __future__ import annotations
 
@@ -16,41 +16,43 @@ from estimation.figure_style import CHOSEN, WIDTHS, legend, line, new_figure, ti
 from teleop.output.figure_files import plain
 
 MOST_LEVELS = 12
-"""Largest number of levels of a factor that are shown; more numbers are put into bins."""
+"""Largest number of levels of a factor that are shown. If there are more, numbers are divided into
+bins."""
 BINS = 8
-"""Number of bins of a factor, with the same number of points in each."""
+"""Number of bins of a factor. Each bin contains the same number of points."""
 INCHES = 2.4
-"""Least width of a panel [in]."""
+"""Smallest width of a panel [in]."""
 CHARACTERS = 18
-"""Number of characters of the names of levels above which they are written upright."""
+"""Total number of characters of the level names of a panel above which the names are written
+vertically."""
 
 
 class Levels(NamedTuple):
-    """Levels of a factor, or bins of its values."""
+    """Levels of a factor, or bins of the values of a factor."""
 
     places: Floats
     """Position of each level on the axis, shape (levels,)."""
     names: tuple[str, ...]
-    """Name of each level; empty if the places are the values."""
+    """Name of each level; empty if the positions are the values of the factor."""
     level: NDArray[np.intp]
-    """Level of each row, shape (n,)."""
+    """Index of the level of each row, shape (n,)."""
 
 
 class SweepRows(NamedTuple):
-    """Rows of the table of a sweep that have a result; arrays of shape (n,)."""
+    """The n rows of a sweep's table that contain a result; arrays have shape (n,)."""
 
     factors: dict[str, Sequence[float | str]]
-    """Value of each factor by its name, each of n values."""
+    """Values of each factor in the n rows, by the name of the factor."""
     estimator: NDArray[np.str_]
-    """Name of the estimator."""
+    """Name of the estimator in each row."""
     response: Floats
-    """The result that is shown."""
+    """The result that the figure shows, in each row."""
     heading: str
     """Name of the result with its unit."""
 
 
 def levels_of(values: Sequence[float | str]) -> Levels:
-    """Return the levels of a factor: its values or, if these are many numbers, bins of them."""
+    """Return the levels of a factor: its values, or bins if the values are many numbers."""
     if any(isinstance(value, str) for value in values):
         names, index = np.unique([str(value) for value in values], return_inverse=True)
         order = dict.fromkeys(str(value) for value in values)
@@ -68,7 +70,7 @@ def levels_of(values: Sequence[float | str]) -> Levels:
 
 
 def main_effects_figure(rows: SweepRows) -> Figure:
-    """Return a figure with a panel for each factor: mean result by level, for each estimator.
+    """Return a figure of the mean result at each level of a factor, with a panel for each factor.
 
     Error bars are 95 % intervals of the mean over all other factors and seeds.
 
@@ -100,7 +102,7 @@ def main_effects_figure(rows: SweepRows) -> Figure:
 def draw_effect(
     axes: Axes, levels: Levels, response: Floats, chosen: NDArray[np.bool_], name: str, number: int
 ) -> None:
-    """Draw the mean response of one estimator by level, with 95 % intervals.
+    """Draw the mean response of one estimator at each level, with 95 % intervals.
 
     Parameters
     ----------
@@ -111,7 +113,7 @@ def draw_effect(
     response
         Response of all rows, shape (n,).
     chosen
-        Rows of the estimator, shape (n,).
+        Mask of the rows of the estimator, shape (n,).
     name, number
         Name and number of the estimator, for the legend and the style.
     """
@@ -129,7 +131,7 @@ def draw_effect(
 
 
 def label_axis(axes: Axes, factor: str, levels: Levels) -> None:
-    """Write the name of a factor, and the names of its levels if it has any, to an axis."""
+    """Label an axis with the name of a factor, and with names of its levels if there are any."""
     axes.set_xlabel(plain(factor))
     if levels.names:
         name_ticks(axes, levels.places, levels.names)
@@ -138,14 +140,14 @@ def label_axis(axes: Axes, factor: str, levels: Levels) -> None:
 
 
 def name_ticks(axes: Axes, places: Floats, names: Sequence[str]) -> None:
-    """Write names to the horizontal axis, upright if they are too long for their distance."""
+    """Write names to the horizontal axis; vertically, if they are too long for their distance."""
     axes.set_xticks(places.tolist(), [plain(name) for name in names])
     if sum(map(len, names)) > CHARACTERS:
         axes.tick_params(axis="x", labelrotation=90)
 
 
 def is_logarithmic(places: Floats) -> bool:
-    """Return whether the places of a factor look even on a logarithmic axis only."""
+    """Return whether the values of a factor are evenly spaced on a logarithmic axis only."""
     if len(places) < 3 or places[0] <= 0.0:
         return False
     even, even_logarithm = (np.diff(one) for one in (places, np.log(places)))
@@ -153,7 +155,7 @@ def is_logarithmic(places: Floats) -> bool:
 
 
 def map_figure(rows: SweepRows, first: str, second: str) -> Figure:
-    """Return a figure with a map for each estimator: mean result over two factors.
+    """Return a figure with a map for each estimator: mean result as a function of two factors.
 
     Parameters
     ----------

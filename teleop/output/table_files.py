@@ -1,4 +1,4 @@
-"""Write tables to files: CSV, LaTeX with booktabs, and Markdown."""
+"""Output of tables to files: CSV, LaTeX with booktabs, and Markdown."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from teleop.errors import InputError
 from teleop.files import write_text
 
 ENDINGS = (".csv", ".tex", ".md")
-"""Extensions of the file formats for tables."""
+"""Endings of the names of table files."""
 LATEX = {
     "\\": r"\textbackslash{}",
     "&": r"\&",
@@ -44,19 +44,19 @@ class TextTable:
     rows: Sequence[Sequence[str]]
     """Text of the cells."""
     left: int
-    """Number of columns, from the first, that are aligned to the left. In these columns, except
-    the last of them, text that is the same as in the row above is left out."""
+    """Number of columns at the left that are aligned to the left. In all but the last of these
+    columns, a text that repeats the text in the row above is omitted."""
     notes: Sequence[tuple[str, str]] = ()
-    """Mark and text of each note below the table. The mark is empty, or is also in a cell."""
+    """Mark and text of each note below the table. A mark that is not empty is also in a cell."""
 
 
 def check_table_ending(path: Path) -> None:
-    """Check that the extension of a file is that of a format for tables.
+    """Check that the ending of a file name is that of a table file.
 
     Raises
     ------
     InputError
-        The extension is not one of `ENDINGS`.
+        The ending is not one of `ENDINGS`.
     """
     if path.suffix.lower() not in ENDINGS:
         raise InputError(f"{path}: expected a file ending in {', '.join(ENDINGS)}")
@@ -74,8 +74,7 @@ def csv_text(rows: Sequence[Mapping[str, Any]]) -> str:
 def latex_text(table: TextTable) -> str:
     """Return a table as a LaTeX tabular, with rules of the package booktabs.
 
-    The notes are those of the package threeparttable. A rule separates rows that differ in the
-    first column.
+    The notes use the package threeparttable. A rule separates rows that differ in the first column.
     """
     left, columns = table.left, len(table.headings)
     lines = [
@@ -109,7 +108,7 @@ def latex_text(table: TextTable) -> str:
 
 
 def markdown_text(table: TextTable) -> str:
-    """Return a table of Markdown, with the notes as paragraphs below it."""
+    """Return a table in Markdown, with the notes as paragraphs below the table."""
     headings, columns = table.headings, len(table.headings)
     cells = [[cell.replace("|", "\\|") for cell in row] for row in (headings, *table.rows)]
     rule = [":--" if i < table.left else "--:" for i in range(columns)]
@@ -119,15 +118,15 @@ def markdown_text(table: TextTable) -> str:
 
 
 def markdown(text: str) -> str:
-    """Return a text with a backslash before each character with a meaning in Markdown."""
+    """Return a text with a backslash before each character that has a meaning in Markdown."""
     return MARKDOWN.sub(r"\\\g<0>", text)
 
 
 def shortened(rows: Sequence[Sequence[str]], left: int) -> list[list[str]]:
-    """Return rows in which repeated cells at the left are empty.
+    """Return rows of a table in which repeated cells at the left are empty.
 
-    A cell is left out if it and all cells to its left are the same as in the row above. The last
-    of the `left` columns, and the columns after it, are not changed.
+    A cell becomes empty if this cell and all cells to its left are the same as in the row above.
+    The last of the `left` columns, and the columns after it, are not changed.
     """
     found = []
     for i, row in enumerate(rows):
@@ -149,12 +148,12 @@ def write_table_file(
     tables: Sequence[TextTable],
     overwrite: bool = False,
 ) -> None:
-    """Write a table to a file, in the format that the extension of the file selects.
+    """Write a table to a file, in the format that the ending of the file name states.
 
     Parameters
     ----------
     path
-        The file, whose extension is one of `ENDINGS`.
+        The file. Its name ends with one of `ENDINGS`.
     tidy
         Rows that are written to a CSV file: values by column.
     tables

@@ -1,4 +1,4 @@
-"""Figure of the tracking in the condition mimic: target, own position and error over time."""
+"""Figure of target, slave position and their difference over time, in the condition `mimic`."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from teleop.recording.recording import Recording
 
 
 def tracking_figure(title: str, recording: Recording, tracking: Mapping[str, Any]) -> Figure:
-    """Return a figure of the target and the position of the slave, and their difference.
+    """Return a figure of target, slave position and their difference over time.
 
     Parameters
     ----------
     title
         Title of the figure.
     recording
-        All ticks of a trial of the condition mimic.
+        All ticks of a trial of the condition `mimic`.
     tracking
-        Gain, phase and error, see `teleop.evaluation.tracking`. The figure states them.
+        Gain, phase and error (see `teleop.evaluation.tracking`), which the figure states as text.
     """
     t, target, position = (recording[name] for name in ("time", "target", "slave_position"))
     shown = np.isfinite(target)

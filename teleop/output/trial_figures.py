@@ -1,4 +1,4 @@
-"""Figures of a trial: channels at a fault, timing of the loop, candidates that remain possible."""
+"""Figures of a trial: channels at a fault, timing of the loop, and tied candidates."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from teleop.recording.recording import Recording
 
 
 def fault_figure(recording: Recording, fault: Mapping[str, Any]) -> Figure:
-    """Return a figure of the channels and the commands in the second around a fault.
+    """Return a figure of the channels and commands during about one second around a fault.
 
     Parameters
     ----------
@@ -100,9 +100,10 @@ def ambiguity_figure(t: Floats, tied: Ambiguity, winner: Estimates) -> Figure:
     t
         Times at which the candidates are compared [s], shape (n,).
     tied
-        Ranges of k and b of these candidates at each time.
+        Ranges of k and b over the tied candidates (those that the data cannot separate) at each
+        time.
     winner
-        Estimate of the multi-estimator at each time, which is the best candidate.
+        The best candidate at each time, which is the estimate of the multi-estimator.
     """
     figure = new_figure(0.57, rows=2)
     upper, lower = figure.subplots(2, 1, sharex=True)

@@ -1,4 +1,4 @@
-"""Print the results of a trial: estimates, true values, timing of the loop, safety, recording."""
+"""Console output of a trial: estimates, true values, timing of the loop, safety, recording."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from teleop.recording.gaps import Gap, missing_text
 from teleop.safety.events import time_text
 
 STALL = 0.05
-"""A warning is printed if the time between two ticks is longer than this [s]."""
+"""Time between two ticks above which a warning is printed [s]."""
 
 
 def print_trial(summary: Mapping[str, Any]) -> None:
@@ -22,7 +22,7 @@ def print_trial(summary: Mapping[str, Any]) -> None:
     Parameters
     ----------
     summary
-        The results, from `Trial.summary`.
+        The results that `Trial.summary` returned.
     """
     console = plain_console()
     console.print(
@@ -67,7 +67,7 @@ def print_trial(summary: Mapping[str, Any]) -> None:
 
 
 def print_incomplete(console: Console, recording: Mapping[str, Any]) -> None:
-    """Print which ticks are missing in the recording, and how to recover the intact part."""
+    """Print which ticks are missing in the recording, and how to recover its intact part."""
     if recording["missing_ticks"]:
         missing = missing_text([Gap(*row.values()) for row in recording["missing_ticks"]])
         console.print(
@@ -88,7 +88,7 @@ def print_incomplete(console: Console, recording: Mapping[str, Any]) -> None:
 
 
 def duration(summary: Mapping[str, Any]) -> str:
-    """Return the duration of a trial as text, with the planned duration if it ended earlier."""
+    """Return the duration of a trial as text; if it ended early, with the planned duration."""
     planned = f"{summary['duration_s']:g} s"
     if summary["interrupted"] or summary["safety"]["fault"]:
         return f"{summary['actual_duration_s']:.2f} of {planned}"
@@ -116,14 +116,14 @@ def print_truth(console: Console, truth: Mapping[str, Any]) -> None:
 
 
 def print_tracking(console: Console, tracking: Mapping[str, Any] | None) -> None:
-    """Print gain, phase and error of the slave relative to the target of the condition mimic."""
+    """Print gain, phase and error of the slave relative to the target in the condition `mimic`."""
     if tracking:
         first, second = tracking_lines(tracking)
         console.print(f"  tracking: {first},\n  {second}")
 
 
 def tracking_lines(tracking: Mapping[str, Any]) -> tuple[str, str]:
-    """Return two lines with gain, phase, error and frequency of the slave's motion."""
+    """Return two lines with gain, phase and error relative to the target, and the frequency."""
     return (
         f"gain {tracking['gain']:.2f}, phase {tracking['phase_deg']:.0f} deg "
         f"(delay {tracking['delay_s']:.3f} s), error {tracking['rms_m'] * 1e3:.2f} mm rms",
@@ -133,7 +133,7 @@ def tracking_lines(tracking: Mapping[str, Any]) -> tuple[str, str]:
 
 
 def print_feedback(console: Console, feedback: Mapping[str, Any] | None) -> None:
-    """Print what the hand felt, and the lowest energy at its port."""
+    """Print which stiffness and force the hand felt, and the lowest energy that the hand gave."""
     if not feedback:
         return
     channel = f", channel {feedback['channel']}" if feedback["channel"] else ""
@@ -183,7 +183,7 @@ def print_loop(console: Console, summary: Mapping[str, Any]) -> None:
 
 
 def print_rejected(console: Console, rejected: Mapping[str, Mapping[str, int]]) -> None:
-    """Print how many messages (frames) of each device were rejected, and why."""
+    """Print how many messages (frames) of each device were rejected, and for which reasons."""
     for device, counts in rejected.items():
         reasons = ", ".join(f"{count} for {reason}" for reason, count in counts.items())
         console.print(f"  {device}: rejected {reasons}", style="yellow")

@@ -1,4 +1,4 @@
-"""Self-contained HTML pages: templates and figures in one file that opens offline."""
+"""Self-contained HTML pages: one file with all texts and figures, which opens offline."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from teleop.output.figure_files import render
 
 
 def web_page(template: str, package: str = __package__, **values: Any) -> str:
-    """Return an HTML page that is made from a jinja2 template.
+    """Return an HTML page that is created from a jinja2 template.
 
     Parameters
     ----------

@@ -1,1 +1,1 @@
-"""Recordings of trials: message of a tick, recorder, MCAP files."""
+"""Recordings of trials: the message with the data of a tick, the recorder, and MCAP files."""

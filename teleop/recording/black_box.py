@@ -1,4 +1,4 @@
-"""The black box: it stores the ticks shortly before and after a fault in memory."""
+"""The black box: stores in memory the ticks shortly before and after a fault."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from teleop.recording.sinks import Outcome, Sink, event_record
 from teleop.safety import Event
 
 BEFORE, AFTER = 5.0, 1.0
-"""Time before a fault, and time after a fault, of which the ticks are stored [s]."""
+"""The ticks of this time before a fault, and of this time after it, are stored [s]."""
 
 
 class BlackBox(Sink):
@@ -57,7 +57,7 @@ class BlackBox(Sink):
         Parameters
         ----------
         metadata
-            Named records of text about the session.
+            Metadata of the session: named records with texts by key.
         """
         messages = b"".join(self._messages)
         return from_messages(self._layout.definition, messages, self._events, metadata)
@@ -70,7 +70,7 @@ class BlackBox(Sink):
         path
             The file.
         metadata
-            Named records of text about the session.
+            Metadata of the session: named records with texts by key.
         start
             Wall-clock time of the beginning of the trial, since 1970 [ns].
 

@@ -1,4 +1,4 @@
-"""Bounds on what is read from a file that may be damaged, and on the memory for it."""
+"""Bounds for reading a file that may be damaged: number of bytes, and memory."""
 
 from __future__ import annotations
 
@@ -21,11 +21,12 @@ def machine_memory() -> int:
 
 
 LARGEST_TICKS = machine_memory() // 4
-"""Largest total size of ticks that are stored [bytes]. Their columns need the same size again."""
+"""Largest total size of ticks that are stored in memory [bytes]. The columns that are computed from
+the ticks need the same size again."""
 
 
 def check_memory(path: Path | str, size: int) -> None:
-    """Raise InputError if ticks of this total size [bytes] are too large for the memory."""
+    """Raise InputError if ticks of the total size `size` [bytes] are too large for the memory."""
     if size > LARGEST_TICKS:
         raise InputError(
             f"{path}: too large for this machine's memory: more than {LARGEST_TICKS >> 20} MiB "
@@ -34,7 +35,7 @@ def check_memory(path: Path | str, size: int) -> None:
 
 
 class BoundedFile:
-    """A file of which never more than the rest is read, even if a record states a wrong length.
+    """A file that is never read beyond its end, even if a record states a wrong length.
 
     Parameters
     ----------

@@ -1,6 +1,7 @@
 """Decompression of the chunks of MCAP files.
 
-At most the size that a chunk declares is decompressed, so that no chunk can fill the memory.
+Not more bytes are decompressed than the size that a chunk declares, so that no chunk can fill the
+memory.
 """
 
 from __future__ import annotations
@@ -13,13 +14,13 @@ import zstandard
 from mcap.records import Chunk
 
 LARGEST = 64 << 20
-"""Size of the largest chunk that is read [bytes]. Chunks of the recorder are below 1 MiB."""
+"""Size of the largest chunk that is read [bytes]. The recorder writes chunks below 1 MiB."""
 PIECE = 1 << 20
 """Largest number of bytes that are decompressed at a time."""
 
 
 def chunk_data(chunk: Chunk) -> bytes:
-    """Return the records of a chunk, decompressed.
+    """Decompress a chunk, and return its records.
 
     Raises
     ------
@@ -44,7 +45,7 @@ def chunk_data(chunk: Chunk) -> bytes:
 
 
 def uncompressed(data: bytes, _: int) -> bytes:
-    """Return the data of a chunk without compression, unchanged."""
+    """Return the data of an uncompressed chunk unchanged."""
     return data
 
 
@@ -66,4 +67,4 @@ def from_lz4(data: bytes, max_size: int) -> bytes:
 
 
 DECOMPRESSORS = {"": uncompressed, "zstd": from_zstd, "lz4": from_lz4}
-"""Decompression function by the name of the compression."""
+"""Decompression functions, by the name of the compression."""

@@ -19,9 +19,9 @@ from teleop.recording.stream import RecordingStream
 
 
 def write_csv(file: BinaryIO, recording: RecordingStream) -> None:
-    """Write the columns of a recording as CSV, each with the header `name [unit]`.
+    """Write the columns of a recording as CSV. The header of each column is `name [unit]`.
 
-    Settings, session and events are not part of the CSV file, see `description`.
+    Settings, session and events are not in the CSV file, but in a separate file, see `description`.
     """
     writer = table_writer(file, recording.units)
     for columns in blocks(recording):
@@ -29,9 +29,9 @@ def write_csv(file: BinaryIO, recording: RecordingStream) -> None:
 
 
 def description_of(path: Path) -> Path | None:
-    """Return the path of the description of a CSV file; None for another format.
+    """Return the path of the file that describes a CSV file; None for another format.
 
-    The name of the description is defined by the standard CSV on the Web.
+    The standard "CSV on the Web" defines the name of this file.
     """
     is_csv = path.suffix.lower() in FORMATS and format_of(path) == "csv"
     return path.with_name(f"{path.name}-metadata.json") if is_csv else None
@@ -40,7 +40,7 @@ def description_of(path: Path) -> Path | None:
 def description(path: Path, recording: RecordingStream) -> str:
     """Return the settings, session and events of a recording as a JSON document.
 
-    The document describes a CSV file as defined by the standard CSV on the Web.
+    The standard "CSV on the Web" defines how the document describes the CSV file.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ def description(path: Path, recording: RecordingStream) -> str:
 
 
 def write_hdf5(disk: BinaryIO, recording: RecordingStream) -> None:
-    """Write an HDF5 file with one dataset per column, which has the attribute `unit`.
+    """Write an HDF5 file with one dataset per column. Each dataset has the attribute `unit`.
 
     The session and the settings are attributes of the file. The dataset `events` contains the
     events as JSON documents.
@@ -91,8 +91,8 @@ def write_hdf5(disk: BinaryIO, recording: RecordingStream) -> None:
 def write_matlab(file: BinaryIO, recording: RecordingStream) -> None:
     """Write a MATLAB file with one variable per column.
 
-    The variables `units`, `session`, `settings` and `events` contain the other data. The format
-    stores one variable after another, so that the whole recording must fit into the memory.
+    The variables `units`, `session`, `settings` and `events` contain the other data. The MATLAB
+    format stores one variable after another, so that the whole recording must fit into the memory.
 
     Raises
     ------
@@ -153,7 +153,7 @@ FORMATS: dict[str, tuple[str, Callable[[BinaryIO, RecordingStream], None]]] = {
 
 
 def format_of(path: Path) -> str:
-    """Return the name of the export format that the ending of a file name selects.
+    """Return the name of the export format for the ending of a file name.
 
     Raises
     ------
@@ -166,15 +166,15 @@ def format_of(path: Path) -> str:
 
 
 def export_recording(file: Path, path: Path, overwrite: bool = False) -> RecordingStream:
-    """Write a recording in the format that the ending of the file name selects.
+    """Write a recording to a file in the format that the ending of `path` determines.
 
-    For a CSV file, the settings, session and events are written to the additional file
-    `description_of`.
+    With a CSV file, settings, session and events are written to an additional file, whose path is
+    given by `description_of`.
 
     Parameters
     ----------
     file
-        The recording. It is read twice: once to check that it is complete.
+        The recording. It is read twice: first to check that it is complete, then to export it.
     path
         The file to write.
     overwrite
@@ -202,7 +202,7 @@ def export_recording(file: Path, path: Path, overwrite: bool = False) -> Recordi
 
 
 def blocks(recording: RecordingStream) -> Iterator[dict[str, Floats]]:
-    """Yield the columns of a recording in blocks of ticks, reading it again."""
+    """Read a recording again, and yield its columns in blocks of ticks."""
     return RecordingStream(recording.path).blocks()
 
 
@@ -235,12 +235,12 @@ def write_table(file: BinaryIO, columns: Mapping[str, Floats], units: Mapping[st
 
 
 def table_writer(file: BinaryIO, units: Mapping[str, str]) -> Any:
-    """Write the header of a CSV table with columns of these units, and return its writer."""
+    """Write the header of a CSV table, and return a writer for its rows."""
     writer = csv.writer(codecs.getwriter("utf-8")(file, "backslashreplace"))
     writer.writerow([f"{name} [{unit}]" for name, unit in units.items()])
     return writer
 
 
 def rows_of(columns: Mapping[str, Floats]) -> Iterable[tuple[float, ...]]:
-    """Return the rows of a table as Python floats, which are written with all digits."""
+    """Return the rows of a table as Python floats, because these are written with all digits."""
     return zip(*(column.tolist() for column in columns.values()), strict=True)

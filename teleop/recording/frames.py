@@ -1,7 +1,7 @@
 """Format of the data on the pipe from the control process to the recorder process.
 
-First comes a JSON document, after its length. It describes the session. Then come frames: the
-beginning of the trial, ticks, events, and the end of the trial.
+The data start with the length of a JSON document, followed by this document, which describes the
+session. Then frames follow: the beginning of the trial, ticks, events, and the end of the trial.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ FRAME = struct.Struct("<cH")
 TICK, EVENT, BEGIN, END = b"T", b"E", b"B", b"N"
 """Kinds of frame."""
 NUMBER = struct.Struct("<q")
-"""Layout of the content of a frame BEGIN or END, one number.
+"""Layout of the content of a frame BEGIN or END: one number.
 
 In a frame BEGIN, the number is the wall-clock time of the beginning of the trial [ns]. In a frame
 END, the number is the number of dropped ticks.
@@ -23,5 +23,5 @@ END, the number is the number of dropped ticks.
 
 
 def number_frame(kind: bytes, number: int) -> bytes:
-    """Return a frame BEGIN or END, whose content is one number."""
+    """Return a frame of kind BEGIN or END with a number as its content."""
     return FRAME.pack(kind, NUMBER.size) + NUMBER.pack(number)

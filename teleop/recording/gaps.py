@@ -10,9 +10,9 @@ import numpy as np
 from estimation.compiled import Floats
 
 SAME_TIME = 1e-6
-"""Times that differ by less than this count as equal [s]."""
+"""Largest difference between two times that are treated as equal [s]."""
 LISTED = 4
-"""Largest number of gaps that a message lists."""
+"""Largest number of gaps that an error message lists."""
 
 
 class Gap(NamedTuple):
@@ -27,7 +27,7 @@ class Gap(NamedTuple):
 
     @property
     def text(self) -> str:
-        """Number of missing ticks, and the time of the gap, as a part of a message."""
+        """Number of missing ticks, and time of the gap, as text for a message."""
         if self.start is None:
             return f"{self.ticks} before {self.end:.3f} s"
         if self.end is None:
@@ -40,9 +40,9 @@ def missing_ticks(
 ) -> tuple[Gap, ...]:
     """Return the gaps in a recording.
 
-    The loop measures `dt` at every tick, also at ticks that are not recorded. If the difference of
-    the times of two successive recorded ticks is greater than `dt`, ticks are missing between
-    them. Periods that the loop skipped are not gaps.
+    The loop measures `dt` at every tick, even if the tick is not recorded. If the time between two
+    successive recorded ticks is greater than `dt`, ticks are missing between the two. Periods that
+    the loop skipped are not gaps.
 
     Parameters
     ----------
@@ -51,9 +51,9 @@ def missing_ticks(
     dt
         Time since the previous tick [s], even if that tick is not recorded, shape (n,).
     dropped
-        Number of all ticks that were dropped before each recorded tick, shape (n,).
+        Total number of ticks that were dropped before each recorded tick, shape (n,).
     total_dropped
-        Number of all ticks that were dropped until the end of the trial.
+        Total number of ticks that were dropped until the end of the trial.
     """
     finder = GapFinder()
     finder.add(t, dt, dropped)
@@ -69,7 +69,7 @@ class GapFinder:
         self._last = (0.0, 0.0)
 
     def add(self, t: Floats, dt: Floats, dropped: Floats) -> None:
-        """Process successive ticks; the arguments are those of `missing_ticks`."""
+        """Process the next ticks. The arguments are the same as for `missing_ticks`."""
         if not len(t):
             return
         before, lost_before = self._last
@@ -84,7 +84,7 @@ class GapFinder:
         self._last = float(t[-1]), float(dropped[-1])
 
     def gaps(self, total_dropped: int = 0) -> tuple[Gap, ...]:
-        """Return the gaps so far; `total_dropped` is that of `missing_ticks`."""
+        """Return the gaps so far. `total_dropped` is the same as for `missing_ticks`."""
         if self._first is None:
             return ()
         gaps = list(self._found)
@@ -96,7 +96,7 @@ class GapFinder:
 
 
 def missing_text(gaps: Sequence[Gap]) -> str:
-    """Return a message with the number and the times of missing ticks; empty for no gaps."""
+    """Return a message with number and times of missing ticks; empty if there are no gaps."""
     if not gaps:
         return ""
     places = ", ".join(gap.text for gap in gaps[:LISTED])
@@ -106,5 +106,5 @@ def missing_text(gaps: Sequence[Gap]) -> str:
 
 
 def gap_rows(gaps: Sequence[Gap]) -> list[dict[str, Any]]:
-    """Return the gaps in the form of a JSON document, with times in s."""
+    """Return the gaps as values for a JSON document, with times in s."""
     return [{"from_s": gap.start, "to_s": gap.end, "ticks": gap.ticks} for gap in gaps]

@@ -1,4 +1,4 @@
-"""Checks of the content of a recording before it is used, because a file may be damaged."""
+"""Checks of the content of a recording, because the file may be damaged."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ LONGEST_NAME = 63
 LATEST = 1e7
 """Largest magnitude of the time of a tick or an event, from the beginning of the trial [s]."""
 COLUMN = re.compile(r"float64 ([A-Za-z]\w*)(?:\s*#[^\n]*)?", re.ASCII)
-"""Pattern of a line that describes one column in the definition of a tick's message."""
+"""Pattern of the line for one column in the definition of a tick's message."""
 LARGEST_NUMBER = 10**300
 """Largest magnitude of a number in an event."""
 NUMBER = float | int | None
@@ -33,12 +33,13 @@ EVENT = {
 }
 """Type of each item of an event.
 
-If the item `fault` of an event is empty, `source`, `value`, `limit` and `since` may be missing.
+If the item `fault` of an event is empty, the items `source`, `value`, `limit` and `since` may be
+missing.
 """
 
 
 def message_size(definition: str) -> int:
-    """Return the size of the message of one tick [bytes], from the definition of the message.
+    """Return the size of the message of a tick [bytes], computed from the message definition.
 
     Parameters
     ----------
@@ -48,7 +49,8 @@ def message_size(definition: str) -> int:
     Raises
     ------
     ValueError
-        The definition does not describe a tick: only doubles with distinct names, `time` first.
+        The definition does not describe a tick. It may contain only doubles with distinct names,
+        and the first must be `time`.
     """
     if "\0" in definition:
         raise ValueError("the definition of its ticks is not text")
@@ -113,9 +115,9 @@ def read_event(document: bytes) -> dict[str, Any]:
 
 
 def is_valid_metadata(metadata: dict[str, str]) -> bool:
-    """Return whether the texts of a metadata record contain no zero byte, and valid JSON.
+    """Return whether a metadata record is valid: no zero byte, and a valid JSON document.
 
-    Only the text `json` has to be a JSON document. It may be missing.
+    Only the text with the key `json` has to be a JSON document. This text may be missing.
     """
     try:
         loads(metadata.get("json", "{}"))

@@ -35,14 +35,14 @@ MOST_EVENTS = 100_000
 LATEST_START = 1 << 62
 """Latest accepted wall-clock time of the beginning of a trial [ns], about the year 2116."""
 CUT = "its end is missing"
-"""Description of the damage of a file whose writer was killed, or whose disk was full."""
+"""Description of the damage if the writer of a file was killed, or if the disk was full."""
 
 
 @dataclass
 class Source:
     """A channel of the MCAP file, and the expected sequence number of its next message.
 
-    If the sequence number of the next message is another one, a chunk is missing.
+    If the next message has another sequence number, a chunk is missing.
     """
 
     topic: str
@@ -51,14 +51,14 @@ class Source:
     """Expected sequence number of the next message; None before the first message."""
 
     def follow(self, sequence: int, count: int) -> None:
-        """Check that no message is missing between the previous messages and the next ones.
+        """Check that no message is missing between the previous and the next messages.
 
         Parameters
         ----------
         sequence
-            Sequence number of the first of the messages.
+            Sequence number of the first of the next messages.
         count
-            Number of messages.
+            Number of next messages.
 
         Raises
         ------
@@ -105,15 +105,16 @@ def read_intact(path: Path) -> Contents:
 
 
 def read_ticks(path: Path, contents: Contents) -> Iterator[NDArray[np.uint8]]:
-    """Yield the messages of the ticks in the intact part of a recording, and read the rest of it.
+    """Yield the messages of ticks in the intact part of a recording, and read its other content.
 
     Parameters
     ----------
     path
         The recording.
     contents
-        Its other contents, which are filled on the way; `messages` stays empty. The definition and
-        the metadata at the begin of the file are known from the first ticks on.
+        Object to which the other content is added while the ticks are read; `messages` remains
+        empty. When the first ticks are yielded, it already contains the definition, and the
+        metadata at the beginning of the file.
 
     Yields
     ------
@@ -140,7 +141,7 @@ def read_ticks(path: Path, contents: Contents) -> Iterator[NDArray[np.uint8]]:
 
 
 class ReaderWithoutIndices(StreamReader):
-    """Reads all records except message indices, which take longer to parse than the ticks."""
+    """MCAP reader that skips message indices, because parsing them takes longer than the ticks."""
 
     def _read_record(self, opcode: int, length: int) -> McapRecord | None:
         if opcode == Opcode.MESSAGE_INDEX:
@@ -150,7 +151,7 @@ class ReaderWithoutIndices(StreamReader):
 
 
 def read_records(file: BinaryIO, contents: Contents) -> Iterator[NDArray[np.uint8]]:
-    """Read the records of a file up to the first damaged record, as `read_ticks` does.
+    """Read the records up to the first damaged record, and yield the messages of ticks.
 
     Raises
     ------
@@ -192,7 +193,7 @@ def read_records(file: BinaryIO, contents: Contents) -> Iterator[NDArray[np.uint
 def read_chunk(
     chunk: Chunk, contents: Contents, channels: dict[int, Source]
 ) -> Iterator[NDArray[np.uint8]]:
-    """Yield the messages of the ticks of a chunk, and read its events into `contents`.
+    """Yield the messages of the ticks in a chunk, and add the events of the chunk to `contents`.
 
     Raises
     ------
@@ -220,7 +221,7 @@ def read_chunk(
 def records(
     data: bytes, contents: Contents, channels: dict[int, Source]
 ) -> Iterator[Schema | Channel | Message | NDArray[np.uint8]]:
-    """Yield the records of a chunk; the messages of successive ticks as one array of bytes.
+    """Yield the records of a chunk. The messages of successive ticks are joined to one byte array.
 
     Raises
     ------
@@ -261,9 +262,10 @@ def records(
 
 
 def consecutive_records(data: bytes, place: int, stride: int) -> NDArray[np.uint8]:
-    """Return the consecutive records from index `place` on that have the same type and channel.
+    """Return the consecutive records of the same type and channel that start at byte `place`.
 
-    The array of bytes has the shape (records, stride); `stride` is the size of a record [bytes].
+    The result is an array of bytes of shape (records, stride), where `stride` is the size of a
+    record [bytes].
     """
     count = (len(data) - place) // stride
     rows = np.frombuffer(data, np.uint8, count * stride, place).reshape(count, stride)
@@ -272,14 +274,14 @@ def consecutive_records(data: bytes, place: int, stride: int) -> NDArray[np.uint
 
 
 def start_time(logged: int, t: float) -> int:
-    """Return the wall-clock time of the beginning of the trial [ns].
+    """Compute the wall-clock time of the beginning of the trial [ns] from a message.
 
     Parameters
     ----------
     logged
         Wall-clock time of a message [ns].
     t
-        Time of that message in the trial [s].
+        Time of the same message, from the beginning of the trial [s].
 
     Raises
     ------

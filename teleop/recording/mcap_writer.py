@@ -24,7 +24,7 @@ TICKS, EVENTS = "/tick", "/event"
 END = "end"
 """Name of the metadata record at the end of a trial, with the number of dropped ticks."""
 INFO, ERROR = 2, 4
-"""Levels of an event in the schema foxglove.Log."""
+"""Severity levels of an event in the schema foxglove.Log."""
 EVENT_SCHEMA = {
     "title": "foxglove.Log",
     "type": "object",
@@ -44,10 +44,10 @@ EVENT_SCHEMA = {
 
 
 class Disk(io.RawIOBase):
-    """A file to write, which stores the first write error. The MCAP writer does not report it.
+    """A file to write. It stores the first write error, because the MCAP writer does not report it.
 
-    Without `overwrite`, a path that is a symbolic link is an error. With `overwrite`, the target
-    of the link is written.
+    If the path is a symbolic link and `overwrite` is True, the target of the link is written. If it
+    is a symbolic link and `overwrite` is False, an error is raised.
 
     Parameters
     ----------
@@ -133,9 +133,9 @@ class McapFile:
     path
         The file.
     columns
-        Name, unit and meaning of each double in the message of a tick.
+        Name, unit and meaning of each double (column) in the message of a tick.
     definition
-        Definition of this message in the message definition language of ROS 2.
+        Definition of the message of a tick in the message definition language of ROS 2.
     metadata
         Named records of text about the session.
     overwrite
@@ -181,17 +181,17 @@ class McapFile:
 
     @property
     def error(self) -> OSError | None:
-        """First write error; None if there was none."""
+        """First write error; None if there was no error."""
         return self._disk.error
 
     @property
     def failure(self) -> str:
-        """First write error as text; empty if there was none."""
+        """First write error as text; empty if there was no error."""
         return reason(self.error) if self.error else ""
 
     @property
     def missing(self) -> str:
-        """Reason why the file is no longer at its path; empty if it is there or is closed."""
+        """Reason why the file is no longer at its path; empty if it is at its path or closed."""
         return self._disk.missing
 
     @contextlib.contextmanager
@@ -238,9 +238,10 @@ class McapFile:
                 self._writer.flush()
 
     def end(self, dropped: int) -> None:
-        """Write the number of all ticks that were dropped.
+        """Write the total number of dropped ticks.
 
-        The number in the last recorded tick may be smaller, because later ticks may be dropped.
+        The number in the last recorded tick may be smaller, because ticks after it may have been
+        dropped.
         """
         if self.error is None:
             with self._suppressed_write_errors():
@@ -253,5 +254,5 @@ class McapFile:
         self._disk.close()
 
     def remove(self) -> None:
-        """Remove the file after it was closed; called if the file contains no tick."""
+        """Remove the closed file. This is called if the file contains no tick."""
         self._disk.remove()

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from teleop.control.tick_record import Record
 
 REGRESSOR = "regressor_"
-"""Prefix of the names of the columns with regressors other than velocity v and displacement x."""
+"""Prefix of the names of columns that contain regressors other than v and x."""
 DROPPED = Column("dropped", "-", "ticks that the recorder has missed so far")
 POINTER = (
     Column(
@@ -30,7 +30,8 @@ POINTER = (
     Column("pointer_grip", "-", "1 while the pointer holds the handle"),
     Column("pointer_clock", "s", "time of the measurement on the clock of the loop"),
 )
-"""Further columns of a trial with a pointer as operator, from which it can be repeated exactly."""
+"""Further columns if the pointer of the live page is the operator. They allow an exact repetition
+of the trial."""
 VALUES = attrgetter(*(column.source for column in COLUMNS))
 """Function that returns the values of `COLUMNS` from the record of a tick."""
 
@@ -43,9 +44,10 @@ class Layout:
     bank
         The estimators by name.
     link
-        Columns of the channel and of the force feedback; none without them.
+        Columns of channel and force feedback; empty if there is neither a channel nor force
+        feedback.
     pointer
-        The operator, if it is a pointer.
+        The operator, if it is the pointer of the live page; otherwise None.
 
     Attributes
     ----------
@@ -98,7 +100,7 @@ class Layout:
         record
             Recorded quantities and estimates of the tick.
         dropped
-            Number of ticks that the recorder has dropped so far.
+            Number of ticks dropped so far, because the recorder was too slow.
         """
         estimates = estimate_row(record.estimates)
         further: tuple[float, ...] = ()

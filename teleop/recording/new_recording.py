@@ -1,4 +1,4 @@
-"""Creates a new file for a recording, in a folder named after the date."""
+"""Creation of a new file for a recording, in a folder named after the date."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from pathlib import Path
 from teleop.files import unwritable
 
 LONGEST = 60
-"""Largest number of characters of condition and specimen in the file name."""
+"""Largest number of characters that condition and specimen take in the file name."""
 
 
 def new_recording(condition: str, specimen: str) -> Path:
-    """Create an empty file with a new name in the folder `recordings/DATE`; return its path.
+    """Create an empty file with a new name in the folder `recordings/DATE`, and return its path.
 
     Two trials that start at the same time get different files.
 
     Parameters
     ----------
     condition, specimen
-        Names of the condition and the specimen, which follow the time in the file name.
+        Names of the condition and the specimen. The file name consists of the time and these names.
         Characters other than letters, digits, `_`, `.` and `-` are replaced by `-`.
 
     Raises

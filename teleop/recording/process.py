@@ -1,12 +1,12 @@
-"""The recorder process: writes the data that the control process sends to an MCAP file.
+"""The recorder process: receives data from the control process and writes them to an MCAP file.
 
     python -m teleop.recording.process
 
-Standard input is a pipe with the data that `teleop/recording/frames.py` describes. To standard
-output, the process writes a status when the file is open, and a status at the end. To standard
-error, it writes the progress line if the session requests one. The process ends when the pipe is
-closed: when the control process closes the pipe, exits, or is killed. In each of these cases, all
-ticks that were written to the pipe are recorded.
+Standard input is a pipe with the data that `teleop/recording/frames.py` describes. The process
+writes a status to standard output when the file is open, and again at the end. It writes the
+progress line to standard error, if the session requests a progress line. The process ends when the
+pipe is closed, because the control process closes the pipe, exits, or is killed. In each of these
+cases, all ticks that were written to the pipe are recorded.
 """
 
 from __future__ import annotations
@@ -28,25 +28,25 @@ from teleop.recording.mcap_writer import McapFile
 from teleop.safety.events import Mode
 
 CHECK = 1.0
-"""Time between two checks that the file is still at its path [s]."""
+"""Time between two checks whether the file is still at its path [s]."""
 NAP = 0.02
 """Time between two reads of the pipe [s].
 
-The recorder sleeps instead of waiting for data, so that a write of the control process to the pipe
-does not have to wake the recorder, which would take time.
+The recorder sleeps for this time instead of waiting for data. Otherwise, each write of the control
+process to the pipe would have to wake the recorder, which takes time.
 """
 FLUSH = 0.05
 """Time between two flushes of the file [s]."""
 BULK = 1 << 16
 """Largest number of bytes that are read from the pipe at a time."""
 DOUBLE = struct.Struct("<d")
-"""Struct with one column of the message of a tick."""
+"""Layout of one column in the message of a tick."""
 PAIR = struct.Struct("<2d")
 """Layout of damping b and stiffness k of an estimator in the message of a tick."""
 
 
 def send(**status: Any) -> None:
-    """Send a status to the control process, as one line of JSON, unless that process has ended."""
+    """Send a status as one line of JSON to the control process, if this process still runs."""
     try:
         print(json.dumps(status), flush=True)
     except BrokenPipeError:
@@ -77,7 +77,7 @@ def read_session() -> dict[str, Any]:
 
 
 class FrameReader:
-    """Separates the data of the pipe into frames; passes them to the file and the progress line.
+    """Divides the data of the pipe into frames, and passes the frames to file and progress line.
 
     Parameters
     ----------
@@ -142,7 +142,7 @@ class FrameReader:
 
 
 def main() -> None:
-    """Record until the pipe is closed."""
+    """Run the recorder process: record until the pipe is closed."""
     try:
         session = read_session()
     except EOFError:
@@ -198,11 +198,11 @@ class FileMonitor:
     Parameters
     ----------
     path
-        Path of the file, for the message.
+        Path of the file, for the text of the report.
     file
         MCAP file of the recording.
     progress
-        The progress line, which shows the message.
+        The progress line, which prints the report.
     """
 
     def __init__(self, path: str, file: McapFile, progress: Progress) -> None:

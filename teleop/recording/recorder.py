@@ -21,12 +21,12 @@ from teleop.recording.sinks import Outcome, Sink, event_record
 from teleop.safety import Event
 
 PIPE_SIZE = 1 << 20
-"""Requested size of the buffer of the pipe [bytes], for about two seconds of ticks.
+"""Requested size of the pipe's buffer [bytes]. It can hold about two seconds of ticks.
 
-It is the largest size that Linux allows to every user by default.
+It is the largest size that Linux by default allows to every user.
 """
 TIMEOUT = 20.0
-"""Longest wait for the start, and for the end, of the recorder [s]."""
+"""Longest wait for the recorder to start, and to end [s]."""
 
 
 class RecorderProcess(Sink):
@@ -116,7 +116,7 @@ class RecorderProcess(Sink):
             self._failure = "the recorder did not start"
 
     def begin(self, start: int) -> None:
-        """Wait until the recorder has opened the file. Then ticks may be sent with `push`.
+        """Wait until the recorder has opened the file. After this, `push` may be called.
 
         Parameters
         ----------
@@ -144,7 +144,7 @@ class RecorderProcess(Sink):
             os.set_blocking(self._pipe, False)
 
     def push(self, message: bytes) -> None:
-        """Send the message of one tick to the recorder. If this is not possible, drop the tick."""
+        """Send the message of one tick to the recorder; drop the tick if it cannot be sent."""
         if self._failure:
             return
         try:
@@ -163,12 +163,12 @@ class RecorderProcess(Sink):
             self._failure = "the recorder was killed"
 
     def event(self, event: Event) -> None:
-        """Store an event, which is sent before the next tick for which the pipe has room."""
+        """Store an event. It is sent before the next tick for which the pipe has room."""
         data = json.dumps(event_record(event)).encode()
         self._waiting.append(FRAME.pack(EVENT, len(data)) + data)
 
     def close(self) -> Outcome:
-        """Wait until the recorder has completed the file; return the state of the recording.
+        """Wait until the recorder has completed the file, and return the state of the recording.
 
         If an exception interrupts this wait, the recorder is killed.
         """

@@ -55,12 +55,12 @@ class Recording:
     """Parts of the recording in which ticks are missing, because the recorder was too slow."""
 
     def __getitem__(self, name: str) -> Floats:
-        """Return the column of a name, shape (ticks,).
+        """Return the column with a given name, shape (ticks,).
 
         Raises
         ------
         MissingColumn
-            There is no column of this name; the message lists the columns.
+            There is no column with this name. The message lists the columns.
         """
         if name not in self.columns:
             raise MissingColumn(
@@ -83,7 +83,7 @@ class Recording:
 
     @property
     def estimated_channels(self) -> list[str]:
-        """Names of the channels that an observer estimated. A sensor measured the others."""
+        """Names of the channels that an observer estimated. All other channels had a sensor."""
         names = self.session.get("estimated_channels", "none")
         return [] if names == "none" else names.split(", ")
 
@@ -116,7 +116,7 @@ class Recording:
         return pandas.DataFrame(columns, index=pandas.Index(self["time"], name="time"))
 
     def __repr__(self) -> str:
-        """Return number of ticks, estimators, rig and date in one line."""
+        """Return one line with number of ticks, estimators, rig and date."""
         about = [f"{len(self)} ticks", f"estimators {', '.join(self.estimators) or 'none'}"]
         about += [self.session[name] for name in ("rig", "created") if name in self.session]
         return f"Recording({'; '.join(about)})"
@@ -126,7 +126,7 @@ class Recording:
         return misfit_in(self.columns, estimator)
 
     def regression(self) -> Regression:
-        """Return the samples of position, velocity and force that the estimators received."""
+        """Return the samples that the estimators received: position, velocity and force."""
         further = [column for name, column in self.columns.items() if name.startswith(REGRESSOR)]
         x, v, f, dt = (self[name] for name in ("x", "v", "f", "paired_dt"))
         return Regression(x, v, f, dt, np.reshape(further, (len(further), len(self))).T)
@@ -173,7 +173,7 @@ def gaps_of(columns: dict[str, Floats], total_dropped: int = 0) -> tuple[Gap, ..
     columns
         Columns of the recording, each of shape (ticks,).
     total_dropped
-        Number of all dropped ticks.
+        Total number of dropped ticks.
     """
     if not columns.keys() >= set(OF_GAPS):
         return ()
@@ -189,7 +189,8 @@ def load(path: Path | str, is_wanted: Callable[[str], bool] = bool) -> Recording
     path
         The file.
     is_wanted
-        Function that returns whether a column is read. The default is every column.
+        Function that takes the name of a column and returns whether to read it. Default: all
+        columns.
 
     Raises
     ------
@@ -203,7 +204,7 @@ def load(path: Path | str, is_wanted: Callable[[str], bool] = bool) -> Recording
 
 
 def load_intact(path: Path) -> Recording | None:
-    """Read the intact part of a recording from an MCAP file; return None if no part is intact."""
+    """Read the intact part of a recording from an MCAP file; None if no part is intact."""
     try:
         stream = RecordingStream(path)
         return stored(stream, stream.intact_blocks())
@@ -212,12 +213,12 @@ def load_intact(path: Path) -> Recording | None:
 
 
 def stored(stream: RecordingStream, blocks: Iterable[dict[str, Floats]]) -> Recording:
-    """Return a recording with the columns of all blocks of a stream.
+    """Read all blocks of a stream, and return them as a recording.
 
     Raises
     ------
     InputError
-        As in `load`.
+        The same errors as for `load`.
     """
     parts: dict[str, list[Floats]] = {}
     size = 0

@@ -1,4 +1,4 @@
-"""Writes the intact part of an incomplete recording to a new, complete recording."""
+"""Recovery: writes the intact part of an incomplete recording to a new, complete recording."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Recovery:
 
     @property
     def loss(self) -> str:
-        """Text that states why the rest of the recording is missing."""
+        """Reason why the rest of the recording is missing, as text."""
         if self.damage == CUT:
             return f"the rest was cut off ({self.damage})"
         return f"the rest could not be read ({self.damage})"

@@ -31,11 +31,12 @@ class Outcome(NamedTuple):
 class Sink(ABC):
     """Base class of the objects that receive the ticks and events of the control loop.
 
-    A sink does not write to a disk in the loop, so that the loop never waits for a disk.
+    The methods `push` and `event` do not write to a disk, so that the control loop never waits for
+    a disk.
     """
 
     dropped = 0
-    """Number of ticks that were dropped, and are not recorded."""
+    """Number of ticks that were dropped and therefore not recorded."""
 
     @abstractmethod
     def push(self, message: bytes) -> None:

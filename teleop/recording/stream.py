@@ -1,4 +1,4 @@
-"""Read a recording in blocks of ticks, with the memory of one block."""
+"""Reading of a recording in blocks of ticks. Only one block at a time is in memory."""
 
 from __future__ import annotations
 
@@ -19,15 +19,16 @@ from teleop.recording.mcap_reader import Contents, read_ticks
 from teleop.recording.mcap_writer import END
 
 BLOCK = 1 << 14
-"""Least number of ticks in a block, except the last one."""
+"""Smallest number of ticks in a block; the last block may be smaller."""
 FIELD = re.compile(r"float64 (\w+)(?:\s*#\s*\[([^]]*)\]\s*(.*))?")
-"""Pattern of a line in the definition of a tick's message: name, unit and meaning of a column."""
+"""Pattern of a line in the definition of a tick's message, with a column's name, unit and
+meaning."""
 OF_GAPS = ("time", "dt", "dropped")
-"""Columns from which missing ticks are found."""
+"""Columns that are needed to find missing ticks."""
 
 
 def tick_values(rows: NDArray[np.uint8]) -> Floats:
-    """Return the values in the messages of ticks, shape (columns, ticks).
+    """Return the values that the messages of ticks contain, shape (columns, ticks).
 
     Parameters
     ----------
@@ -98,13 +99,14 @@ class RecordingStream:
         Parameters
         ----------
         is_wanted
-            Function that returns whether a column is needed. The default is every column.
+            Function that takes the name of a column and returns whether it is needed. Default: all
+            columns.
 
         Raises
         ------
         InputError
-            The recording is not complete, after its last intact tick. The message states the
-            command that recovers the intact part.
+            The recording is not complete. The error is raised after the last intact tick was
+            yielded. The message states the command that recovers the intact part.
         """
         yield from self.intact_blocks(is_wanted)
         if self.contents.damage:
@@ -115,7 +117,7 @@ class RecordingStream:
             )
 
     def intact_blocks(self, is_wanted: Callable[[str], bool] = bool) -> Iterator[dict[str, Floats]]:
-        """Yield the columns as `blocks` does; the end may be missing."""
+        """Yield the columns as `blocks` does, but without an error if the end is missing."""
         names = list(self.units)
         wanted = [(i, name) for i, name in enumerate(names) if is_wanted(name)]
         for rows in self._joined():
@@ -127,7 +129,7 @@ class RecordingStream:
             yield {name: values[i] for i, name in wanted}
 
     def _joined(self) -> Iterator[NDArray[np.uint8]]:
-        """Yield the messages of at least `BLOCK` ticks together."""
+        """Yield the messages of ticks, joined to blocks of at least `BLOCK` ticks."""
         rows = [] if self._first is None else [self._first]
         count = sum(map(len, rows))
         for more in self._rows:
@@ -141,6 +143,6 @@ class RecordingStream:
 
 
 def dropped_in_all(metadata: dict[str, dict[str, str]]) -> int:
-    """Return the number of all dropped ticks from the metadata of a file; 0 for other text."""
+    """Return the total number of dropped ticks from the metadata of a file; 0 if not valid."""
     text = metadata.get(END, {}).get("dropped", "")
     return int(text) if re.fullmatch(r"[0-9]{1,15}", text) else 0

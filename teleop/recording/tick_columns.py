@@ -18,7 +18,7 @@ class TickColumn(NamedTuple):
     unit: str
     """SI unit; `-` for a column without a unit."""
     source: str
-    """Attribute of `teleop.control.tick_record.Record` that contains the value."""
+    """Name of the attribute of `teleop.control.tick_record.Record` that contains the value."""
     meaning: str
     """Description of the quantity."""
 
@@ -86,7 +86,7 @@ STATE_OF_LOOP = (
 COLUMNS = tuple(
     TickColumn(*column) for column in (*MEASURED, *COMMANDED, *ESTIMATED_FROM, *STATE_OF_LOOP)
 )
-"""All columns of a tick, in their order in the message of the tick."""
+"""Columns that every trial has, in the order of the message of a tick."""
 MODEL = "of the body that is rendered at the master; NaN for none"
 FEEDBACK_COLUMNS = tuple(
     Column(*column)
@@ -103,4 +103,4 @@ FEEDBACK_COLUMNS = tuple(
         ("motion_age", "s", "of the packet from the master that the slave uses"),
     )
 )
-"""Columns of a trial with force feedback or a channel, in the order of `LinkValues`."""
+"""Further columns of a trial with force feedback or a channel, in the order of `LinkValues`."""

@@ -11,7 +11,7 @@ from estimation.compiled import Floats
 from teleop.recording.recording import Recording
 
 PERCENTILES = {"p50": 50.0, "p99": 99.0, "p99_9": 99.9, "max": 100.0}
-"""Percentiles that are computed, by name [%]."""
+"""Computed percentiles [%], by name."""
 HISTOGRAM = (1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0, 3000.0, 10000.0)
 """Upper bounds of the bins of the histogram of lateness [us]; the last bin has no upper bound."""
 

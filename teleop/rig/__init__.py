@@ -1,1 +1,1 @@
-"""Work on a rig before a trial: check, tare, emulation, lag of the force channel."""
+"""Work with a rig before a trial: check, tare, emulation, and lag of the force channel."""

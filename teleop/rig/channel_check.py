@@ -19,15 +19,16 @@ from teleop.safety import ChannelLimits
 from teleop.safety.rig_limits import rig_limits
 
 NEAR_END = 0.98
-"""A sample counts as saturated beyond this fraction of the distance from mid-range to an end."""
+"""A sample counts as saturated if its distance from mid-range exceeds this fraction of half the
+range."""
 PINGS = 20
-"""Number of round-trip times that are measured per device."""
+"""Number of round-trip times that are measured for each device."""
 TIMEOUT = 0.5
 """Longest wait for the answer of a device to a ping [s]."""
 
 
 class ChannelReport(NamedTuple):
-    """Statistics of a channel's samples, in its SI unit."""
+    """Statistics of the samples of a channel, in the channel's SI unit."""
 
     name: str
     """Name of the channel."""
@@ -38,21 +39,21 @@ class ChannelReport(NamedTuple):
     jitter_s: float
     """Standard deviation of the time between samples [s]."""
     age_s: float
-    """Median, over all ticks, of the age of the latest sample [s]."""
+    """Age of the latest sample at a tick: median over all ticks [s]."""
     oldest_s: float
-    """Maximum, over all ticks, of the age of the latest sample [s]."""
+    """Age of the latest sample at a tick: maximum over all ticks [s]."""
     mean: float
     """Mean of the samples."""
     noise: float
     """Standard deviation of the samples."""
     saturated: float
-    """Fraction of the samples near or beyond the ends of the range."""
+    """Fraction of the samples that are near or beyond the ends of the sensor's range."""
     problem: str
-    """Problem because of which the safety supervisor would stop a trial; empty if there is none."""
+    """Problem for which the safety supervisor would stop a trial; empty if there is no problem."""
 
 
 def list_problems(channels: Sequence[ChannelReport], drives: Sequence[DriveReport]) -> list[str]:
-    """Return all problems that two checks found, each with the name of the channel or drive."""
+    """Return all problems of channels and drives, each with the name of the channel or drive."""
     parts: list[ChannelReport | DriveReport] = [*channels, *drives]
     return [f"{part.name}: {part.problem}" for part in parts if part.problem]
 
@@ -60,12 +61,12 @@ def list_problems(channels: Sequence[ChannelReport], drives: Sequence[DriveRepor
 def listen(
     rig: WiredRig, clock: Clock, seconds: float, show: Callable[[list[ChannelReport]], None]
 ) -> list[ChannelReport]:
-    """Read an open rig for some time, and return the statistics of every channel.
+    """Read an open rig for `seconds`, and return the statistics of every channel.
 
     Parameters
     ----------
     rig
-        The rig, already open. Its drives remain out of operation.
+        The rig, which has been opened. The drives remain disabled.
     clock
         Clock of the loop; the rig is read once per tick.
     seconds
@@ -99,7 +100,7 @@ class ChannelLog:
         self._ages: list[float] = []
 
     def add(self, now: float, value: float, age: float) -> None:
-        """Add the sample of a tick. If the sample was read before, only its age is added.
+        """Add the sample of a tick. If it is the same sample as before, add only its age.
 
         Parameters
         ----------
@@ -151,7 +152,7 @@ def channel_problem(
     saturated: float,
     limits: ChannelLimits,
 ) -> str:
-    """Return the problem of a channel, measured on a rig at rest; empty if there is none.
+    """Return the problem of a channel of a rig at rest; empty if there is no problem.
 
     Parameters
     ----------
@@ -160,7 +161,7 @@ def channel_problem(
     oldest
         Greatest age of a sample at a tick [s].
     saturated
-        Fraction of the samples near or beyond the ends of the range.
+        Fraction of the samples that are near or beyond the ends of the sensor's range.
     limits
         Limits of the channel.
     """
@@ -176,7 +177,7 @@ def channel_problem(
 def round_trips(rig: WiredRig, clock: Clock) -> Iterator[tuple[str, float]]:
     """Yield name and median round-trip time [s] of each device that supports a ping.
 
-    An answer that takes longer than `TIMEOUT` counts with this time.
+    If an answer takes longer than `TIMEOUT`, its time is taken to be `TIMEOUT`.
     """
     for name, device in rig.devices.items():
         times = []

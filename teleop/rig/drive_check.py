@@ -1,4 +1,4 @@
-"""Check of the drives of a rig: the drives make small strokes, and then their watchdogs are tested.
+"""Check of the drives of a rig: small strokes of the drives, then a test of the watchdogs.
 
 The check is a trial with the safety supervisor. Its limits are tighter than the limits of the rig.
 """
@@ -39,15 +39,16 @@ The first stroke is slow. If a drive moves 20 times too fast, even a force senso
 per second then measures the contact force early enough to stop the drive.
 """
 ENOUGH = 0.9
-"""Smallest fraction of the length of a stroke that the limits have to allow."""
+"""Smallest fraction of a stroke's length that the limits must permit."""
 WARM, SETTLING = 0.2, 0.2
-"""Times of standstill before the first stroke and after each motion [s]."""
+"""Duration of the standstill before the first stroke, and after each motion [s]."""
 SILENCE = 2.0
-"""Longest wait, without commands, until a watchdog stops its drive [s]."""
+"""Longest time without commands in which a watchdog must stop the drive [s]."""
 LONGEST = 60.0
 """Longest duration of the whole check [s]."""
 QUICK = AdmittanceParameters(mass=0.015, damping=15.0)
-"""Admittance with a time constant of 1 ms, so that its velocity follows the wanted velocity."""
+"""Admittance with a time constant of 1 ms, so that its velocity quickly follows the wanted
+velocity."""
 
 
 class DrivesReport(NamedTuple):
@@ -56,13 +57,13 @@ class DrivesReport(NamedTuple):
     drives: list[DriveReport]
     """Result of each drive."""
     fault: dict[str, Any] | None
-    """Event of the fault because of which the supervisor stopped the check; None for no fault."""
+    """Event of the fault for which the supervisor stopped the check; None if there was no fault."""
     interrupted: bool
     """Whether a person stopped the check."""
 
 
 class DriveCheck(Condition):
-    """Control condition of the check of the drives.
+    """Control condition for the check of the drives.
 
     The drives move in strokes of increasing length. Then no commands are sent until the watchdogs
     have stopped the drives.
@@ -72,9 +73,9 @@ class DriveCheck(Condition):
     rig
         The rig.
     drives
-        Travel of each drive, by the name of the drive.
+        Object that measures the travel of each drive, by the name of the drive.
     damping
-        Damping of the admittance: ratio of its force to its steady velocity [N s/m].
+        Damping of the admittance: ratio of force to steady velocity [N s/m].
     direction
         Direction of the first half of each stroke, 1 or -1; 0 for no motion.
     """
@@ -83,7 +84,7 @@ class DriveCheck(Condition):
         self, rig: PausableRig, drives: Mapping[str, DriveTravel], damping: float, direction: int
     ) -> None:
         self.problems: dict[str, str] = {}
-        """Problem of each drive that has a problem; the first problem ends the check."""
+        """Problems, by the name of the drive. The first problem ends the check."""
         self.watchdogs: dict[str, float] = {}
         """Time from the last command until the watchdog stopped each drive [s]."""
         self.strokes: dict[str, list[Stroke]] = {name: [] for name in drives}
@@ -113,7 +114,7 @@ class DriveCheck(Condition):
         return 0.0 if self.finished or velocity is None else self._damping * velocity
 
     def _plan(self) -> Iterator[float]:
-        """Yield the wanted velocity of each tick [m/s], and check the drives meanwhile."""
+        """Yield the wanted velocity at each tick [m/s], and check the drives at these ticks."""
         yield from self._stand(WARM)
         if self._direction:
             for length, seconds in zip(STROKES, STROKE_TIMES, strict=True):
@@ -137,10 +138,10 @@ class DriveCheck(Condition):
             yield 0.0
 
     def _stroke(self, direction: int, length: float, seconds: float) -> Iterator[float]:
-        """Yield the velocities of a motion in one direction, and then of a standstill [m/s].
+        """Yield the velocities [m/s] of a motion in one direction and of the standstill after it.
 
         The travel of the drives is checked at every tick. The motion has the length `length` [m]
-        and takes `seconds`. It is shorter if the limits do not allow this length.
+        and takes `seconds`. The motion is shorter if the limits do not permit this length.
         """
         for drive in self._drives.values():
             drive.begin()
@@ -169,7 +170,7 @@ class DriveCheck(Condition):
             )
 
     def _check_length(self, length: float) -> None:
-        """Add a problem, which ends the check, if the limits shortened a stroke too much."""
+        """Add a problem if the limits shortened a stroke too much. The problem ends the check."""
         for name, strokes in self.strokes.items():
             if strokes[-1].commanded < ENOUGH * length:
                 self.problems.setdefault(
@@ -191,15 +192,16 @@ def arming_text(rig: RigFile) -> str:
 
 
 def check_drives(rig: WiredRig, clock: Clock, move: bool) -> DrivesReport:
-    """Check the watchdogs of the drives, and, with `move`, the sign and scale of their motion.
+    """Check the watchdogs of the drives; if `move`, also the sign and scale of the motion.
 
-    The drives are enabled at standstill, and are out of operation afterwards. To test the
-    watchdogs, no commands are sent. To check sign and scale, the drives make small strokes.
+    The drives are enabled at standstill, and are disabled at the end. To test the watchdogs, no
+    commands are sent until the watchdogs have stopped the drives. To check sign and scale, the
+    drives make small strokes.
 
     Parameters
     ----------
     rig
-        The rig, already open.
+        The rig, which has been opened.
     clock
         Clock of the loop.
     move
@@ -210,7 +212,7 @@ def check_drives(rig: WiredRig, clock: Clock, move: bool) -> DrivesReport:
     InputError
         The rig is not at rest, or the slave is beyond a hard position limit.
     Exception
-        An exception other than RigError that was raised during a tick.
+        An exception, other than RigError, that occurred in a tick.
     """
     sections = rig.file.sections
     limits, zero = rig_limits(sections), force_zero(rig, clock)

@@ -1,4 +1,4 @@
-"""Limits for the check of the drives. They are tighter than the limits of the rig."""
+"""Limits for the check of the drives, which are tighter than the limits of the rig."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from teleop.safety import Limits
 REACH = 1e-3
 """Largest distance of the slave from its position at the start of the check [m]."""
 SOFT_FORCE, HARD_FORCE = 0.025, 0.05
-"""Soft and hard limit of the change of the contact force, as fractions of the rig's hard limit."""
+"""Soft and hard limit for the change of the contact force, as fractions of the rig's hard limit."""
 
 
 def narrow_limits(limits: Limits, zero: ForceZero) -> Limits:
-    """Return the limits for the check of the drives, which allow only a small motion of the slave.
+    """Return limits for the check of the drives. They permit only a small motion of the slave.
 
     The position limits are relative to the present position of the slave.
 

@@ -1,4 +1,4 @@
-"""Result of the check of a drive, and the remark on travel that is shorter than commanded."""
+"""Result of the check of a drive, and remark on travel that differs from the commanded travel."""
 
 from __future__ import annotations
 
@@ -7,10 +7,11 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 LARGEST_DEVIATION = 0.05
-"""Largest deviation of measured from commanded travel without a remark, relative to the latter.
+"""Largest deviation of measured from commanded travel without a remark, as a fraction of the
+commanded travel.
 
-A wrong scale of this size changes k as much as the 95 % interval of a good estimate. The emulated
-drives without lost motion differ by at most half of it.
+An error of the scale by this fraction changes k as much as the 95 % interval of a good estimate.
+The travel of the emulated drives without lost motion deviates by at most half of this fraction.
 """
 
 
@@ -20,9 +21,11 @@ class Stroke(NamedTuple):
     commanded: float
     """Commanded travel [m], > 0."""
     moved: float
-    """Travel that the encoder measured, in the direction of the stroke [m]; NaN for no encoder."""
+    """Travel that the encoder measured, in the direction of the stroke [m]; NaN without an
+    encoder."""
     explained: float
-    """Difference that the encoder's resolution and the compliance of the drive explain [m]."""
+    """Part of the difference between commanded and measured travel that encoder resolution and
+    drive compliance can cause [m]."""
 
     @property
     def lost(self) -> float:
@@ -48,11 +51,11 @@ class DriveReport(NamedTuple):
     NaN if the drive was not moved or has no encoder.
     """
     ratio: float
-    """Measured over commanded travel of the longest stroke; NaN if one of them is not known."""
+    """Measured travel divided by commanded travel in the longest stroke; NaN if not known."""
     problem: str
-    """Problem of the drive; empty if there is none."""
+    """Problem of the drive; empty if there is no problem."""
     remark: str
-    """Remark on a ratio that differs from 1; empty if there is none."""
+    """Remark on `ratio` if it differs too much from 1; otherwise empty."""
 
 
 def drive_report(
@@ -65,7 +68,7 @@ def drive_report(
     name
         Name of the drive.
     watchdog
-        Time until the watchdog stopped the drive [s]; NaN if it did not.
+        Time until the watchdog stopped the drive [s]; NaN if it did not stop the drive.
     strokes
         Strokes of the drive, from the shortest to the longest.
     problem
@@ -86,8 +89,9 @@ def drive_report(
 def remark(name: str, strokes: Sequence[Stroke]) -> str:
     """Return a remark if the measured travel differs from the commanded travel; empty if not.
 
-    If the travel is lost at the reversal, the loss is the same in a longer stroke, and if a scale
-    is wrong, it is proportional to the stroke. The two longest strokes are compared.
+    The losses of travel in the two longest strokes are compared. If the loss is the same in the
+    longer stroke, lost motion or friction is the likely cause. If the loss is proportional to the
+    length of the stroke, a wrong scale is the likely cause.
 
     Parameters
     ----------

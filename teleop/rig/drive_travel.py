@@ -1,4 +1,4 @@
-"""Compares the commanded travel of a drive with the travel that its sensors measure."""
+"""Comparison of the commanded travel of a drive with the measured travel."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from drivers import Measurement
 from drivers.rig_sections import ChannelsSettings
 
 BAND = 0.25
-"""Allowed difference of measured and commanded travel, as a fraction of the commanded travel."""
+"""Allowed difference between measured and commanded travel, as a fraction of the commanded
+travel."""
 SLACK = 50e-6
 """Additional allowed difference, for backlash and for the lag of a small motion [m]."""
 
@@ -21,7 +22,7 @@ class DriveTravel:
     name
         Name of the drive, `master` or `slave`.
     channels
-        Section of the rig file for the channels.
+        Section of the rig file that describes the channels.
     compliance
         Compliance of the slave's drive under the contact force [m/N].
     """
@@ -37,7 +38,7 @@ class DriveTravel:
         self._integral = 0.0
 
     def begin(self) -> None:
-        """Begin a stroke: the travel is zero at the present position."""
+        """Begin a stroke: set the commanded and the measured travel to zero."""
         self.commanded = self._integral = 0.0
         self._start, self._start_force = self._position, self._force
 
@@ -69,11 +70,11 @@ class DriveTravel:
 
     @property
     def explained(self) -> float:
-        """Difference of the travels that encoder resolution and drive compliance explain [m]."""
+        """Difference of the travels that encoder resolution and drive compliance can cause [m]."""
         return self._resolution + self._compliance * abs(self._force - self._start_force)
 
     def problem(self, settled: bool) -> str:
-        """Return the problem of the travel so far; empty if there is none.
+        """Return the problem of the measured travel so far; empty if there is no problem.
 
         Parameters
         ----------

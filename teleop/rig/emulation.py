@@ -1,4 +1,4 @@
-"""Emulation of the devices of a rig. They are connected to a simulated telemanipulator."""
+"""Emulation of the devices of a rig, connected to a simulated telemanipulator."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ if TYPE_CHECKING:
     from sim_backend import SimulatedRig
 
 ANY = "any"
-"""Name of the palpation whose operator suits every condition."""
+"""Name of the palpation with an operator that can be used in every condition."""
 
 
 def read_fault(text: str, rig: RigFile) -> PlannedFault:
-    """Return the fault that the text of an option describes, for example `corrupt:force@3`.
+    """Return the fault that the value of an option describes, for example `corrupt:force@3`.
 
     Parameters
     ----------
@@ -67,8 +67,8 @@ def read_fault(text: str, rig: RigFile) -> PlannedFault:
 def is_possible(kind: str, bus: SerialSettings | CanSettings) -> bool:
     """Return whether a kind of fault can occur on a bus.
 
-    Some kinds of fault occur only on serial lines, others only on CAN buses. A CAN bus with an
-    slcan adapter has a serial line.
+    Some kinds of fault occur only on serial lines, other kinds only on CAN buses. A CAN bus with an
+    slcan adapter also has a serial line.
     """
     if kind in ON_CAN:
         return isinstance(bus, CanSettings)
@@ -97,7 +97,7 @@ def make_emulator(
     faults
         Faults of buses and devices that the emulator causes.
     mimic
-        Class of the operator, if the condition of the settings is mimic.
+        Class of the simulated operator if the condition in the settings is `mimic`.
 
     Raises
     ------
@@ -112,35 +112,35 @@ def make_emulator(
 
 @dataclass(frozen=True)
 class Palpation:
-    """The simulated palpation whose devices are emulated."""
+    """A simulated palpation, to which the emulated devices are connected."""
 
     settings: TrialSettings
     """Settings of the simulated telemanipulator."""
     mimic: type[MimickedSine] = MimickedSine
-    """Class of the operator, if the condition of the settings is mimic."""
+    """Class of the simulated operator if the condition in the settings is `mimic`."""
 
     @property
     def text(self) -> str:
-        """Condition and body, such as `mimic, soft cube`."""
+        """Condition and palpated body as text, for example `mimic, soft cube`."""
         is_any = self.mimic is AttentiveOperator
         return f"{ANY if is_any else self.settings.condition}, {self.settings.palpated}"
 
     def rig(self, now: Callable[[], float]) -> SimulatedRig:
-        """Return a new telemanipulator; `now` returns the time [s]."""
+        """Return a new simulated telemanipulator; the function `now` returns the time [s]."""
         return make_simulated_rig(self.settings, now, NEVER, self.mimic)
 
     def changed(self, line: str) -> Palpation:
-        """Return the palpation with the condition and the cube that a line of text names.
+        """Return a copy of the palpation with the condition and the cube that a line contains.
 
         Parameters
         ----------
         line
-            Name of a condition (or `any`), of a cube, or of both, such as `mimic medium`.
+            Name of a condition (or `any`), name of a cube, or both, for example `mimic medium`.
 
         Raises
         ------
         InputError
-            The line contains another word, or no word.
+            The line contains any other word, or no word.
         """
         changes: dict[str, Any] = {}
         mimic, words = self.mimic, line.split()
@@ -163,7 +163,7 @@ class Palpation:
 
 @contextlib.contextmanager
 def opened(emulator: Emulator) -> Iterator[None]:
-    """Open an emulator during a `with` block.
+    """Open an emulator on entry of a `with` block, and close it on exit.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Measures the lag of a force channel and the lost motion of a rig, on a reference spring.
+"""Measurement of the lag of a force channel and the lost motion of a rig, with a reference spring.
 
 If a spring of stiffness k without damping is displaced by x, the measured force is
 
@@ -33,22 +33,25 @@ from teleop.errors import InputError
 LONGEST = 0.1
 """Longest lag that can be measured [s]."""
 SPEEDS = 1.3
-"""Smallest ratio of fast to slow strokes (90 % and 10 % quantile of speed) for a separation."""
+"""Smallest ratio of the 90 % to the 10 % quantile of stroke speed with which lag and lost motion
+can be separated."""
 STROKE = 0.02
-"""Play that removes small motions before strokes are found, as a fraction of the range of x."""
+"""Half width of the play operator that removes small motions before strokes are detected, as a
+fraction of the range of x."""
 SETTLED = 0.3
 """Time at the start of the record that is not fitted, because of the transient of the lag [s]."""
 STEP = 0.02
-"""Step of the difference quotients, as a fraction of the scale of the parameter."""
+"""Step of the numerical derivatives, as a fraction of the scale of the parameter."""
 
 
 class ForceLag(NamedTuple):
-    """Lag of a force channel and lost motion of a rig, measured on a reference spring."""
+    """Lag of a force channel and lost motion of a rig, measured with a reference spring."""
 
     lag: Interval
     """Time constant of the first-order lag, with its 95 % confidence interval [s]."""
     lost_motion: Interval
-    """Distance of the tip behind the encoder, in either direction, with its 95 % interval [m]."""
+    """Lost motion: distance by which the tip stays behind the encoder position, in both directions
+    of motion, with its 95 % confidence interval [m]."""
     k: float
     """Stiffness of the spring [N/m]."""
     rms: float
@@ -59,7 +62,7 @@ class ForceLag(NamedTuple):
     causes the measured delay."""
 
     def summary(self) -> dict[str, Any]:
-        """Return the result in the form of `teleop lag --json`, in SI units."""
+        """Return the result with the keys of `teleop lag --json`, in SI units."""
         return {
             "lag_s": self.lag.value,
             "lag_low_s": self.lag.low,
@@ -74,7 +77,7 @@ class ForceLag(NamedTuple):
 
 
 class SpringFit(NamedTuple):
-    """Result of a least-squares fit of stiffness and offset, with given lag and lost motion."""
+    """Result of a least-squares fit of stiffness and offset, for given lag and lost motion."""
 
     k: float
     """Stiffness of the spring [N/m]."""
@@ -88,16 +91,14 @@ class SpringFit(NamedTuple):
 
     @property
     def independent(self) -> float:
-        """Effective number of independent residuals, from the correlation of successive ones."""
+        """Effective number of independent residuals, from their autocorrelation."""
         r = self.residual
         correlation = max(0.0, float(r[1:] @ r[:-1]) / max(float(r @ r), 1e-300))
         return len(r) * (1.0 - correlation) / (1.0 + correlation)
 
 
 class SpringRecord:
-    """Record of the position and force of a spring.
-
-    `fit` fits the stiffness of the spring for a given lag and lost motion.
+    """Recorded position and force of a spring, to which a stiffness can be fitted (`fit`).
 
     Parameters
     ----------
@@ -111,15 +112,15 @@ class SpringRecord:
         self.force = force[self.settled]
 
     def fit(self, lag: float, lost_motion: float) -> SpringFit:
-        """Fit stiffness and offset by least squares, with given lag and lost motion.
+        """Fit stiffness and offset by least squares, for given lag and lost motion.
 
         Parameters
         ----------
         lag
             Time constant of the first-order lag of the force channel [s].
         lost_motion
-            Lost motion [m]. With a negative value, the tip is ahead of the encoder by this
-            distance. A numerical search for the best value can therefore pass through zero.
+            Lost motion [m]. A negative value means that the tip is ahead of the encoder position.
+            It is permitted so that a numerical search for the best value can pass through zero.
         """
         tip = play(self.position, abs(lost_motion))
         if lost_motion < 0.0:
@@ -133,7 +134,8 @@ class SpringRecord:
     def slope(self, lag: float, lost_motion: float, lag_step: float, lost_step: float) -> Floats:
         """Return the derivative of the residual with respect to lag [N/s] or lost motion [N/m].
 
-        The step of the other parameter is 0. The result has the shape (m,).
+        The derivative is taken for the parameter whose step is not 0. The result has the shape
+        (m,).
         """
         ahead = self.fit(lag + lag_step, lost_motion + lost_step).residual
         return (ahead - self.fit(lag, lost_motion).residual) / (lag_step + lost_step)
@@ -173,7 +175,7 @@ def stroke_speeds(position: Floats, dt: Floats) -> Floats:
 def measure_lag(position: Floats, force: Floats, dt: Floats) -> ForceLag:
     """Estimate lag and lost motion from the position and force of a spring without damping.
 
-    The damping of the reference must be negligible, as for a steel spring.
+    The damping of the reference spring must be negligible, as for a steel spring.
 
     Parameters
     ----------
@@ -246,17 +248,17 @@ def measure_lag(position: Floats, force: Floats, dt: Floats) -> ForceLag:
 def not_separated(record: SpringRecord, alone: float, equal: float) -> ForceLag:
     """Return the result for a record from which lag and lost motion cannot be separated.
 
-    The upper bound of the lag is computed without lost motion. The upper bound of the lost motion
-    is computed without lag.
+    The upper bound of the lag is computed for zero lost motion. The upper bound of the lost motion
+    is computed for zero lag.
 
     Parameters
     ----------
     record
-        The record.
+        The record of the spring.
     alone
-        Estimated lag without lost motion [s].
+        Lag that is estimated if the lost motion is assumed to be zero [s].
     equal
-        Lost motion that causes about the same delay as this lag [m]; 0 if the record has no
+        Lost motion that causes about the same delay as the lag `alone` [m]; 0 if the record has no
         complete stroke.
     """
     from scipy.optimize import minimize_scalar

@@ -1,4 +1,4 @@
-"""A rig whose commands can be paused, to test the watchdogs of its drives."""
+"""A rig to which the commands can be paused, to test the watchdogs of the drives."""
 
 from __future__ import annotations
 
@@ -9,17 +9,18 @@ from drivers.wired_rig import WiredRig
 
 
 class PausableRig(Rig):
-    """An open rig whose commands can be paused, so that the watchdogs stop the drives.
+    """An open rig to which the commands can be paused, so that the watchdogs stop the drives.
 
     Parameters
     ----------
     rig
-        The rig, already open.
+        The rig, which has been opened.
     """
 
     def __init__(self, rig: WiredRig) -> None:
         self.paused = False
-        """Whether commands are not sent, and errors of the drives are not reported."""
+        """Whether the commands are paused. Then no commands are sent, and drive errors are not
+        reported."""
         self.applied = STANDSTILL
         """Latest command that the drives have applied."""
         drives = dict(rig.file.sections.drives.items())
@@ -35,7 +36,7 @@ class PausableRig(Rig):
         """Do nothing: the caller that opened the rig closes it."""
 
     def read(self) -> Measurement:
-        """Return the measurement of the rig. While paused, it omits the errors of the drives."""
+        """Return the measurement of the rig; while paused, without the errors of the drives."""
         measurement = self._rig.read()
         if not self.paused:
             return measurement
@@ -47,7 +48,7 @@ class PausableRig(Rig):
         return (name for name, device in self._drives.items() if device.error)
 
     def enable(self) -> bool:
-        """Request that the drives go into operation; return whether all are in operation."""
+        """Enable the drives; return whether all drives are in operation."""
         return self._rig.enable()
 
     def rearm(self) -> None:
@@ -55,10 +56,10 @@ class PausableRig(Rig):
         self._rig.rearm()
 
     def write(self, command: Command) -> Command:
-        """Command the drives, unless paused; return the applied command, zero while paused."""
+        """Send a command unless paused; return the applied command, which is zero while paused."""
         self.applied = STANDSTILL if self.paused else self._rig.write(command)
         return self.applied
 
     def idle(self) -> None:
-        """Take the drives out of operation."""
+        """Disable the drives."""
         self._rig.idle()

@@ -1,4 +1,4 @@
-"""Measures the lag and the lost motion of the simulated rig on a simulated reference spring."""
+"""Measurement of lag and lost motion of the simulated rig, with a simulated reference spring."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from teleop.trial.run import run_trial
 from teleop.trial.settings import TrialSettings
 
 SPRING = 5000.0
-"""Stiffness of the spring [N/m]."""
+"""Stiffness of the reference spring [N/m]."""
 SPRING_DEPTH = 5e-3
-"""Compression of the spring [m]."""
+"""Compression of the reference spring [m]."""
 
 
 def measure_simulated_lag(cube: CubeName, seed: int = 0) -> tuple[ForceLag, Setup]:
@@ -23,7 +23,8 @@ def measure_simulated_lag(cube: CubeName, seed: int = 0) -> tuple[ForceLag, Setu
     Parameters
     ----------
     cube
-        Name of the cube with which the rig is used. In the measurement, a spring replaces it.
+        Name of the cube with which the rig is used. In the measurement, the spring replaces the
+        cube.
     seed
         Seed of the simulated sensor noise.
     """

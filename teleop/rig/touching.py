@@ -1,4 +1,4 @@
-"""Finds the contact datum by a trial in which the slave moves forward until contact."""
+"""Measurement of the contact datum in a trial in which the slave moves forward until contact."""
 
 from __future__ import annotations
 
@@ -35,25 +35,26 @@ REACH = 4e-3
 SOFT_FORCE = 5.0
 """Largest soft limit of the contact force during the approach [N]."""
 AWAY = 2e-3
-"""Distance from the cube at which the simulated slave starts [m]."""
+"""Distance between the simulated slave and the cube at the start [m]."""
 TOUCH = 0.5
 """Smallest contact force that counts as contact [N].
 
-If ten times the standard deviation of the noise is larger, that value is used instead.
+If ten times the standard deviation of the noise is larger than this force, ten times the standard
+deviation is used instead.
 """
 
 
 class Touch(Condition):
-    """Control condition: moves forward at a constant speed until contact, then backward.
+    """Control condition: the slave moves forward at a constant speed until contact, then backward.
 
     Parameters
     ----------
     force
         Force on the admittance that causes the wanted speed [N].
     threshold
-        Contact force from which on there is contact [N].
+        Contact force above which the slave is treated as in contact [N].
     retreat
-        Distance of the motion backward [m].
+        Distance by which the slave moves backward after contact [m].
     """
 
     def __init__(self, force: float, threshold: float, retreat: float) -> None:
@@ -85,7 +86,7 @@ def touch(
     zero
         Readings of the sensors without load.
     rig
-        Rig file of the rig; None for the simulated rig, whose slave starts away from the cube.
+        Rig file of the rig; None for the simulated rig. There, the slave starts away from the cube.
     cube
         Name of the cube on the simulated rig.
     sensors
@@ -145,7 +146,7 @@ def arming_text(rig: RigFile) -> str:
 
 
 def touch_limits(limits: Limits) -> Limits:
-    """Return tight limits for the approach, from the limits of the rig.
+    """Return the limits for the approach, which are tighter than the limits of the rig.
 
     The position limits are relative to the start position, because the datum is not yet known.
     """
@@ -169,8 +170,8 @@ def rig_away_from_cube(
 def contact_position(recording: Recording) -> float:
     """Return the position at which contact begins in the recording of an approach [m].
 
-    The position is a parameter of a least-squares fit. The fitted force is zero before contact,
-    and proportional to the displacement after contact.
+    The position is estimated by a least-squares fit. The fitted force is zero before contact, and
+    proportional to the displacement after the beginning of contact.
 
     Raises
     ------
@@ -188,9 +189,9 @@ def contact_position(recording: Recording) -> float:
 
 
 def squared_residuals(x: Floats, f: Floats, start: float) -> float:
-    """Return the sum of squared residuals of the fit of a spring that begins at `start` [N^2].
+    """Return the sum of squared residuals [N^2] if a spring that begins at `start` is fitted.
 
-    The stiffness of the spring is fitted.
+    Only the stiffness of the spring is fitted.
 
     Parameters
     ----------

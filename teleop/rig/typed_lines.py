@@ -1,4 +1,4 @@
-"""Lines that a person types while a loop runs, read without blocking the loop."""
+"""Lines that a person types while a loop is running. Reading them does not block the loop."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ import os
 import select
 
 LARGEST = 4096
-"""Largest number of bytes that are read at once."""
+"""Largest number of bytes that are read in one call."""
 
 
 class TypedLines:
-    """Reads complete lines from standard input. In the background of a terminal, it reads nothing.
+    """Reads complete lines from standard input. A process in the background reads nothing.
 
     Parameters
     ----------

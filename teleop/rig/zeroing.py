@@ -1,4 +1,4 @@
-"""Measures the zero offsets of the force sensors, on a rig at rest and without load."""
+"""Measurement of the zero offsets of the force sensors, on a rig at rest and without load."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from teleop.errors import InputError
 LISTENING = 0.5
 """Time over which the forces are averaged [s]."""
 REST = 5e-5
-"""Largest range of the measured position of a slave at rest during this time [m]."""
+"""Largest range of the measured position during `LISTENING` if the slave is at rest [m]."""
 MAX_NOISE = 0.5
 """Largest standard deviation of the noise of a force sensor without load [N]."""
 
@@ -39,7 +39,7 @@ def force_zero(rig: Rig, clock: Clock) -> ForceZero:
     Parameters
     ----------
     rig
-        The rig, already open. Its drives are out of operation.
+        The rig, which has been opened. The drives are disabled.
     clock
         Clock of the loop; the rig is read once per tick.
 

@@ -1,4 +1,4 @@
-"""Check of one channel: range and age of its samples, impossible jumps, frozen values."""
+"""Check of one measured channel for range, age, rate of change and frozen values."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from teleop.safety.events import Fault
 from teleop.safety.limits import ChannelLimits
 
 MIN_INTERVAL = 1e-3
-"""Shortest time between two samples that is used to check the rate of change [s].
+"""Shortest time between two samples with which the rate of change is computed [s].
 
 With a shorter time, measurement noise alone could exceed `max_rate`.
 """
 SAME_SAMPLE = 1e-6
-"""Largest difference of two sampling times of one sample that was read twice [s].
+"""Largest difference between two sampling times that belong to the same sample [s].
 
-A value that does not change because its sample was read twice does not count as frozen.
+If the same sample is read twice, its unchanged value does not count as frozen.
 """
 
 
@@ -24,21 +24,22 @@ class ChannelState(NamedTuple):
     """State of the check of one channel, which is passed from one tick to the next."""
 
     value: float = math.nan
-    """Latest value, in the channel's SI unit; NaN before the first."""
+    """Latest value, in the channel's SI unit; NaN before the first sample."""
     sampled: float = math.nan
     """Sampling time of the latest sample [s]."""
     changed: float = math.nan
     """Time of the latest tick at which the value changed [s]."""
     travel: float = 0.0
-    """Sum of the commanded changes of the value since that tick, in the channel's SI unit."""
+    """Sum of the commanded changes of the value since the tick at which it last changed, in the
+    channel's SI unit."""
 
 
 new_state = tuple.__new__
-"""Takes half the time of `ChannelState(...)`."""
+"""Constructor of `ChannelState` from a tuple; it takes half the time of `ChannelState(...)`."""
 
 
 class DetectedFault(NamedTuple):
-    """A fault that was detected, with its source, the measured value and the exceeded limit."""
+    """A detected fault, with its source, the measured value and the exceeded limit."""
 
     fault: Fault
     """Kind of fault."""

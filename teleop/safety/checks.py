@@ -14,7 +14,7 @@ CONTACT_FORCE = CHANNELS.index("contact_force")
 GAIN_ERROR = 0.05
 """Allowed gain error of a drive, as a fraction of the commanded travel."""
 AVERAGING_TIME = 1.0
-"""Averaging time of the fraction of skipped periods and of the drift of the rig's clock [s]."""
+"""Averaging time for the fraction of skipped periods and for the drift of the rig's clock [s]."""
 
 
 def check_channels(
@@ -67,7 +67,7 @@ def check_motion(
     drift: float,
     limits: Limits,
 ) -> list[DetectedFault]:
-    """Return the detected faults that stop a moving slave immediately, without a ramp.
+    """Return the faults of rig, loop and hard limits. They stop a moving slave without a ramp.
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ def check_rig(measurement: Measurement) -> list[DetectedFault]:
 def check_loop(
     now: float, dt: float, skipped_fraction: float, drift: float, limits: Limits
 ) -> list[DetectedFault]:
-    """Return the faults in the timing of the loop and of the measurements.
+    """Return the faults in the timing of the control loop and of the measurements.
 
     Parameters
     ----------
@@ -208,9 +208,9 @@ def update_following_error(
     """Return the following error of the slave after this tick [m].
 
     The following error is the commanded travel minus the measured travel. The travel that the
-    compliance of the drive and an allowed gain error (`GAIN_ERROR`) can cause is subtracted. The
-    error does not change at a tick with a time step for which `check_loop` detects a fault, because
-    the command during this time is not known.
+    compliance of the drive and an allowed gain error (`GAIN_ERROR`) can cause is subtracted. If
+    `check_loop` detects a fault in the time step of a tick, the following error does not change at
+    this tick, because the command during this time is not known.
 
     Parameters
     ----------
@@ -244,10 +244,11 @@ def update_skipped_fraction(state: Supervision, request: Request, dt: float) -> 
 
 
 def update_clock_drift(state: Supervision, request: Request, dt: float, limits: Limits) -> float:
-    """Return how far the rig's clock fell behind the loop's within about `AVERAGING_TIME` [s].
+    """Return the time [s] by which the rig's clock fell behind the loop's clock.
 
-    If the rig's clock jumps forward, the result is at least -`max_gap`. A clock that stops after
-    such a jump is therefore still detected.
+    Only about the last `AVERAGING_TIME` seconds have an effect. If the rig's clock jumps forward,
+    the result is at least -`max_gap`. A clock that stops after such a jump is therefore still
+    detected.
     """
     if state.mode is DISCONNECTED:
         return 0.0

@@ -30,11 +30,11 @@ class ChannelLimits:
     max_age: float = 0.02
     """Greatest age of a sample [s]."""
     frozen_time: float = math.inf
-    """Longest time for which a working sensor repeats exactly the same value [s]."""
+    """Longest time for which a working sensor can give exactly the same value [s]."""
     frozen_travel: float = math.inf
-    """Greatest commanded change during which the measured value may stay the same [unit]."""
+    """Greatest commanded change for which the measured value may remain unchanged [unit]."""
     required: bool = True
-    """Whether the rig must have the channel. If not, its value may be NaN from the start on."""
+    """Whether the rig must have the channel. If not, the value may be NaN from the start."""
 
     def __post_init__(self) -> None:
         if not -math.inf < self.low < self.high < math.inf:
@@ -101,7 +101,7 @@ class Limits:
     max_acceleration: float = 10.0
     """Soft limit: greatest commanded acceleration and deceleration of the slave [m/s^2].
 
-    The ramps of a stop have this deceleration.
+    This is also the deceleration of the slave in a stop with a ramp.
     """
     max_master_velocity: float = 0.5
     """Soft limit: greatest commanded speed of the master [m/s]."""
@@ -118,7 +118,7 @@ class Limits:
     following_error: float = 2e-3
     """Hard limit of the difference between commanded and measured travel of the slave [m]."""
     drive_compliance: float = 0.0
-    """Compliance of the slave's drive: its displacement per contact force [m/N]."""
+    """Compliance of the slave's drive: displacement of the drive per contact force [m/N]."""
     rest_velocity: float = 2e-3
     """Greatest speed of the slave that counts as rest [m/s]."""
     rest_master_force: float = 5.0
@@ -132,7 +132,7 @@ class Limits:
     max_skipped_fraction: float = 0.25
     """Greatest fraction of periods that the loop may skip, averaged over about one second."""
     channels: dict[str, ChannelLimits] = field(default_factory=default_channel_limits)
-    """Limits of each channel, by its name."""
+    """Limits of each channel, by the name of the channel."""
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
@@ -161,8 +161,8 @@ class Limits:
         """Return the limits for measurements from which zero offsets are subtracted.
 
         The range of each channel is shifted by its zero offset, so that the raw sample is still
-        compared with the range of the sensor. All other limits are relative to the zero offsets,
-        and do not change.
+        compared with the range of the sensor. All other limits do not change: they are limits of
+        the values after subtraction.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""Limits for a palpation on the simulated rig, computed from its depth and from the body."""
+"""Limits for a palpation on the simulated rig, computed from palpation depth and body."""
 
 from __future__ import annotations
 
@@ -17,14 +17,15 @@ SPEED = 14.0
 STOPPING = 0.015
 """Time in which the slave can brake from the greatest speed to zero [s]."""
 ACCELERATION = 26.0
-"""Greatest acceleration, as a multiple of depth times frequency squared. A sine needs 19.7."""
+"""Greatest acceleration, as a multiple of depth times frequency squared. A sine needs the factor
+19.7."""
 FOLLOWING, FROZEN = 0.15, 0.03
-"""Greatest following error, and greatest commanded travel while the encoder does not change.
+"""Greatest following error, and greatest commanded travel while the encoder value is constant.
 
 Both are fractions of the palpation depth.
 """
 FROZEN_SPEED = 0.1
-"""Greatest commanded change of velocity while the velocity channel does not change.
+"""Greatest commanded change of velocity while the measured velocity does not change.
 
 It is a fraction of the greatest speed.
 """
@@ -43,7 +44,7 @@ def palpation_limits(
     Parameters
     ----------
     law
-        Law of the force of the palpated body.
+        Law from which the force of the palpated body is computed.
     depth
         Intended depth of the palpation [m].
     scale
@@ -53,8 +54,8 @@ def palpation_limits(
     compliance
         Compliance of the slave's drive [m/N].
     transmission
-        Transmission between the drive and the body, with its compliance and friction. The contact
-        force does not include this friction.
+        Transmission between the drive and the body, with compliance and friction. The contact force
+        does not include the friction of the transmission.
     """
     velocity = max(SPEED, 5.0 * fastest) * depth
     acceleration = max(velocity / STOPPING, ACCELERATION * fastest**2 * depth)

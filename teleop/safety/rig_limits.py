@@ -9,7 +9,7 @@ from teleop.safety.limits import ChannelLimits, Limits, default_channel_limits
 
 
 def rig_limits(rig: RigSections) -> Limits:
-    """Return the limits of a rig file in SI units.
+    """Convert the limits of a rig file to SI units.
 
     Raises
     ------
@@ -45,12 +45,12 @@ def rig_limits(rig: RigSections) -> Limits:
 
 
 def optional_limits(limits: ChannelLimits) -> ChannelLimits:
-    """Return limits for a channel that the rig does not have, whose value is always NaN."""
+    """Return limits for a channel that the rig does not have; its value is always NaN."""
     return ChannelLimits(limits.low, limits.high, required=False)
 
 
 def channel_limits(channel: ForceSettings | PositionSettings | VelocitySettings) -> ChannelLimits:
-    """Return the limits of one channel of a rig file in SI units.
+    """Convert the limits of one channel of a rig file to SI units.
 
     Raises
     ------

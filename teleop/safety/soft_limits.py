@@ -9,12 +9,15 @@ from teleop.safety.limits import Limits
 from teleop.safety.state import Supervision
 
 VELOCITY, ACCELERATION, POSITION, FORCE = 1, 2, 4, 8
-"""Flag of each soft limit. The sum of flags states which limits reduced a command."""
+"""Flag of each soft limit. The sum of the flags shows which limits reduced a command."""
 
 APPROACH_TIME = 0.05
-"""Time in which the expected contact force may reach the soft limit, if limits are separate [s]."""
+"""Shortest time in which the expected contact force may reach the soft limit [s].
+
+It is used if the limits act on master and slave separately.
+"""
 CONTACT = 0.1
-"""Contact force below which the direction of the force is not known [N]."""
+"""Contact force below which the direction of the force is treated as unknown [N]."""
 
 
 def ramp_down(command: Command, dt: float, limits: Limits) -> Command:
@@ -27,13 +30,13 @@ def ramp_down(command: Command, dt: float, limits: Limits) -> Command:
     dt
         Time since the previous tick [s].
     limits
-        Limits, of which the two greatest accelerations are used.
+        Limits, of which the greatest accelerations of master and slave are used.
     """
     return limit_acceleration(STANDSTILL, command, dt, limits)
 
 
 def limit_acceleration(wanted: Command, last: Command, dt: float, limits: Limits) -> Command:
-    """Return the command nearest to the wanted command that the greatest accelerations allow.
+    """Return the command nearest to the wanted command that the acceleration limits permit.
 
     Parameters
     ----------
@@ -44,7 +47,7 @@ def limit_acceleration(wanted: Command, last: Command, dt: float, limits: Limits
     dt
         Time since the previous tick [s].
     limits
-        Limits, of which the two greatest accelerations are used.
+        Limits, of which the greatest accelerations of master and slave are used.
     """
     master, slave = limits.max_master_acceleration * dt, limits.max_acceleration * dt
     return Command(
@@ -64,11 +67,11 @@ def limit_command(
 ) -> tuple[Command, int]:
     """Apply the soft limits to the desired command.
 
-    Without a `stiffness`, the velocities of master and slave are reduced by the same
-    factor, so that the operator feels the limit of the slave. In the direction of a soft position
-    limit at distance d, the speed is at most sqrt(a d), where a is the greatest acceleration. A
-    deceleration of a / 2 then stops the slave at the limit. If the contact force exceeds the soft
-    force limit, the slave does not move against this force.
+    If `stiffness` is None, the velocities of master and slave are reduced by the same factor, so
+    that the operator feels the limit of the slave. In the direction of a soft position limit at
+    distance d, the speed is at most sqrt(a d), where a is the greatest acceleration. A deceleration
+    of a / 2 can then stop the slave at the limit. If the contact force exceeds the soft force
+    limit, the slave does not move against this force.
 
     Parameters
     ----------
@@ -85,8 +88,8 @@ def limit_command(
     limits
         Limits of rig and channels.
     stiffness
-        Expected slope of the contact force over the position of the slave [N/m]. None: the limits
-        act on master and slave together.
+        Expected slope of the contact force against the position of the slave [N/m]. If it is None,
+        the limits act on master and slave together.
 
     Returns
     -------
@@ -132,11 +135,12 @@ def limit_together(
 def limit_separately(
     desired: Command, measurement: Measurement, ramp: float, stiffness: float, limits: Limits
 ) -> tuple[Command, int]:
-    """Reduce the velocity of the master by its limit only, and that of the slave by all others.
+    """Limit the master's velocity by the master's limits, and the slave's velocity by all others.
 
-    Then no limit of the slave acts on the hand without the delay of the channel. The speed of the
-    slave against the contact force f is also at most (soft_force - |f|) / (stiffness
-    `APPROACH_TIME`), so that the expected force does not exceed the soft limit within this time.
+    The limits of the slave therefore have no direct effect on the hand: their effect passes through
+    the channel, with its delay. The speed of the slave against the contact force f is at most
+    (soft_force - |f|) / (stiffness `APPROACH_TIME`), so that the expected force does not exceed the
+    soft limit within `APPROACH_TIME`.
     """
     master, slave = desired
     flags = 0

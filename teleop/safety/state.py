@@ -1,4 +1,4 @@
-"""Input, output and state of the safety supervisor at each tick."""
+"""Input, output and state of the safety supervisor at a tick."""
 
 from __future__ import annotations
 
@@ -26,9 +26,10 @@ class Request(NamedTuple):
     elapsed: float = 0.0
     """Time since the previous tick on the clock of the loop [s]."""
     stiffness: float | None = None
-    """Expected slope of the contact force over the position of the slave [N/m].
+    """Expected slope of the contact force against the position of the slave [N/m].
 
-    With it, the soft limits act on master and slave separately. None: they act on both together.
+    If it is given, the soft limits act on master and slave separately. If it is None, they act on
+    master and slave together.
     """
 
 
@@ -42,9 +43,10 @@ class Supervision(NamedTuple):
     mode: Mode = Mode.DISCONNECTED
     """Mode after the tick."""
     since: float = math.nan
-    """Time at which the mode was entered [s].
+    """Time at which the present mode was entered [s].
 
-    Before arming, it is the latest time at which the rig was not at rest, if that is later.
+    Before arming: the latest time at which the rig was not at rest, if this is later than the time
+    at which the mode was entered.
     """
     time: float = math.nan
     """Time of the tick [s]."""
@@ -62,11 +64,11 @@ class Supervision(NamedTuple):
     skipped_fraction: float = 0.0
     """Fraction of periods that the loop has skipped, averaged over about one second."""
     drift: float = 0.0
-    """Time by which the rig's clock fell behind the loop's within about the last second [s]."""
+    """Time by which the rig's clock fell behind the loop's clock within about one second [s]."""
     channel_states: tuple[ChannelState, ...] = (ChannelState(),) * len(CHANNELS)
     """State of the check of each channel, in the order of `CHANNELS`."""
     causes: tuple[DetectedFault, ...] = ()
-    """The first fault, and the first fault of each other kind since; empty unless in mode fault."""
+    """The first fault, then the first fault of each other kind; empty unless the mode is fault."""
 
     @property
     def immediate(self) -> bool:
@@ -86,10 +88,10 @@ class Verdict(NamedTuple):
     events: tuple[Event, ...] = ()
     """Changes of mode and faults of this tick."""
     arm: bool = False
-    """Whether the drives may be enabled now. Call `activate` when they are in operation."""
+    """Whether the drives may be enabled now. Call `activate` when all drives are in operation."""
 
     @property
     def enabled(self) -> bool:
-        """Whether the drives have to be in operation."""
+        """Whether the drives must be enabled."""
         mode = self.state.mode
         return mode is ACTIVE or mode is STOPPING or self.command != STANDSTILL

@@ -1,4 +1,4 @@
-"""The safety supervisor: a pure function that computes the applied from the desired command.
+"""The safety supervisor: a pure function that converts the desired to the applied command.
 
     supervise(state, measurement, desired, request, limits) -> state, command, events
 
@@ -150,7 +150,7 @@ def supervise(
 
 
 def activate(verdict: Verdict) -> Verdict:
-    """Return the output of the supervisor for the same tick, with the mode active.
+    """Return the output of the supervisor for this tick, with the mode changed to active.
 
     Called when all drives are in operation.
 

@@ -11,7 +11,7 @@ from teleop.safety.limits import Limits
 
 @dataclass(frozen=True)
 class TightenedLimits:
-    """Limits of a trial that replace limits of the rig; None keeps the limit of the rig.
+    """Limits of a trial that replace limits of the rig. None means that the rig's limit remains.
 
     Each limit must be at least as tight as the limit of the rig. Only limits for which a smaller
     value is always safer are included. The greatest acceleration, for example, is not included,
@@ -37,12 +37,12 @@ class TightenedLimits:
 
     @property
     def stated(self) -> dict[str, Any]:
-        """The limits that are not None, by name."""
+        """The limits that are not None, by the name of the limit."""
         values = {field.name: getattr(self, field.name) for field in fields(self)}
         return {name: value for name, value in values.items() if value is not None}
 
     def applied(self, limits: Limits) -> Limits:
-        """Return the limits of the rig, in which the limits here replace those of the rig.
+        """Return limits of the rig, with each limit replaced for which this object has a value.
 
         Raises
         ------
@@ -54,7 +54,7 @@ class TightenedLimits:
     def looser(self, limits: Limits) -> Iterator[tuple[str, Any, Any]]:
         """Yield each limit of this object that is looser than the limit of the rig.
 
-        Each item consists of the name, the value here and the value of the rig.
+        Each item consists of the name, the value in this object and the value of the rig.
         """
         for name, value in self.stated.items():
             present = getattr(limits, name)
@@ -67,4 +67,4 @@ class TightenedLimits:
 
 
 NOT_TIGHTENED = TightenedLimits()
-"""Limits of a trial that keeps all limits of its rig."""
+"""Tightened limits of a trial that uses all limits of its rig unchanged."""

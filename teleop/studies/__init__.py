@@ -1,1 +1,1 @@
-"""Studies: series of trials that are run and evaluated together."""
+"""Studies: series and sweeps, which consist of many trials that are evaluated together."""

@@ -1,10 +1,10 @@
-"""Analysis of variance of repeated trials, by statsmodels.
+"""Analysis of variance of repeated trials, with statsmodels.
 
-All estimators process the data of the same trials. Without subjects the design is a split plot.
-Factors that vary between trials are tested against the variance between trials with the same
-levels. The estimator and its interactions are tested against the interaction of estimator and
-trial. With subjects, each of whom does all trials, the subject is a random factor, and each effect
-is tested against its interaction with the subject.
+All estimators process the data of the same trials. There are two designs. Without subjects, the
+design is a split plot: factors that vary between trials are tested against the variance between
+trials with the same levels, and the factor estimator and its interactions are tested against the
+interaction of estimator and trial. With subjects, each subject does all trials. The subject is then
+a random factor, and each effect is tested against the interaction of the effect and the subject.
 
 References
 ----------
@@ -22,7 +22,7 @@ import numpy as np
 from teleop.errors import InputError
 
 ESTIMATOR = "estimator"
-"""Name of the factor that varies within a trial."""
+"""Name of the factor `estimator`, which varies within a trial."""
 VALUE = "y"
 """Name of the column of the response (dependent variable) in the data frames."""
 
@@ -31,7 +31,7 @@ class Effect(NamedTuple):
     """One effect of an analysis of variance."""
 
     source: str
-    """Name of the factor, or names of the factors of an interaction."""
+    """Name of the factor; for an interaction, names of its factors."""
     degrees: int
     """Degrees of freedom of the effect."""
     error_degrees: int
@@ -74,8 +74,8 @@ def analysis_of_variance(
     Parameters
     ----------
     rows
-        One row per trial and estimator: values by column. The columns are `estimator` and those
-        that the other parameters name.
+        One row for each trial and estimator: values by column. The columns are `estimator` and the
+        columns that the other parameters state.
     response
         Name of the column of the response (dependent variable).
     factors
@@ -83,11 +83,12 @@ def analysis_of_variance(
     trial
         Name of a column with a different value for each trial.
     subject
-        Name of the column of the subjects, a random factor; None for a design without subjects.
+        Name of the column of the random factor subject; None for a design without subjects.
 
     Returns
     -------
-    The effects of the factors that have two levels or more, and their interactions.
+    The effects of the factors that have two or more levels, and of the interactions of these
+    factors.
 
     Raises
     ------
@@ -131,7 +132,8 @@ def check_design(frame: Any, factors: Sequence[str], response: str, subject: str
     Raises
     ------
     InputError
-        The response is not finite or constant, or the design is not balanced or too small.
+        The response is not finite or is constant, the design is not balanced, or it has too few
+        trials.
     """
     values = frame[VALUE]
     if not values.map(math.isfinite).all() or values.nunique() < 2:
@@ -158,7 +160,7 @@ def check_design(frame: Any, factors: Sequence[str], response: str, subject: str
 def sums_of_squares(frame: Any, factors: Sequence[str]) -> dict[tuple[str, ...], tuple[float, int]]:
     """Return sum of squares and degrees of freedom of each effect.
 
-    An effect is a tuple of factors. The empty tuple stands for the residual.
+    An effect is given as a tuple of factors. The empty tuple is the residual.
     """
     from statsmodels.formula.api import ols
     from statsmodels.stats.anova import anova_lm
@@ -176,7 +178,7 @@ def sums_of_squares(frame: Any, factors: Sequence[str]) -> dict[tuple[str, ...],
 
 
 Tests = dict[tuple[str, ...], tuple[int, int, float, float]]
-"""Degrees of freedom of effect and error, F and p of each effect."""
+"""F tests, by effect: degrees of freedom of effect and of error term, F, and p."""
 
 
 def split_plot(
@@ -185,7 +187,7 @@ def split_plot(
     squares: Mapping[tuple[str, ...], tuple[float, int]],
     within: str,
 ) -> Tests:
-    """Return the F tests of a split plot; `within` is the factor that varies within a trial."""
+    """Return the F tests of a split-plot design; the factor `within` varies within a trial."""
     from scipy.special import fdtrc
 
     between = [name for name in factors if name != within]

@@ -1,7 +1,7 @@
 """A file of JSON documents, one per line, to which lines are only appended.
 
-Each line is written to the disk before the program continues. After the program was killed, the
-file contains all lines but possibly the last, which is removed when the file is read.
+Each line is written to the disk before the program continues. If the program is killed, only the
+last line can be incomplete. An incomplete line is removed when the file is read.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from teleop.files import unwritable
 from teleop.json_documents import dumps, loads
 
 LOCK = ".lock"
-"""Name of the file that is locked while a program works in a folder."""
+"""Name of the file in a folder that is locked while a program works in this folder."""
 
 
 class JsonLines:
@@ -57,7 +57,7 @@ class JsonLines:
         return positions
 
     def read(self) -> Iterator[tuple[int, dict[str, Any]]]:
-        """Yield the position [bytes] and the document of each line, and remove an incomplete one.
+        """Yield position [bytes] and document of each line; remove an incomplete last line.
 
         Raises
         ------
@@ -81,7 +81,7 @@ class JsonLines:
                 position += len(line)
 
     def documents_at(self, positions: Iterable[int]) -> Iterator[dict[str, Any]]:
-        """Yield the documents at positions that `append` or `read` returned [bytes]."""
+        """Yield the documents at positions [bytes], which `append` or `read` returned."""
         with self.path.open("rb") as file:
             for position in positions:
                 file.seek(position)
@@ -90,12 +90,12 @@ class JsonLines:
 
 @contextlib.contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Within the block, prevent that another series or sweep runs in the same folder.
+    """Lock a folder within the block, so that no other series or sweep can run in it.
 
     Raises
     ------
     InputError
-        Another series or sweep runs in the folder.
+        Another series or sweep is running in the folder.
     """
     try:
         import fcntl

@@ -1,4 +1,4 @@
-"""Find the files of a comparison, and the levels of their factors, in files, series and folders."""
+"""Search for the files of a comparison, in folders and series, with the levels of their factors."""
 
 from __future__ import annotations
 
@@ -17,12 +17,13 @@ from teleop.studies.series.table import NAME, RECORDINGS
 
 @dataclass(frozen=True)
 class Source:
-    """A file that is compared, with the levels of its factors."""
+    """A file that is compared, with the level of each factor."""
 
     path: Path
     """The file."""
     levels: dict[str, str] = field(default_factory=dict)
-    """Level of each factor of its series; empty for a file that is not part of one."""
+    """Level of each factor of the series to which the file belongs; empty if it belongs to no
+    series."""
 
 
 def sources(paths: Iterable[Path]) -> list[Source]:
@@ -37,7 +38,7 @@ def sources(paths: Iterable[Path]) -> list[Source]:
     Raises
     ------
     InputError
-        A folder has no recordings or cannot be read, or a file is given twice.
+        A folder contains no recordings or cannot be read, or a file is given twice.
     """
     found: dict[str, Source] = {}
     for path in paths:
@@ -50,7 +51,7 @@ def sources(paths: Iterable[Path]) -> list[Source]:
 
 
 def of_folder(folder: Path) -> list[Source]:
-    """Return the recordings in a folder, which may be the folder of a series."""
+    """Return the recordings in a folder or in the folder of a series."""
     series = trials(folder)
     if series:
         return [Source(folder / RECORDINGS / file, levels) for file, levels in series.items()]
@@ -64,7 +65,7 @@ def of_folder(folder: Path) -> list[Source]:
 
 
 def of_file(path: Path) -> Source:
-    """Return a file with the levels of its factors, which are empty outside of a series."""
+    """Return a file with the levels of its factors. There are none if it belongs to no series."""
     folder = path.absolute().parent
     if folder.name != RECORDINGS:
         return Source(path)
@@ -72,9 +73,9 @@ def of_file(path: Path) -> Source:
 
 
 def trials(folder: Path) -> dict[str, dict[str, str]]:
-    """Return the levels of the factors for each recording of a series, by the name of the file.
+    """Return the levels of the factors for each recording of a series, by its file name.
 
-    The result is empty if the folder is not that of a series.
+    The result is empty if the folder is not the folder of a series.
 
     Raises
     ------
@@ -95,9 +96,9 @@ def trials(folder: Path) -> dict[str, dict[str, str]]:
 
 
 def factors_of(row: dict[str, str]) -> Iterator[tuple[str, str]]:
-    """Yield the factors and their levels in a row of the table of a series.
+    """Yield each factor and its level, from a row of the table of a series.
 
-    These are the columns up to the repetition, without the number of the trial.
+    The factors are the columns from the first to `repetition`, without `trial`.
     """
     for name in takewhile(lambda name: name != "repetition", row):
         if name != "trial":
@@ -106,10 +107,10 @@ def factors_of(row: dict[str, str]) -> Iterator[tuple[str, str]]:
 
 
 def known_factors(source: Source, settings: Mapping[str, Any]) -> dict[str, str]:
-    """Return the factors by which a file can be grouped, with their levels.
+    """Return all factors by which a file can be grouped, with the level of each factor.
 
-    The factors are the name and the folder of the file, the settings of its trial that are a text
-    or a number, and the factors of its series.
+    The factors are the name and the folder of the file, the settings of the recorded trial that are
+    a text or a number, and the factors of the series.
 
     Parameters
     ----------
@@ -128,9 +129,9 @@ def known_factors(source: Source, settings: Mapping[str, Any]) -> dict[str, str]
 
 
 def usual_factors(found: Iterable[Source]) -> list[str]:
-    """Return the factors of the series that have two levels or more in the given files.
+    """Return the factors of a series that have two or more levels in the given files.
 
-    The subject and the repetition are left out.
+    The factors subject and repetition are omitted.
     """
     levels: dict[str, set[str]] = {}
     for source in found:

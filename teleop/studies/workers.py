@@ -1,4 +1,4 @@
-"""Worker processes that end when the process that started them ends."""
+"""Worker processes that end when their parent process ends."""
 
 from __future__ import annotations
 
@@ -18,13 +18,14 @@ from teleop.interruption import SIGNALS
 def workers(count: int | None = None) -> Iterator[ProcessPoolExecutor]:
     """Provide a pool of worker processes within the block.
 
-    If the block raises an exception, including KeyboardInterrupt, the processes are killed
-    without waiting for their tasks. If this process is killed, they end by themselves.
+    If the block raises an exception, including KeyboardInterrupt, the worker processes are killed
+    without waiting for their tasks. If this process is killed, the worker processes end by
+    themselves.
 
     Parameters
     ----------
     count
-        Number of processes; None for one per processor.
+        Number of processes; None for one process per processor.
 
     Yields
     ------
@@ -53,10 +54,10 @@ def workers(count: int | None = None) -> Iterator[ProcessPoolExecutor]:
 
 
 def end_with_parent() -> None:
-    """Prepare a worker process: ignore signals except SIGTERM, and end when the parent has ended.
+    """Prepare a worker process to ignore signals except SIGTERM, and to end with its parent.
 
-    This is called at the start of each worker process. A terminal sends its signals to the parent
-    process too, which then ends the workers.
+    This is called at the start of each worker process. A terminal sends its signals also to the
+    parent process, which then ends the worker processes.
     """
     for name in SIGNALS:
         if number := getattr(signal, name, None):

@@ -1,1 +1,1 @@
-"""A trial: settings, assembly of its parts, the loop, the run."""
+"""A trial: its settings, the assembly of its parts, the control loop, and the run."""

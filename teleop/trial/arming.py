@@ -1,4 +1,4 @@
-"""Arming: the settings that a person must give, and the confirmation, before devices move."""
+"""Arming of the drives: settings and confirmation that a person must give before devices move."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from teleop.trial.stop_switch import StopSwitch
 
 
 def check_stated(settings: TrialSettings) -> None:
-    """Check that a trial on a hardware rig states its specimen and its depth.
+    """Check that the settings of a trial on a hardware rig contain a specimen and a depth.
 
     Raises
     ------
     InputError
-        The settings have a hardware rig, and no specimen or no depth.
+        The settings contain a hardware rig, but no specimen or no depth.
     """
     missing = []
     if not settings.specimen:
@@ -31,7 +31,7 @@ def check_stated(settings: TrialSettings) -> None:
 
 
 def discard_typed_ahead() -> None:
-    """Discard keys that were typed before a prompt, so that they are not taken as its answer."""
+    """Discard keys that were typed before a prompt. They are not an answer to the prompt."""
     try:
         import termios
     except ImportError:  # a system without these terminals
@@ -50,7 +50,7 @@ def is_armed(rig: RigFile, text: str, yes: bool = False) -> bool:
     text
         Description of the motion, see `motion_text`.
     yes
-        Whether the drives are armed without asking.
+        Whether to arm the drives without asking.
 
     Raises
     ------
@@ -85,9 +85,9 @@ def arming_text(settings: TrialSettings) -> str:
 
 
 def motion_text(rig: str, motion: str) -> str:
-    """Return a text for the person who arms the drives: the motion of a rig, and how to stop it.
+    """Return a text for the person who arms the drives: how the rig will move, and how to stop it.
 
-    Its lines fit the terminal.
+    The lines of the text are not wider than the terminal.
     """
     text = f"{rig}: {motion}.\nWhile it runs: {StopSwitch(key=True).instructions}."
     return wrapped(text, terminal_width())

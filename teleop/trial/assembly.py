@@ -1,4 +1,4 @@
-"""Create the clock, the rig, the condition and the controller of a trial from its settings."""
+"""Creation of the parts of a trial, such as clock, rig and controller, from its settings."""
 
 from __future__ import annotations
 
@@ -28,13 +28,16 @@ from teleop.recording.tick_columns import FEEDBACK_COLUMNS
 from teleop.trial.settings import TrialSettings
 
 LINK_GAIN = 20.0
-"""Position gain of the coupling over a channel, if the settings have none [1/s]."""
+"""Position gain of the coupling with a channel or force feedback [1/s].
+
+It is used if the settings have no position gain.
+"""
 RigMaker = Callable[[Callable[[], float]], Rig]
 """Function that creates a rig. Its argument is a function that returns the time [s]."""
 
 
 def make_clock(settings: TrialSettings) -> Clock:
-    """Return a new clock, real or virtual."""
+    """Return a new clock: real or virtual time, as in the settings."""
     return RealClock(settings.rate) if settings.clock == "real" else VirtualClock(settings.rate)
 
 
@@ -48,9 +51,9 @@ def make_rig(
     settings
         Settings of the trial.
     now
-        Returns the time of the clock [s].
+        Function that returns the time of the clock [s].
     pointer
-        Operator of the simulated rig; None for that of the condition.
+        Operator of the simulated rig; None for the operator that belongs to the condition.
     """
     if settings.rig is None:
         return make_simulated_rig(settings, now, pointer=pointer)
@@ -73,13 +76,13 @@ def make_simulated_rig(
     settings
         Settings of the trial.
     now
-        Returns the time of the clock [s].
+        Function that returns the time of the clock [s].
     watchdog
         Timeout of the drives' watchdogs [s].
     mimic
-        Class of the operator in the condition mimic.
+        Class of the simulated operator in the condition `mimic`.
     pointer
-        Operator that replaces the simulated one.
+        Operator that replaces the simulated operator; None for the simulated operator.
     """
     return SimulatedRig(
         settings.setup.cube,
@@ -96,14 +99,14 @@ def make_simulated_rig(
 def make_operator(
     settings: TrialSettings, mimic: type[MimickedSine] = MimickedSine
 ) -> Operator | None:
-    """Return the simulated operator of the condition, or None if it needs none.
+    """Return the simulated operator of the condition; None if the condition has no operator.
 
     Parameters
     ----------
     settings
         Settings of the trial.
     mimic
-        Class of the operator in the condition mimic.
+        Class of the simulated operator in the condition `mimic`.
     """
     depth = settings.setup.depth / settings.coupling.scale
     seed, model = settings.seed, settings.operator_model
@@ -137,8 +140,8 @@ def make_condition(settings: TrialSettings) -> Condition:
 def make_link(settings: TrialSettings) -> Link:
     """Return a new link between master and slave.
 
-    With a channel or force feedback, the slave also follows the position of the master: a lost
-    packet would otherwise leave a permanent offset.
+    With a channel or force feedback, the slave follows the position of the master in addition to
+    its velocity. Otherwise, a lost packet would leave a permanent position offset.
     """
     admittance, coupling = Admittance(settings.admittance), settings.coupling
     if not settings.has_link:
@@ -158,14 +161,14 @@ def make_layout(
     bank: Mapping[str, Estimator],
     pointer: PointerOperator | None = None,
 ) -> Layout:
-    """Return the layout of the message of a tick."""
+    """Return the layout of the message that contains the data of a tick."""
     return Layout(bank, FEEDBACK_COLUMNS if settings.has_link else (), pointer)
 
 
 def make_controller(
     settings: TrialSettings, rig: Rig, bank: Bank, clock: Clock, condition: Condition | None = None
 ) -> Controller:
-    """Return a new controller.
+    """Return a new controller with the tare, limits and link of the settings.
 
     Parameters
     ----------
@@ -178,7 +181,7 @@ def make_controller(
     clock
         The clock of the loop.
     condition
-        Control condition; None for that of the settings.
+        Control condition; None for the condition of the settings.
     """
     return Controller(
         rig,

@@ -1,6 +1,6 @@
 """Configuration files: the settings of a trial in TOML.
 
-The keys of a configuration file are those of the JSON document of the settings.
+A configuration file has the same keys as the JSON document of the settings (`settings_json`).
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ if TYPE_CHECKING:
 
 
 def read_configuration(path: Path) -> TrialSettings:
-    """Return the settings in a configuration file, or those of a recorded trial.
+    """Read the settings of a trial from a configuration file or a recording.
 
     Parameters
     ----------
     path
         A TOML file, or a recording (.mcap). In a TOML file, `rig` is the path of a rig file, and
         `tare` the path of a file that `teleop rig tare` wrote. The two paths are relative to the
-        folder of the TOML file. A setting that is not in the file has its default.
+        folder of the TOML file. A setting that is not in the file has its default value.
 
     Raises
     ------
@@ -58,9 +58,10 @@ def read_configuration(path: Path) -> TrialSettings:
 
 
 def as_recorded_now(document: Mapping[str, Any]) -> dict[str, Any]:
-    """Convert the settings in a recording of any version to those of the present version.
+    """Convert recorded settings of any version of teleop to settings of the present version.
 
-    Before version 0.2, the setting `signal` had no effect in the condition mimic. It is removed.
+    Before version 0.2, the setting `signal` had no effect in the condition `mimic`. It is removed
+    from the settings of such a recording.
 
     Parameters
     ----------
@@ -90,7 +91,7 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 
 def settings_from(document: Mapping[str, Any], folder: Path) -> TrialSettings:
-    """Return the settings in a configuration file.
+    """Return the settings for the contents of a configuration file.
 
     Parameters
     ----------
@@ -102,7 +103,7 @@ def settings_from(document: Mapping[str, Any], folder: Path) -> TrialSettings:
     Raises
     ------
     InputError
-        A setting is unknown or invalid, or its rig file or tare file cannot be read.
+        A setting is unknown or invalid, or the rig file or tare file cannot be read.
     """
     problems = [f"{key}: unknown setting{hint}" for key, hint in DERIVED.items() if key in document]
     if "rig" in document and "cube" in document:
@@ -132,7 +133,7 @@ def settings_from(document: Mapping[str, Any], folder: Path) -> TrialSettings:
 
 
 def write_configuration(settings: TrialSettings) -> str:
-    """Return the text of a configuration file with these settings and comments."""
+    """Return the text of a configuration file with the settings and a comment for each setting."""
     import tomlkit
 
     document = without_none(to_document(settings))
@@ -159,7 +160,7 @@ def write_configuration(settings: TrialSettings) -> str:
 
 
 def without_none(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a mapping without the keys whose value is None, because TOML has no such value."""
+    """Return a mapping without the keys whose value is None, because TOML has no value None."""
     return {
         key: without_none(value) if isinstance(value, Mapping) else value
         for key, value in values.items()
@@ -168,16 +169,16 @@ def without_none(values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def table(values: Mapping[str, Any], properties: Mapping[str, Any]) -> Table:
-    """Return a table of TOML, with the description of each key as a comment.
+    """Return a TOML table, with the description of each key as a comment.
 
-    A key that has a description but no value is written as a comment.
+    A key that has a description but no value is only written as a comment.
 
     Parameters
     ----------
     values
         Values by key.
     properties
-        Properties of the table in the JSON schema, with the descriptions, by key.
+        Properties of the table in the JSON schema, by key. They contain the descriptions.
     """
     import tomlkit
 
@@ -195,7 +196,7 @@ def table(values: Mapping[str, Any], properties: Mapping[str, Any]) -> Table:
 
 
 def configuration_schema() -> dict[str, Any]:
-    """Return the JSON schema of configuration files, for editors that complete and check them."""
+    """Return the JSON schema of configuration files, with which editors check the files."""
     schema = adapter().json_schema()
     properties = schema["properties"]
     for key, given in {

@@ -1,4 +1,4 @@
-"""Checks of the force feedback of a trial before it begins."""
+"""Checks of the force feedback before a trial begins."""
 
 from __future__ import annotations
 
@@ -8,21 +8,22 @@ from teleop.errors import InputError
 from teleop.trial.settings import TrialSettings
 
 LOOP_DELAY = 1.5
-"""Delay of the loop in periods: a command is computed from the last sample, and then held."""
+"""Delay of the control loop, in periods: 1 from sample to command, and 0.5 for the hold."""
 PASSIVITY_OFFERED = {"soft": (0.05, 0.5)}
-"""Shortest and longest round trip [s] with which passivity control is offered, by cube.
+"""Shortest and longest round trip [s] of the channel at which the law passivity is permitted, by
+cube.
 
-In between, 20 of 20 trials were stable (`benchmarks/results/feedback-passivity.csv`).
+Within this range, 20 of 20 trials were stable (`benchmarks/results/feedback-passivity.csv`).
 """
 
 
 def check_feedback(settings: TrialSettings) -> str:
-    """Refuse feedback that is expected to be unstable, and return a warning or an empty text.
+    """Raise an error if the feedback is expected to be unstable. Return a warning or an empty text.
 
     Raises
     ------
     InputError
-        The law position-force is expected to be unstable, or passivity control is not offered for
+        The law position-force is expected to be unstable, or the law passivity is not permitted for
         the cube and the round trip.
     """
     law, trip = settings.feedback.law, round_trip(settings)
@@ -47,20 +48,21 @@ def check_feedback(settings: TrialSettings) -> str:
 
 
 def lag(settings: TrialSettings) -> float:
-    """Return the delay of the force at the master without the channel [s]."""
+    """Return the delay of the displayed force that force channel and loop cause [s]."""
     return settings.plant_parameters.contact_force_lag + LOOP_DELAY / settings.rate
 
 
 def round_trip(settings: TrialSettings) -> float:
-    """Return the longest round trip of the channel [s]."""
+    """Return the longest delay of a round trip through the channel [s]."""
     channel = settings.channel or ChannelSettings()
     return 2.0 * (channel.delay + channel.jitter)
 
 
 def delayed_loop(settings: TrialSettings) -> DelayedLoop:
-    """Return the loop of hand, virtual mass and delayed environment.
+    """Return the loop of hand, virtual mass and delayed environment, to check its stability.
 
-    On the simulated rig, the stiffness is the slope of the force where the operator ends a poke.
+    On the simulated rig, the stiffness of the environment is the slope of the contact force at the
+    deepest position of a poke of the operator.
     """
     feedback, arm = settings.feedback, settings.operator_model.arm
     k = feedback.stiffness
@@ -75,7 +77,7 @@ def delayed_loop(settings: TrialSettings) -> DelayedLoop:
 
 
 def present_stiffness(settings: TrialSettings) -> float:
-    """Return the slope of the contact force of the simulated rig at the end of a poke [N/m]."""
+    """Return the slope of the simulated contact force at the deepest position of a poke [N/m]."""
     from scipy.optimize import brentq  # its import takes as long as that of the rest of a run
 
     setup, aim = settings.setup, settings.operator_model.aim_force
@@ -87,12 +89,12 @@ def present_stiffness(settings: TrialSettings) -> float:
 
 
 def check_offered(settings: TrialSettings, trip: float) -> None:
-    """Refuse passivity control unless it was stable in all trials of the benchmark.
+    """Raise an error if the law passivity was not stable in all trials of the benchmark.
 
     Raises
     ------
     InputError
-        Passivity control is not offered for this cube and this round trip.
+        The law passivity is not permitted for the cube and the round trip.
     """
     shortest, longest = PASSIVITY_OFFERED.get("" if settings.rig else settings.cube, (1.0, 0.0))
     if shortest <= trip <= longest:

@@ -1,4 +1,4 @@
-"""Messages of the live page that describe a trial and its columns."""
+"""Messages to the live page that describe a trial and the columns of its data."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ OF_ESTIMATOR = {
     "held": "1 while the estimate is held",
     "misfit": "systematic force error relative to the force",
 }
-"""Meanings of the columns of an estimator, by the end of their names."""
+"""Meaning of each column of an estimator, by the end of the column's name."""
 
 
 def column_documents(units: Mapping[str, str]) -> list[dict[str, str]]:
-    """Return name, unit and meaning of each column, for the message `welcome`.
+    """Return name, unit and meaning of each recorded column, for the message `welcome`.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ def column_documents(units: Mapping[str, str]) -> list[dict[str, str]]:
 
 
 def meaning(name: str) -> str:
-    """Return the meaning of a column; empty for an unknown one."""
+    """Return the meaning of a column; empty for an unknown column."""
     if match := re.fullmatch(r"\w+?_(b_std|k_std|held|misfit|b|k)", name):
         return OF_ESTIMATOR[match[1]]
     return MEANINGS.get(name, "")
@@ -56,9 +56,10 @@ def trial_document(
     settings
         Settings of the trial.
     number
-        Number of the trial since the page was opened, from 1.
+        Number of the trial since the live page was started, from 1.
     position, of
-        Position in a series, from 1, and the number of its trials; 0 for a single trial.
+        Position of the trial in a series, from 1, and number of trials of the series. Both are 0
+        for a single trial.
     """
     limits, target = settings.limits, settings.target
     true = None if settings.rig else truth(settings, settings.setup.depth)
@@ -99,7 +100,7 @@ def trial_document(
 
 
 def recorded_document(recording: Recording) -> dict[str, Any]:
-    """Return the message `trial` of a recording; empty if its settings are not valid any more."""
+    """Return the message `trial` for a recording; empty if the recorded settings are not valid."""
     try:
         document = trial_document(from_document(recording.settings))
     except InputError:

@@ -1,4 +1,4 @@
-"""Link of the control process to the live process, which serves the live page."""
+"""Link from the control process to the live process, which serves the live page."""
 
 from __future__ import annotations
 
@@ -26,17 +26,17 @@ from teleop.trial.result import Trial
 from teleop.trial.settings import TrialSettings
 
 EVENT_SLOTS, EVENT_SIZE = 128, 4096
-"""Number and largest size of the events in their ring."""
+"""Largest number of events in the event ring, and largest size of an event [bytes]."""
 START_TIME = 20.0
 """Longest wait for the start of the live process [s]."""
 END_TIME = 3.0
 """Longest wait for the end of the live process [s]."""
 MOST_UNSENT = 1 << 20
-"""Number of unsent bytes above which a live process that does not read is given up."""
+"""Number of unsent bytes above which no more messages are sent to the live process."""
 
 
 class LiveLink(Sink):
-    """Starts the live process, and passes it the ticks and events of one trial after another.
+    """Starts the live process, and sends it the ticks and events of one or more trials.
 
     Parameters
     ----------
@@ -45,26 +45,30 @@ class LiveLink(Sink):
     host, port
         Address at which the page is served.
     by_page
-        Whether the page arms the trials.
+        Whether the drives are armed from the live page.
     pointer
-        Whether the pointer of the page is the operator of the simulated rig.
+        Whether the mouse or touch pointer of the live page replaces the operator of the simulated
+        rig.
     choices
-        Values of the settings condition, specimen and duration among which the page may choose.
+        Values that can be chosen on the live page for the settings condition, specimen and
+        duration.
     foxglove
-        Port for viewers of the Foxglove protocol, 0 for any free port; None for no such server.
+        Port for viewers of the Foxglove protocol; 0 for any free port; None to start no Foxglove
+        server.
 
     Attributes
     ----------
     url
         Address of the page.
     foxglove_url
-        Address for viewers of the Foxglove protocol; empty for none.
+        Address for viewers of the Foxglove protocol; empty if there is no Foxglove server.
     trials
         Number of trials so far.
     trial
-        The latest trial that has ended; None before.
+        The latest trial that has ended; None before the end of the first trial.
     position, of
-        Position of the next trial in a series, from 1, and the number of its trials; 0 for none.
+        Position of the next trial in a series, from 1, and number of trials of the series. Both are
+        0 without a series.
 
     Raises
     ------
@@ -121,16 +125,16 @@ class LiveLink(Sink):
         self.url, self.foxglove_url = str(ready["url"]), str(ready.get("foxglove", ""))
         self._cells = CellReader(files["cells"].buffer)
         self._stops = 0
-        """Number of STOP requests until the end of the last trial."""
+        """Number of STOP requests from the start until the end of the last trial."""
         self._ring = RingWriter(files["ring"].buffer, *sizes["ring"])
         self._events = RingWriter(files["events"].buffer, *sizes["events"])
 
     def make_operator(self) -> PointerOperator | None:
-        """Return a new operator that follows the pointer of the page; None without a pointer."""
+        """Return a new operator that follows the page's pointer; None if `pointer` is False."""
         return PointerOperator(PagePointer(self._cells)) if self._has_pointer else None
 
     def begin(self, settings: TrialSettings, layout: Layout) -> PageRequests:
-        """Announce a trial to the pages, and return the source of their requests.
+        """Announce a trial to the live pages, and return the object that reads their requests.
 
         Parameters
         ----------
@@ -159,27 +163,27 @@ class LiveLink(Sink):
         return PageRequests(self._cells, self._by_page, self._stops)
 
     def push(self, message: bytes) -> None:
-        """Write the message of one tick to the ring."""
+        """Write the message of one tick to the tick ring in shared memory."""
         self._ring.write(message)
 
     def event(self, event: Event) -> None:
-        """Write an event to the ring of the events."""
+        """Write an event to the event ring in shared memory."""
         self._events.write(dumps(event_record(event)).encode()[:EVENT_SIZE])
 
     def close(self) -> Outcome:
-        """Announce the end of the trial. The live process continues."""
+        """Announce the end of the trial to the live pages. The live process continues to run."""
         self._stops = self._cells.counts[STOP]
         self.tell({"type": "end", "text": ""})
         return Outcome(None, 0, 0, "")
 
     def show_result(self, trial: Trial) -> None:
-        """Send the results of a trial to the pages, if the drives were armed."""
+        """Send the results of a trial to the live pages, if the drives were armed."""
         self.trial = trial
         if trial.armed:
             self.tell({"type": "summary", **trial.summary()})
 
     def tell(self, document: dict[str, Any]) -> None:
-        """Send a message to the live process. A live process that hangs does not delay this."""
+        """Send a message to the live process, without waiting for a live process that hangs."""
         self._unsent += dumps(document).encode() + b"\n"
         try:
             while self._unsent:
@@ -192,7 +196,7 @@ class LiveLink(Sink):
             self._unsent = b""
 
     def wait_for_request(self, timeout: float) -> dict[str, Any] | None:
-        """Return the next request that is carried out between two trials.
+        """Return the next request of a live page, while no trial runs.
 
         Parameters
         ----------
@@ -201,7 +205,7 @@ class LiveLink(Sink):
 
         Returns
         -------
-        The request; None if there was none, or if the live process has ended.
+        The request; None if there was no request, or if the live process has ended.
         """
         while b"\n" not in self._received:
             readable, _, _ = select.select([self._output], [], [], timeout)
@@ -214,11 +218,11 @@ class LiveLink(Sink):
 
     @property
     def is_running(self) -> bool:
-        """Whether the live process runs."""
+        """Whether the live process is running."""
         return self._process.poll() is None
 
     def end(self) -> None:
-        """End the live process, after it has told the pages."""
+        """End the live process. Before it ends, it informs the live pages."""
         with contextlib.suppress(OSError):
             self._input.close()
         try:
@@ -229,7 +233,7 @@ class LiveLink(Sink):
         self._output.close()
 
     def _move_off(self) -> None:
-        """Keep the live process off the processor of the loop."""
+        """Move the live process to processors other than that of the control loop."""
         if not hasattr(os, "sched_setaffinity"):
             return
         own = os.sched_getaffinity(0)

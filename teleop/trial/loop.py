@@ -1,6 +1,6 @@
-"""The control loop of a trial: runs ticks until standstill, and passes them to the sinks.
+"""The control loop of a trial: runs ticks until standstill, and passes their data to the sinks.
 
-A sink receives the message of each tick, for example the recorder.
+A sink is an object that receives the message of each tick, for example the recorder.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from teleop.safety.events import ACTIVE, FAULT, IDLE
 from teleop.trial.stop_switch import StopSwitch
 
 END = "end of the trial"
-"""Reason of the stop at the end of the duration."""
+"""Reason for the stop when the duration of the trial has elapsed."""
 
 
 class Loop:
@@ -64,15 +64,15 @@ class Loop:
         self._end = ""
         self._armed = False
         self._begin = 0.0
-        """Time of the trial from which the duration counts [s]."""
+        """Time at which the measurement of the duration starts [s]."""
         self._elapsed = 0
-        """Number of periods of the clock, including skipped ones."""
+        """Number of periods of the clock so far, including skipped periods."""
         self._leave = math.inf
-        """Number of periods after which the loop ends."""
+        """Number of periods after which the loop ends; infinite until the end is decided."""
 
     @property
     def error(self) -> Exception | None:
-        """First exception of a tick; None if there was none."""
+        """First exception that occurred in a tick; None if there was no exception."""
         return self.controller.error
 
     def run(self) -> None:

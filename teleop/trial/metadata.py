@@ -1,4 +1,4 @@
-"""Metadata of a trial in its recording: software, machine, date, rig and settings."""
+"""Metadata in the recording of a trial: software, machine, date, rig and settings."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def libraries() -> Iterator[str]:
 
 
 def session_metadata(settings: TrialSettings) -> dict[str, dict[str, str]]:
-    """Return the metadata of a recording: the records `session` and `settings`, as text by name."""
+    """Return the metadata records `session` and `settings` of a recording, as text by key."""
     return {
         "session": {
             "software": f"teleop {version('teleop')}",
@@ -48,7 +48,7 @@ def session_metadata(settings: TrialSettings) -> dict[str, dict[str, str]]:
 
 
 def estimated_channels(settings: TrialSettings) -> Iterator[str]:
-    """Yield the names of the channels that an observer estimates instead of a sensor."""
+    """Yield the names of the channels that an observer estimates, because they have no sensor."""
     if settings.rig:
         devices = settings.rig.devices
         for name, channel in settings.rig.sections.channels.items():

@@ -1,4 +1,4 @@
-"""The pointer of the live page, as the control process reads it."""
+"""The mouse or touch pointer of the live page, read by the control process."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from time import monotonic
 from teleop.live.cells import CellReader
 
 SILENCE = 0.15
-"""Longest time between two samples of the pointer while it holds the handle [s]."""
+"""Longest time between two samples of the pointer while the hand holds the handle [s]."""
 
 
 class PagePointer:
-    """Returns the latest sample of the pointer, and lets go of the handle if there are none.
+    """Returns the latest sample of the pointer; the handle is released if the samples stop.
 
     Parameters
     ----------
     cells
-        Cells that the live process writes.
+        Shared-memory cells to which the live process writes the samples.
     now
-        Returns the present time [s].
+        Function that returns the present time [s].
     """
 
     def __init__(self, cells: CellReader, now: Callable[[], float] = monotonic) -> None:
@@ -32,7 +32,7 @@ class PagePointer:
             self._sequence = sample[0]
 
     def __call__(self) -> tuple[float, bool]:
-        """Return the intended depth of the hand [m], and whether it holds the handle."""
+        """Return the intended depth of the hand [m], and whether the hand holds the handle."""
         now = self._now()
         sample = self._cells.pointer()
         if sample and sample[0] != self._sequence:

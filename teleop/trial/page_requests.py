@@ -1,4 +1,4 @@
-"""Requests of the live page during a trial, read from shared memory once a tick."""
+"""Requests of the live page during a trial, read from shared memory at each tick."""
 
 from __future__ import annotations
 
@@ -11,23 +11,26 @@ from teleop.safety import Fault
 from teleop.safety.channels import DetectedFault
 
 PROCESS_SILENCE = 0.3
-"""Longest time between two heartbeats of the live process, if a page armed the trial [s]."""
+"""Longest time between two heartbeats of the live process, if the live page armed the drives
+[s]."""
 WAITING_SILENCE = 5.0
-"""The same while the trial waits for START and nothing moves [s]. A busy machine may delay the live
-process, but a trial that nobody can start any more has to end."""
+"""Longest time between two heartbeats of the live process while the trial waits for START and
+nothing moves [s]. It is longer, because a busy machine may delay the live process. It is finite,
+because a trial that nobody can start must end."""
 PAGE_SILENCE = 2.0
-"""Longest time between two heartbeats of the page in control, if a page armed the trial [s]."""
+"""Longest time between two heartbeats of the live page in control, if a page armed the drives
+[s]."""
 STOPPED = DetectedFault(Fault.EMERGENCY_STOP, "live page", math.nan, math.nan, math.nan)
-"""Fault of STOP in the page."""
+"""Fault that is reported when STOP is pressed in the live page."""
 
 
 class NoPage:
-    """The requests if there is no live page: the trial is armed from the terminal."""
+    """The requests if there is no live page: none, because the terminal arms the drives."""
 
     reason = ""
-    """Reason why the page ended the trial; empty if it did not."""
+    """Reason why the live page ended the trial; empty if the page did not end it."""
     faults: tuple[DetectedFault, ...] = ()
-    """Faults that the page reports."""
+    """Faults that the live page reports, such as STOP."""
     arms = True
     """Whether the drives may be armed."""
 
@@ -38,19 +41,20 @@ class NoPage:
 class PageRequests(NoPage):
     """Requests of the live page in one trial.
 
-    A request that was made before the trial has no effect on it, except STOP before a trial that
-    the page does not arm.
+    A request that was made before the trial has no effect on the trial. There is one exception:
+    STOP, if the drives are not armed from the page.
 
     Parameters
     ----------
     cells
-        Cells that the live process writes.
+        Shared-memory cells to which the live process writes the requests.
     by_page
-        Whether the page arms the trial.
+        Whether the drives are armed from the live page.
     stops
-        Number of STOP requests that concern earlier trials, for a trial that the page does not arm.
+        Number of STOP requests that belong to earlier trials. It is used if the drives are not
+        armed from the live page.
     now
-        Returns the present time [s].
+        Function that returns the present time [s].
     """
 
     def __init__(
@@ -98,7 +102,7 @@ class PageRequests(NoPage):
             self._lose(f"the page was silent for {PAGE_SILENCE:g} s")
 
     def _lose(self, cause: str) -> None:
-        """End a trial that waits to be armed, or stop a trial that the page has armed."""
+        """End a trial that waits to be armed; stop a trial that the live page has armed."""
         if not self.arms:
             self.reason = self.reason or cause
         elif not self.faults:

@@ -1,4 +1,4 @@
-"""Claims: at most one process of this machine at a time can claim a name, such as a processor."""
+"""Claims of names, for example of processors, each by at most one process of this machine."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ import socket
 def claim(name: str) -> socket.socket | None:
     """Claim a name until the returned socket is closed or the process ends.
 
-    The claim is an abstract Unix socket with this name. Such names are common to all users, and
-    no file remains. The kernel releases the name when the process ends, also if it is killed.
+    The claim is an abstract Unix socket with this name. The names of such sockets are common to all
+    users, and no file remains. The kernel releases the name when the process ends, even if the
+    process is killed.
 
     Parameters
     ----------
@@ -19,7 +20,7 @@ def claim(name: str) -> socket.socket | None:
 
     Returns
     -------
-    The socket that holds the claim; None if another process holds it.
+    The socket that holds the claim; None if another process has claimed the name.
 
     Raises
     ------

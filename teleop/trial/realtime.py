@@ -1,10 +1,10 @@
 """Real-time settings of a process, applied step by step and reverted at the end.
 
-Several control loops on one machine must not disturb each other. Each process claims one
-processor for itself, if there is a free one. One processor always remains for recorders, kernel
-drivers and other programs. If there is no free processor, the process shares the processors that
-are not claimed, at a lower priority. Each further such process has a lower priority than the
-previous one.
+Several control loops on one machine must not disturb each other. Each process with a control loop
+claims one processor for itself, if a processor is free. At least one processor remains unclaimed,
+for recorders, kernel drivers and other programs. If no processor is free, the process shares the
+unclaimed processors at a lower priority. Each process that shares processors has a lower priority
+than the processes before it.
 """
 
 from __future__ import annotations
@@ -21,18 +21,20 @@ from teleop.names import RealtimeName
 from teleop.trial.processor_claims import claim, is_claimed
 
 PRIORITY = 80
-"""Priority of SCHED_FIFO on a claimed processor.
+"""Priority of SCHED_FIFO for a control loop on a claimed processor.
 
-It is above the interrupt threads (50) and below the kernel's watchdogs (99).
+The priority is above that of the interrupt threads (50) and below that of the kernel's watchdogs
+(99).
 """
 SHARED_PRIORITIES = range(60, 50, -1)
-"""Priorities of SCHED_FIFO on shared processors, each for one process."""
+"""Priorities of SCHED_FIFO for control loops on shared processors. Each is used by one process."""
 RECORDER_PRIORITY = 40
 """Priority of SCHED_FIFO for the recorder process, which reads the pipe of the loop.
 
-The priority is above all normal processes. The kernel locks the pipe while it is read. If the
-recorder waited for a processor during this time, it would delay the loop. The priority is below
-that of all loops, because the recorder compresses data for longer than a period of a loop.
+The priority is above that of all normal processes. The kernel locks the pipe while the recorder
+reads it. If the recorder had to wait for a processor during this time, it would delay the loop. The
+priority is below that of all control loops, because compressing data takes the recorder longer than
+a period of a loop.
 """
 MCL_CURRENT, MCL_FUTURE = 1, 2
 """Flags of mlockall on Linux."""
@@ -45,7 +47,7 @@ PROCESSOR = "one processor"
 
 
 def set_priority(process: int, priority: int) -> None:
-    """Set the scheduling policy of a process to SCHED_FIFO, but not that of its child processes.
+    """Set the scheduling policy of a process to SCHED_FIFO; child processes do not inherit it.
 
     Parameters
     ----------
@@ -71,9 +73,9 @@ def set_fifo_priority(priority: int = PRIORITY) -> Callable[[], object]:
 
 
 def set_shared_fifo_priority() -> Callable[[], object]:
-    """Set the policy SCHED_FIFO at the highest priority that no other process has claimed.
+    """Set SCHED_FIFO with the highest of the `SHARED_PRIORITIES` that no process has claimed.
 
-    This is for a process that shares a processor, see `SHARED_PRIORITIES`.
+    This is for a process that shares its processor with other control loops.
 
     Returns
     -------
@@ -82,7 +84,7 @@ def set_shared_fifo_priority() -> Callable[[], object]:
     Raises
     ------
     OSError
-        All of the priorities are claimed by other processes, or the priority is not permitted.
+        Other processes have claimed all of these priorities, or the priority is not permitted.
     """
     for priority in SHARED_PRIORITIES:
         if not (taken := claim(f"priority {priority}")):
@@ -100,7 +102,7 @@ def processor_name(processor: int) -> str:
 
 
 def claim_processor() -> Callable[[], object]:
-    """Claim the last free processor, and run this process only on it.
+    """Claim the free processor with the highest number, and run this process on it only.
 
     No other teleop process runs on this processor, so that its caches keep the data of the loop.
 
@@ -129,12 +131,12 @@ def claim_processor() -> Callable[[], object]:
 
 
 def lock_memory() -> Callable[[], object]:
-    """Lock the memory so that it is never paged out, and return a function that reverts this.
+    """Lock the process memory in RAM, without swapping; return a function that reverts this.
 
     Raises
     ------
     PermissionError
-        The system's limit of locked memory is too low.
+        The system's limit for locked memory is too low.
     """
     libc = ctypes.CDLL(None, use_errno=True)
     if libc.mlockall(MCL_CURRENT | MCL_FUTURE):
@@ -145,7 +147,8 @@ def lock_memory() -> Callable[[], object]:
 def disable_garbage_collection() -> Callable[[], object]:
     """Disable Python's garbage collection, and return a function that reverts this.
 
-    A tick creates no reference cycles. Therefore the memory does not grow without collection.
+    A tick creates no reference cycles. Therefore the memory does not grow without garbage
+    collection.
     """
     was_enabled = gc.isenabled()
     gc.collect()
@@ -165,7 +168,8 @@ SET_UP = {
     "no garbage collection": disable_garbage_collection,
     PROCESSOR: claim_processor,
 }
-"""Slow steps, which are applied at normal priority. Each returns a function that reverts it."""
+"""Slow steps, which are applied at normal priority. Each is a function that returns a function to
+revert the step."""
 STEPS = (*SET_UP, FIFO)
 """Names of all steps."""
 
@@ -236,8 +240,8 @@ class RealTime:
 def realtime(mode: RealtimeName, steps: Iterable[str] = STEPS) -> RealTime:
     """Return a context manager that applies real-time settings and reverts them on exit.
 
-    On entry the slow steps are applied at normal priority. `RealTime.start` sets the real-time
-    priority when everything is ready for the loop.
+    On entry, the slow steps are applied at normal priority. Then, directly before the loop, the
+    caller calls `RealTime.start` to set the real-time priority.
 
     Parameters
     ----------
@@ -245,7 +249,7 @@ def realtime(mode: RealtimeName, steps: Iterable[str] = STEPS) -> RealTime:
         `require` raises an error if a step fails, `try` applies the steps that the system
         permits, `off` applies none.
     steps
-        Names of the steps to apply, of `STEPS`.
+        Names of the steps to apply, a part of `STEPS`.
 
     Raises
     ------
@@ -259,9 +263,9 @@ def realtime(mode: RealtimeName, steps: Iterable[str] = STEPS) -> RealTime:
 
 @contextlib.contextmanager
 def avoid_claimed_processors() -> Iterator[None]:
-    """Within the block, do not run on the processors that other processes have claimed.
+    """Within the block, run this process only on processors that no other process has claimed.
 
-    This protects the control loops of these processes, also if the system does not permit
+    This protects the control loops of the other processes, even if the system does not permit
     real-time priorities.
     """
     if not hasattr(os, "sched_setaffinity"):

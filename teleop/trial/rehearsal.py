@@ -25,18 +25,19 @@ from teleop.trial.stop_switch import StopSwitch
 TICKS = 600
 """Number of ticks of a rehearsal; the second half of its active ticks is evaluated."""
 WIRE_TIME = 0.25
-"""Time for which the devices of a rig are read before a trial [s]."""
+"""Time for which the devices of a rig are read in the check before a trial [s]."""
 SHARE = 0.9
-"""Largest fraction of a period that a tick may take."""
+"""Largest fraction of a period of the loop that a tick may take."""
 
 
 def tick_cost(settings: TrialSettings) -> float:
-    """Measure the duration of a tick on this machine, without the devices of a rig.
+    """Measure how long a tick takes on this machine, without the communication with devices.
 
-    A rehearsal of the trial runs on the simulated rig in virtual time, without the tare and the
-    limits of the real rig. The channel has no delay and the gain of the feedback is at most 1,
-    because a feedback that is stable on the specimen may be unstable on the simulated cube. The
-    simulated rate is at most 1 kHz, so that the motion begins within `TICKS` ticks.
+    The measurement is a rehearsal of the trial on the simulated rig in virtual time, without the
+    tare and the limits of the hardware rig. In the rehearsal, the channel has no delay and the gain
+    of the force feedback is at most 1, because feedback that is stable on the specimen may be
+    unstable on the simulated cube. The simulated rate is at most 1 kHz, so that the motion begins
+    within `TICKS` ticks.
 
     Returns
     -------
@@ -86,13 +87,13 @@ def tick_cost(settings: TrialSettings) -> float:
 
 
 def check_rate(settings: TrialSettings) -> float:
-    """Check that this machine can run the loop at its rate, without the devices of a rig.
+    """Check that this machine can run the loop at the rate, without communication with devices.
 
-    Up to three rehearsals are made, until one of them is fast enough.
+    If a rehearsal is too slow, it is repeated, up to three rehearsals in total.
 
     Returns
     -------
-    Duration of a tick in the fastest rehearsal, without the devices of a rig [s].
+    Duration of a tick in the fastest rehearsal, without communication with devices [s].
 
     Raises
     ------
@@ -115,8 +116,8 @@ def check_wire(rig: Rig, clock: Clock, cost: float) -> None:
     """Check that reading the devices of a rig leaves enough time for the rest of a tick.
 
     The rig is read at the rate of the clock for `WIRE_TIME`. Nothing is sent to its drives. The
-    time to send commands is not measured. It is assumed to be at most the time that the simulated
-    rig takes in the rehearsal.
+    time that sending a command takes is not measured. It is assumed to be at most the time that the
+    simulated rig takes in the rehearsal.
 
     Parameters
     ----------

@@ -1,4 +1,7 @@
-"""Repeats a recorded trial of a pointer on the simulated rig, with the same numbers."""
+"""Repetition of a recorded trial in which the pointer of the live page was the operator.
+
+The repetition on the simulated rig gives the same numbers as the recorded trial.
+"""
 
 from __future__ import annotations
 
@@ -21,16 +24,16 @@ from teleop.trial.settings_json import from_document
 from teleop.trial.stop_switch import StopSwitch
 
 BY_PERSON = (Fault.EMERGENCY_STOP, Fault.PAGE_LOST)
-"""Faults that do not follow from the data of the rig."""
+"""Faults that a person or the live page caused, and that do not follow from the data of the rig."""
 
 
 class RecordedClock(Clock):
-    """Gives each tick its recorded time, without waiting.
+    """Clock that gives each tick its recorded time, without waiting.
 
     Parameters
     ----------
     recording
-        Recording with the columns of a pointer.
+        Recording of a trial with the pointer of the live page.
     rate
         Ticks per second [Hz].
     """
@@ -56,7 +59,7 @@ class RecordedClock(Clock):
 
 
 class RecordedRequests(NoPage):
-    """The requests of the persons at page and terminal, from the modes and events of a recording.
+    """The requests from live page and terminal, computed from modes and events of a recording.
 
     Parameters
     ----------
@@ -71,7 +74,7 @@ class RecordedRequests(NoPage):
         self._events = {event["time"]: event for event in recording.events}
 
     def read(self) -> None:
-        """Read the requests of the next tick."""
+        """Compute the requests of the next tick."""
         t, mode = next(self._ticks)
         self.arms = self.arms or mode == ACTIVE
         event = self._events.get(t)
@@ -84,9 +87,10 @@ class RecordedRequests(NoPage):
 
 
 def repeated(recording: Recording) -> Recording:
-    """Run a trial of a pointer again in virtual time, with its recorded times and intentions.
+    """Repeat a trial in virtual time, with the recorded times and positions of the pointer.
 
-    The result has the same numbers, except for the durations of the parts of a tick.
+    The result has the same numbers as the recording, except for the durations of the parts of a
+    tick.
 
     Parameters
     ----------
@@ -96,7 +100,7 @@ def repeated(recording: Recording) -> Recording:
     Raises
     ------
     InputError
-        The recording has no pointer, or ticks are missing.
+        The recording is not of a trial with a pointer, or ticks are missing.
     """
     if any(column.name not in recording.columns for column in POINTER):
         raise InputError("the recording has no pointer: expected a trial with --operator pointer")

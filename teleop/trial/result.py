@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from estimation.figures import Truth
 
 LEAST_CONTACT = 1.0
-"""Shortest time in contact for which the summary of an interrupted trial has estimates [s]."""
+"""Shortest contact time for which the summary of an interrupted trial contains estimates [s]."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -44,7 +44,7 @@ class Trial(Presented):
     settings: TrialSettings
     """Settings of the trial."""
     recording: Recording
-    """All ticks of the trial. If the file is not complete, the intact ticks."""
+    """All ticks of the trial; if the recording file is not complete, all ticks that can be read."""
     bank: Bank
     """The estimators in their final state."""
     interrupted: bool
@@ -56,30 +56,30 @@ class Trial(Presented):
     fault: dict[str, Any] | None
     """Event of the first fault; None if there was no fault."""
     rejected: dict[str, dict[str, int]]
-    """Number of frames that each device of the rig rejected, by reason."""
+    """Number of rejected CAN or serial frames, by device of the rig and reason."""
     black_box: Path | None
     """Folder of the black box; None if there was no fault."""
     black_box_problem: str = ""
-    """Reason why the black box could not be written; empty if it was, or if there was no fault."""
+    """Reason why the black box could not be written; empty if there was no such problem."""
 
     @property
     def columns(self) -> dict[str, Floats]:
-        """Columns of the ticks at which the estimators were updated, each of shape (ticks,)."""
+        """Recorded columns at the ticks with updated estimators, each of shape (ticks,)."""
         return self.recording.estimated().columns
 
     @property
     def estimates(self) -> dict[str, Estimates]:
-        """Estimates at these ticks, by the name of the estimator."""
+        """Estimates at the ticks with updated estimators, by the name of the estimator."""
         return self.recording.estimated().estimates()
 
     @property
     def t(self) -> Floats:
-        """Time at these ticks [s], shape (ticks,)."""
+        """Time of each tick with updated estimators [s], shape (ticks,)."""
         return self.recording.estimated()["time"]
 
     @property
     def regression(self) -> Regression:
-        """The samples that the estimators received at these ticks."""
+        """The samples that the estimators received."""
         return self.recording.estimated().regression()
 
     @property
@@ -90,12 +90,12 @@ class Trial(Presented):
 
     @property
     def armed(self) -> dict[str, Any] | None:
-        """Event of the arming of the drives; None if they were not armed."""
+        """Event at which the drives were armed; None if they were not armed."""
         return next((e for e in self.recording.events if e["mode"] == "active"), None)
 
     @property
     def incomplete(self) -> str:
-        """Text that states which data are missing in the files of the trial; empty for none."""
+        """Description of the data that are missing in the files of the trial; empty for none."""
         path, _, dropped, problem, _ = self.outcome
         problems = []
         if problem:
@@ -110,16 +110,16 @@ class Trial(Presented):
     def plot(
         self, width: str = "screen", title: str | None = None, truth: Truth | None = None
     ) -> Figure:
-        """Return a figure of stiffness and damping over time with 95 % intervals, and the motion.
+        """Return a figure over time: stiffness and damping with 95 % intervals, and motion.
 
         Parameters
         ----------
         width
-            `screen`; `single` or `double` for the columns of an IEEE paper; or `a4`.
+            `screen`; `single` or `double` for one or two columns of an IEEE paper; or `a4`.
         title
             Title of the figure. Default: condition and palpated body.
         truth
-            True values. Default: those of the simulated rig.
+            True values to show. Default: those of the simulated rig.
         """
         from estimation.figures import known_truth
 
@@ -128,7 +128,7 @@ class Trial(Presented):
         )
 
     def plot_force(self, width: str = "screen", title: str | None = None) -> Figure:
-        """Return a figure of the measured force and its prediction by the first estimator.
+        """Return a figure of the measured force and the force that the first estimator predicts.
 
         Parameters
         ----------
@@ -138,7 +138,7 @@ class Trial(Presented):
         return super().plot_force(width, self._title(title))
 
     def plot_tracking(self, width: str = "screen", title: str | None = None) -> Figure:
-        """Return a figure of target, own position and error in the condition mimic.
+        """Return a figure of target, slave position and their difference in the condition `mimic`.
 
         Parameters
         ----------
@@ -148,7 +148,7 @@ class Trial(Presented):
         Raises
         ------
         InputError
-            The condition is not mimic, or the target moved for less than two periods.
+            The condition is not `mimic`, or the target moved for less than two periods.
         """
         from estimation.figure_style import figure_style
         from teleop.output.tracking_figure import tracking_figure
@@ -163,7 +163,7 @@ class Trial(Presented):
             return tracking_figure(self._title(title), self.recording, found)
 
     def to_dataframe(self) -> pandas.DataFrame:
-        """Return all columns of the recording at these ticks, indexed by time [s].
+        """Return all recorded columns at the ticks with updated estimators, indexed by time [s].
 
         Raises
         ------
@@ -182,15 +182,16 @@ class Trial(Presented):
         )
 
     def tracking(self) -> dict[str, Any] | None:
-        """Return gain, phase and error of the slave relative to the target of mimic.
+        """Return gain, phase and error of the slave relative to the target in `mimic`.
 
-        None if the condition is not mimic, or if the target moved for less than two periods.
+        The result is None if the condition is not `mimic`, or if the target moved for less than two
+        periods.
         """
         found = tracking_of(self.recording, self.settings)
         return found and found._asdict()
 
     def feedback(self) -> dict[str, Any] | None:
-        """Return what the hand felt; None without force feedback and channel."""
+        """Return a summary of the displayed forces; None without force feedback and channel."""
         settings = self.settings
         if not settings.has_link:
             return None
@@ -206,7 +207,7 @@ class Trial(Presented):
         return {"law": feedback.law, "channel": channel} | found._asdict()
 
     def summary(self) -> dict[str, Any]:
-        """Return the results of the trial, in the form of `teleop run --json`."""
+        """Return the results of the trial, with the keys of the output of `teleop run --json`."""
         settings, active = self.settings, self.recording.estimated()
         t, regression = active["time"], active.regression()
         if len(t):
@@ -267,16 +268,16 @@ class Trial(Presented):
 
 
 def safety_summary(active: Recording, fault: dict[str, Any] | None) -> dict[str, Any]:
-    """Return the first fault, the texts of further faults, and the effect of the soft limits.
+    """Return the first fault, the texts of further faults, and counts for the soft limits.
 
-    The effect of a soft limit is the number of ticks at which it reduced the command.
+    The count of a soft limit is the number of ticks at which it reduced the command.
 
     Parameters
     ----------
     active
         Ticks at which the estimators were updated.
     fault
-        Event of the first fault; None for none.
+        Event of the first fault; None if there was no fault.
     """
     flags = active["limited"].astype(int)
     names = {"velocity": VELOCITY, "acceleration": ACCELERATION, "position": POSITION}

@@ -1,4 +1,4 @@
-"""Loading of rig files for the command line, with errors as InputError."""
+"""Loading of rig files for the command line; errors are raised as InputError."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One trial: palpate under a control condition, estimate and record."""
+"""Run of one trial: palpation under a control condition, estimation and recording."""
 
 from __future__ import annotations
 
@@ -50,28 +50,28 @@ def run_trial(
         Whether to show a progress line on standard error.
     switch
         Stop switch, which has been entered as a context manager. By default, signals stop the
-        trial, but no key.
+        trial, but there is no stop key.
     real
         Whether to apply real-time settings: `require`, `try` or `off`, see `realtime`.
     overwrite
         Whether to overwrite an existing MCAP file.
     condition
-        Control condition that replaces that of the settings.
+        Control condition that replaces the condition of the settings.
     rig_maker
-        Function that creates a rig, which replaces that of the settings.
+        Function that creates a rig, which replaces the rig of the settings.
     live
-        Link to the live page.
+        Link to the live process; None for no live page.
 
     Raises
     ------
     InputError
         The machine cannot run at the rate, the recording cannot be written, a required real-time
-        step failed, or a trial on a hardware rig does not state specimen and depth.
+        step failed, or the settings of a trial on a hardware rig have no specimen or no depth.
     RigError
-        The rig cannot be opened, a device cannot be read, or the drives did not get ready.
+        The rig cannot be opened, a device cannot be read, or the drives did not become ready.
     Exception
-        An exception of a tick. It is raised after the drives have stopped and the recording is
-        complete.
+        An exception that occurred in a tick. It is raised after the drives have stopped and the
+        recording is complete.
     """
     if switch is None:
         with StopSwitch() as switch:
@@ -173,9 +173,9 @@ def write_black_box(
     folder
         The folder; created if it does not exist.
     box
-        A black box with a fault.
+        A black box in which a fault is stored.
     metadata
-        Named records of text about the session.
+        Metadata of the session: named records with texts by key.
     start
         Wall-clock time of the beginning of the trial [ns].
 

@@ -1,4 +1,4 @@
-"""Settings of a trial: data that are checked once, when they are created."""
+"""Settings of a trial. They are checked once, when they are created."""
 
 from __future__ import annotations
 
@@ -54,11 +54,11 @@ class TrialSettings:
     notes: str = ""
     """Notes."""
     live: bool = False
-    """Whether to show the trial in a page of the browser."""
+    """Whether to show the trial on the live page in a browser."""
     duration: float = 10.0
     """Duration [s]."""
     clock: ClockName = "real"
-    """Real or virtual time."""
+    """Clock of the control loop: real or virtual time."""
     rate: float = 1000.0
     """Ticks per second [Hz]."""
     seed: int = 0
@@ -72,29 +72,29 @@ class TrialSettings:
     admittance: AdmittanceParameters = field(default_factory=AdmittanceParameters)
     """Virtual dynamics of the master."""
     coupling: Coupling = field(default_factory=Coupling)
-    """Maps the motion of the master to that of the slave."""
+    """Coupling, which converts the motion of the master to the velocity of the slave."""
     feedback: FeedbackSettings = field(default_factory=FeedbackSettings)
     """Force feedback to the hand."""
     channel: ChannelSettings | None = None
-    """Communication channel between master and slave. Default: none, without delay."""
+    """Communication channel between master and slave. Default: no channel and no delay."""
     conditioning: ConditioningName = "matched"
     """Signal conditioning before the estimators."""
     bandwidth: float = BANDWIDTH
-    """Bandwidth of the filter of the conditioning [Hz]."""
+    """Bandwidth of the filter in the signal conditioning [Hz]."""
     force_lag: float = 0.0
-    """Lag of the force channel that matched conditioning compensates [s]."""
+    """Lag of the force channel that the conditioning matched compensates [s]."""
     preset: Preset | None = None
-    """All settings of the estimators. Default: those of the paper. The adaptation gain is that of
-    this cube. On a hardware rig, it is that of the soft cube times (d / depth)^2, where d is the
-    depth of palpation for the soft cube."""
+    """All settings of the estimators. Default: those of the paper, with the adaptation gain for the
+    cube. On a hardware rig, this gain is that for the soft cube times (d / depth)^2, where d is the
+    palpation depth for the soft cube."""
     estimators: tuple[str, ...] = PAPER
-    """Names of the estimators. Not used if all their settings are given."""
+    """Names of the estimators. Not used with a custom preset."""
     model: Model = KELVIN_VOIGT
-    """Model of the estimators that support any model. Not used if all settings are given."""
+    """Model for the estimators that can use any model. Not used with a custom preset."""
     estimator_parameters: Mapping[str, OwnSettings] = field(default_factory=dict)
-    """Settings of single estimators by name, such as forgetting, besides the shared ones."""
+    """Own settings of single estimators, such as forgetting, by the name of the estimator."""
     custom_setup: Setup | None = None
-    """Body, force channel and depth of the palpation, instead of those of the named cube."""
+    """Body, force channel and palpation depth that replace those of the named cube."""
     custom_limits: Limits | None = None
     """Limits of the safety supervisor. Default: those of the rig file or, on the simulated rig,
     limits that are computed from the depth."""
@@ -103,13 +103,13 @@ class TrialSettings:
     sensors: Sensors = field(default_factory=Sensors)
     """Imperfections of the simulated sensors."""
     operator_model: OperatorModel = field(default_factory=OperatorModel)
-    """Arm and intention of the operator of the simulated rig."""
+    """Arm and intended motion of the operator of the simulated rig."""
     tare: Tare = NO_TARE
     """Zero offsets of force and position."""
     rig: RigFile | None = None
     """The hardware rig. Default: the simulated rig."""
     depth: float | None = None
-    """Depth of palpation [m], needed on a hardware rig. Default: that of the paper."""
+    """Depth of palpation [m], required on a hardware rig. Default: the depth in the paper."""
 
     def __post_init__(self) -> None:
         problems = [*self._values_out_of_range()] or [*self._inconsistent_values()]
@@ -208,12 +208,12 @@ class TrialSettings:
 
     @property
     def excitation(self) -> AnySignal:
-        """Excitation of the autonomous condition, or target of mimic."""
+        """Excitation signal of the condition `autonomous`, or signal of the target in `mimic`."""
         return self.signal or Sine(ranges.FREQUENCY.get(self.condition, 2.0))
 
     @property
     def target(self) -> Target:
-        """Target that the operator follows in the mimic condition."""
+        """Target that the operator follows in the condition `mimic`."""
         usual = ranges.COUNT_IN if self.rig else 0.0
         count_in = usual if self.count_in is None else self.count_in
         return Target(self.excitation.highest, self.setup.depth, count_in)
@@ -225,7 +225,7 @@ class TrialSettings:
 
     @property
     def palpated(self) -> str:
-        """Name of the palpated body: the specimen or, if it has no name, the rig or its cube."""
+        """Name of the palpated body: the specimen; if it has no name, the rig or the cube."""
         return self.specimen or (self.rig_name if self.rig else f"{self.cube} cube")
 
     @property
@@ -245,7 +245,7 @@ class TrialSettings:
 
     @property
     def untightened_limits(self) -> Limits:
-        """Limits of the supervisor before `tightened_limits` is applied."""
+        """Limits of the safety supervisor before `tightened_limits` is applied."""
         if self.custom_limits:
             return self.custom_limits
         if self.rig:
@@ -268,7 +268,7 @@ class TrialSettings:
 
     @property
     def encoder_resolution(self) -> float:
-        """Resolution of the slave's encoder, the travel of one count [m]."""
+        """Resolution of the slave's encoder: travel per count [m]."""
         if self.rig:
             return self.rig.sections.channels.slave_position.resolution_um * 1e-6
         return self.sensors.encoder_resolution
@@ -285,7 +285,7 @@ class TrialSettings:
 
     @property
     def estimation_preset(self) -> Preset:
-        """Settings of the estimators: `preset` or, if it is None, those of the paper, adapted."""
+        """Settings of the estimators: `preset`, or those of the paper adapted to this trial."""
         if self.preset:
             return self.preset
         preset = paper_preset("soft" if self.rig else self.cube)

@@ -1,4 +1,4 @@
-"""Convert the settings of a trial to a JSON document and back without any change."""
+"""Conversion of the settings of a trial to a JSON document, and back without any change."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ DERIVED = {
     "limits": ": expected tightened_limits",
     "setup": ": expected custom_setup",
 }
-"""Values in the document that are computed from the settings, each with the hint of its error."""
+"""Keys of values that are computed from the settings, with a hint for the error message."""
 PARTS = (
     AdmittanceParameters,
     Axis,
@@ -70,9 +70,9 @@ PARTS = (
     Transmission,
     TrialSettings,
 )
-"""Dataclasses of the document."""
+"""Dataclasses whose fields are keys of the document."""
 BODIES = ("Cube", "Relaxing", "Changing")
-"""Kinds of bodies, which are part of the path of an error but not of the document."""
+"""Classes of bodies, which are part of the error path of pydantic but not of the document."""
 
 
 def to_document(settings: TrialSettings) -> dict[str, Any]:
@@ -97,9 +97,9 @@ def to_document(settings: TrialSettings) -> dict[str, Any]:
 
 
 def from_document(document: Mapping[str, Any]) -> TrialSettings:
-    """Return the settings in a document that `to_document` returned.
+    """Return the settings that a document of `to_document` contains.
 
-    A setting that is not in the document has its default.
+    A setting that is not in the document has its default value.
 
     Raises
     ------
@@ -123,7 +123,7 @@ def from_document(document: Mapping[str, Any]) -> TrialSettings:
 
 
 def problems(error: ValidationError) -> list[str]:
-    """Return the problems that pydantic found, each as a line with the key in the document."""
+    """Return one line for each problem that pydantic found, with the key in the document."""
     lines = []
     for part in error.errors():
         place, kind, value = part["loc"] or ("document",), part["type"], part["input"]
@@ -140,7 +140,7 @@ def problems(error: ValidationError) -> list[str]:
 
 @cache
 def adapter() -> TypeAdapter[TrialSettings]:
-    """Return the validator of documents; it refuses unknown keys."""
+    """Return the pydantic object that checks and converts documents; unknown keys are errors."""
     for part in PARTS:
         config = ConfigDict(extra="forbid", use_attribute_docstrings=True)
         if part is TrialSettings:
@@ -150,7 +150,7 @@ def adapter() -> TypeAdapter[TrialSettings]:
 
 
 def rig_file(document: Mapping[str, Any]) -> RigFile:
-    """Return the rig file whose path and text are in a document.
+    """Return the rig file whose path and text a document contains.
 
     Raises
     ------

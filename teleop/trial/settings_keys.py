@@ -1,4 +1,4 @@
-"""The keys and the forms of values that a configuration file may have at a place."""
+"""The keys and types of values that are permitted at a place in a configuration file."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ NAMES = {
     "count_in": "count_in_s",
     "preset": "custom_preset",
 }
-"""Names in the document that differ from those of the settings."""
+"""Keys in the document that differ from the names in `TrialSettings`, by this name."""
 FIELDS = {key: name for name, key in NAMES.items()}
 MOST_LISTED = 12
-"""Largest number of keys that are listed; of more keys, only a similar one is named."""
+"""Largest number of keys that a message lists. If there are more, it states a similar key only."""
 Place = Sequence[str | int]
-"""Keys that lead to a value in the document."""
+"""Place of a value in the document: the keys of all tables around it, and its own key."""
 
 
 def forms(place: Place) -> list[Any]:
-    """Return the types that the value at a place may have; empty for an unknown place."""
+    """Return the permitted types of the value at a place; empty for an unknown place."""
     found: list[Any] = [TrialSettings]
     for key in place:
         found = [after for form in found for after in below(form, key)]
@@ -36,9 +36,10 @@ def forms(place: Place) -> list[Any]:
 
 
 def below(form: Any, key: str | int) -> Iterator[Any]:
-    """Yield the types of the value with a key in a table or list of a type.
+    """Yield the permitted types of the value that has a given key in a table or list.
 
-    pydantic inserts the kind of a signal or the class of a body between the keys: it selects one.
+    `form` is the type of the table or list. For a signal or body, pydantic inserts its kind or
+    class between the keys. Such a key selects one of the alternative types.
     """
     if get_origin(form) is Mapping:
         yield from flat(get_args(form)[1])
@@ -53,7 +54,7 @@ def below(form: Any, key: str | int) -> Iterator[Any]:
 
 
 def flat(hint: Any) -> Iterator[Any]:
-    """Yield the alternatives of a type hint, without None."""
+    """Yield the alternative types of a type hint, without None."""
     if get_origin(hint) in (Union, UnionType):
         for one in get_args(hint):
             yield from flat(one)
@@ -62,13 +63,13 @@ def flat(hint: Any) -> Iterator[Any]:
 
 
 def keys(form: Any) -> list[str]:
-    """Return the keys of a table whose content is that of a dataclass."""
+    """Return the keys of the table that describes an object of a dataclass."""
     names = (field.name for field in fields(form))
     return [NAMES.get(name, name) if form is TrialSettings else name for name in names]
 
 
 def unknown_key(place: Place) -> str:
-    """Return the text on a key that does not exist, with those that do, or a similar one."""
+    """Return a message for an unknown key, with the known keys or a similar known key."""
     key = str(place[-1])
     known = [name for form in forms(place[:-1]) if is_dataclass(form) for name in keys(form)]
     if len(place) == 1 and key in NAMES:
@@ -80,12 +81,12 @@ def unknown_key(place: Place) -> str:
 
 
 def expected_form(place: Place, value: Any) -> str:
-    """Return the form that a table or a list at a place must have; empty if it is not known.
+    """Return a text on the form that a table or list at a place must have; empty if unknown.
 
     Parameters
     ----------
     place
-        Keys that lead to the value.
+        Place of the value: the keys of all tables around it, and its own key.
     value
         The given value. If it is the name of a kind of signal, the table of this kind is described.
     """

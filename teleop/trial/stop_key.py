@@ -1,4 +1,4 @@
-"""The emergency-stop key: Enter or Space in the terminal of a run."""
+"""The emergency-stop key: Enter or Space in the terminal during a run."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ NAP = 0.2
 IN_BACKGROUND = (
     "\nteleop: in the background: the stop key does not work until the run is in the foreground\n"
 )
-"""Message when the process continues in the background."""
+"""Message that is printed when the process continues in the background."""
 
 
 class StopKey:
-    """Emergency-stop key: reads the keys of the terminal on standard input in a thread.
+    """Emergency-stop key: a thread reads the keys of the terminal from standard input.
 
     This is a context manager for the time of a run, entered in the main thread. Within it, the
     terminal passes each key to the process immediately and does not show it. Ctrl-C and Ctrl-Z
@@ -35,7 +35,7 @@ class StopKey:
     pressed
         Whether Enter or Space was pressed.
     lost
-        Reason why the keys can no longer be read; empty while they can.
+        Reason why the keys can no longer be read; empty while they can be read.
     missing
         Reason why there is no stop key; empty if there is one.
     """
@@ -126,9 +126,10 @@ class StopKey:
     def _watch(self, ended: int) -> None:
         """Read keys until the end of the run.
 
-        Ctrl-D has no special meaning. A read fails or returns no data while the process is in the
-        background, or after another program has changed the modes of the terminal. It is then
-        repeated. If standard input is no longer a terminal, `lost` becomes true.
+        Ctrl-D has no special meaning. While the process is in the background, or after another
+        program has changed the modes of the terminal, a read fails or returns no data. The read is
+        then repeated. If standard input is no longer a terminal, the reading ends, and `lost`
+        contains the reason.
         """
         while not self.lost:
             try:

@@ -1,4 +1,4 @@
-"""The stop switch of a run: signals that end a program, the stop key, and the live page."""
+"""The stop switch of a run: combines signals, the stop key, and requests of the live page."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ from teleop.trial.stop_key import StopKey
 ARM = Request(arm=True)
 """Request to arm the drives."""
 KEY = DetectedFault(Fault.EMERGENCY_STOP, "key", math.nan, math.nan, math.nan)
-"""Fault of the stop key."""
+"""Fault that is reported when the stop key is pressed."""
 RESPONSE_TIME = 0.1
-"""Time in which a running loop responds to a signal [s]."""
+"""Time within which a running control loop responds to a signal [s]."""
 
 
 class StopSwitch(Interruption):
     """Converts signals, the stop key and the live page to requests to the safety supervisor.
 
-    This is a context manager for the time of a run and its output. Before the first tick of the
+    This is a context manager for the duration of a run and its output. Before the first tick of the
     loop, when nothing moves yet, a signal raises KeyboardInterrupt. After the first tick, a signal
-    becomes a request to the supervisor. It then raises KeyboardInterrupt only if the loop does not
-    respond to the request.
+    becomes a request to the supervisor. If the loop does not respond to this request, the next
+    signal raises KeyboardInterrupt.
 
     Parameters
     ----------
     key
-        Whether Enter and Space in the terminal are an emergency stop.
+        Whether Enter or Space in the terminal is an emergency stop.
 
     Attributes
     ----------
@@ -56,12 +56,12 @@ class StopSwitch(Interruption):
 
     @property
     def hint(self) -> str:
-        """Key that stops the run, for the progress line."""
+        """Text on the keys that stop the run, for the progress line."""
         return "Enter stops" if self._has_key else "Ctrl-C stops"
 
     @property
     def instructions(self) -> str:
-        """Text of one line that describes how to stop the run."""
+        """One line of text that describes how to stop the run."""
         if self._has_key:
             return "Enter or Space stops at once, Ctrl-C ramps down"
         no_key = f"; no stop key: {self.key.missing}" if self.key.missing else ""
@@ -79,7 +79,7 @@ class StopSwitch(Interruption):
         arm
             Whether to request that the drives are armed.
         end
-            Reason why the run ends by itself; empty to continue.
+            Reason why the run ends without a request of a person; empty if the run continues.
         """
         self.timeout = RESPONSE_TIME
         key, page = self.key, self.page

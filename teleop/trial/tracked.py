@@ -1,4 +1,4 @@
-"""Tracking of the target in a trial of the condition mimic."""
+"""How well the slave followed the target in a trial of the condition `mimic`."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from teleop.trial.settings_json import from_document
 def tracking_of(recording: Recording, settings: TrialSettings) -> Tracking | None:
     """Return gain, phase and error of the slave relative to its target in a recorded trial.
 
-    None if the condition is not mimic, or if the recording has no target.
+    The result is None if the condition is not `mimic`, or if the recording has no target.
     """
     if settings.condition != "mimic" or "target" not in recording.columns:
         return None
@@ -21,7 +21,7 @@ def tracking_of(recording: Recording, settings: TrialSettings) -> Tracking | Non
 
 
 def recorded_tracking(recording: Recording) -> Tracking | None:
-    """Do the same as `tracking_of`, with the recorded settings; None if they are not valid."""
+    """Return the result of `tracking_of` with the recorded settings; None if they are not valid."""
     try:
         return tracking_of(recording, from_document(recording.settings))
     except InputError:

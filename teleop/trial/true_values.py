@@ -16,16 +16,17 @@ from teleop.trial.settings_json import from_document
 def truth(settings: TrialSettings, depth: float) -> dict[str, Any]:
     """Return the true damping, stiffness, lag and lost motion of the simulated rig.
 
-    The stiffness is that of the cube and the transmission in series, because the encoder measures
-    the position before the transmission. Damping and stiffness are those in slow motion and before
-    any change of the body. If the body has other laws, `further_laws` has their values by name.
+    The stiffness is that of the cube in series with the transmission, because the encoder measures
+    the position before the transmission. Damping and stiffness are the values for slow motion,
+    before the properties of the body change with time. If the body has further force laws, for fast
+    motion or after a change, `further_laws` contains their values by name.
 
     Parameters
     ----------
     settings
         Settings of the trial.
     depth
-        Greatest displacement in the trial [m], for the stiffness at this depth.
+        Greatest displacement in the trial [m], at which the stiffness `k_deepest` is computed.
     """
     setup = settings.setup
     further = {name: known(setup, law, depth) for name, law in setup.cube.further_laws.items()}
@@ -38,14 +39,14 @@ def truth(settings: TrialSettings, depth: float) -> dict[str, Any]:
 
 
 def known(setup: Setup, law: Law, depth: float) -> dict[str, float]:
-    """Return damping and stiffness of body and transmission, for a law of the body.
+    """Return damping and stiffness of body and transmission, for one force law of the body.
 
     Parameters
     ----------
     setup
         Body and transmission.
     law
-        Law of the body.
+        Law from which the force of the body is computed.
     depth
         Greatest displacement [m].
     """
@@ -57,7 +58,7 @@ def known(setup: Setup, law: Law, depth: float) -> dict[str, float]:
 
 
 def recorded_truth(recording: Recording) -> dict[str, Any] | None:
-    """Return the true values of a recorded trial on the simulated rig; None for other rigs."""
+    """Return the true values for a recorded trial on the simulated rig; None for a hardware rig."""
     if not recording.settings or recording.session.get("rig") != "simulated":
         return None
     try:

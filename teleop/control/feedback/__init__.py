@@ -1,1 +1,1 @@
-"""Force-feedback laws, one file each, with their energy tank, observers and predictions."""
+"""Force-feedback laws, one file for each law, with energy tank, energy observers and stability."""

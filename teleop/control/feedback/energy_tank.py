@@ -1,9 +1,9 @@
-"""Energy tank: a store that pays for the energy that a change of the displayed model adds.
+"""Energy tank: limits the energy that changes of the displayed model can add.
 
 The damping of the admittance fills the tank with the energy that it dissipates. A change of the
-model may add at most the energy in the tank. So the hand can never extract more than it has put in,
-plus the energy in the tank at the start (F. Ferraguti, C. Secchi, C. Fantuzzi, "A tank-based
-approach to impedance control with variable stiffness", ICRA 2013).
+model may add at most the energy in the tank. So the hand can never extract more energy than it has
+put in, plus the energy in the tank at the start (F. Ferraguti, C. Secchi, C. Fantuzzi, "A
+tank-based approach to impedance control with variable stiffness", ICRA 2013).
 """
 
 from __future__ import annotations
@@ -11,21 +11,21 @@ from __future__ import annotations
 TANK_START = 5e-3
 """Energy in the tank at the start [J]."""
 TANK_MAX = 50e-3
-"""Greatest energy in the tank [J]; more is dissipated."""
+"""Greatest energy in the tank [J]; energy above it is not stored."""
 
 
 class EnergyTank:
-    """A store of energy with a greatest content.
+    """Virtual store of energy with a limited capacity.
 
     Parameters
     ----------
     start, capacity
-        Energy at the start, and greatest energy [J].
+        Energy in the tank at the start, and greatest energy in the tank [J].
 
     Raises
     ------
     ValueError
-        The start is negative or more than the capacity.
+        `start` is negative, or larger than `capacity`.
     """
 
     def __init__(self, start: float = TANK_START, capacity: float = TANK_MAX) -> None:
@@ -36,7 +36,7 @@ class EnergyTank:
         """Energy in the tank [J]."""
 
     def fill(self, energy: float) -> None:
-        """Add dissipated energy [J], >= 0, up to the capacity."""
+        """Add dissipated energy [J], >= 0. The content is at most the capacity."""
         self.energy = min(self.energy + energy, self._capacity)
 
     def affordable(self, cost: float) -> float:
@@ -47,12 +47,12 @@ class EnergyTank:
         return 1.0 if cost <= self.energy else self.energy / cost
 
     def pay(self, cost: float) -> None:
-        """Take the cost [J] of a change; a negative cost does not fill the tank.
+        """Subtract the energy [J] that a change needs. A negative value does not fill the tank.
 
         Raises
         ------
         ValueError
-            The cost is more than the energy in the tank, by more than rounding.
+            `cost` is larger than the energy in the tank, by more than rounding errors.
         """
         if cost > self.energy * (1.0 + 1e-9) + 1e-15:
             raise ValueError(f"a tank with {self.energy:g} J cannot pay {cost:g} J")

@@ -1,9 +1,9 @@
-"""The two halves of a force-feedback law, and what crosses the channel between them.
+"""The master half and the slave half of a force-feedback law, and the packets between them.
 
-The slave half turns measurements into a `Report` for the master, and the `Motion` of the master
-into the velocity of the slave. The master half turns the report and the force of the hand into the
-motion of the virtual mass. The halves share no variable. The classes here are the law `none`: the
-hand feels the virtual mass only.
+The slave half converts measurements to a `Report` for the master, and the `Motion` of the master to
+the velocity of the slave. The master half converts the report and the force of the hand to the
+motion of the virtual mass. The halves share no variable. The classes `Master` and `Slave` of this
+module are the law `none`: the hand feels the virtual mass only.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ from teleop.control.alignment import Pair
 from teleop.control.coupling import Coupling
 
 STIFF_PRIOR = 20e3
-"""Stiffness that is assumed for an unknown environment [N/m], stiffer than soft tissue."""
+"""Stiffness that is assumed for an unknown environment [N/m]. Soft tissue is less stiff."""
 
 PASSIVE = 6e-3
-"""Energy that a passive law may generate [J]: that of the tank at the start, and 1 mJ."""
+"""Energy that a passive law may generate [J]: the energy in the tank at the start, plus 1 mJ."""
 
 
 class Report(NamedTuple):
@@ -29,7 +29,7 @@ class Report(NamedTuple):
     force: float = 0.0
     """Contact force [N]."""
     model: Environment = Environment(STIFF_PRIOR)
-    """Estimated environment, in the displacement of the slave."""
+    """Estimated environment. Its force is a function of the displacement of the slave."""
     energy: float = 0.0
     """Energy that the environment has given to the channel so far [J]."""
 
@@ -46,18 +46,18 @@ class Motion(NamedTuple):
 
 
 class MasterState(NamedTuple):
-    """Quantities of the master half after a tick, as they are recorded."""
+    """Quantities of the master half after a tick that are recorded."""
 
     displayed: float = 0.0
-    """Force that the hand feels from the environment [N], positive against compression."""
+    """Force that the hand feels from the environment [N]; positive if it opposes compression."""
     model: Environment = Environment(math.nan, math.nan, math.nan)
-    """Environment that is rendered, in the displacement of the master; NaN for none."""
+    """Environment that the hand feels, as a function of the master's displacement; NaN for none."""
     tank: float = math.nan
-    """Energy in the tank [J]; NaN for no tank."""
+    """Energy in the energy tank [J]; NaN if the law has no tank."""
 
 
 class Master:
-    """Master half of the law `none`, and base of the others.
+    """Master half of the law `none`, and base class for the other laws.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ class Master:
     """
 
     allowance = PASSIVE
-    """Energy that the port of the hand may generate before the drives are stopped [J]."""
+    """Energy that the handle may give to the hand before the drives are stopped [J]."""
 
     def __init__(self, admittance: Admittance, scale: float = 1.0, gain: float = 1.0) -> None:
         self.admittance = admittance
@@ -80,10 +80,10 @@ class Master:
         self.started = 0.0
         """Displayed force at the start of the last tick [N]."""
         self.reserve = 0.0
-        """Energy that the law may give back [J]."""
+        """Stored energy that the law may still give to the hand, such as that of the tank [J]."""
 
     def align(self) -> None:
-        """Start anew, after the drives were armed."""
+        """Return to the initial state; called each time the drives are armed."""
         self.state = MasterState()
 
     def step(self, force: float, report: Report, dt: float) -> Motion:
@@ -99,25 +99,25 @@ class Master:
 
 
 class Slave:
-    """Slave half of the law `none`, and base of the others.
+    """Slave half of the law `none`, and base class for the other laws.
 
     Parameters
     ----------
     coupling
-        Maps the motion of the master to that of the slave.
+        Converts the motion of the master to the desired velocity of the slave.
     """
 
     def __init__(self, coupling: Coupling) -> None:
         self._coupling = coupling
 
     def align(self) -> None:
-        """Start anew, after the drives were armed."""
+        """Return to the initial state; called each time the drives are armed."""
 
     def observe(self, pair: Pair) -> None:
         """Process a pair of position and contact force."""
 
     def report(self, measurement: Measurement, dt: float) -> Report:
-        """Return the packet for the master from the measurement of the slave."""
+        """Return the packet for the master, computed from the measurement of the slave."""
         return Report(measurement.contact_force)
 
     def velocity(self, motion: Motion, measurement: Measurement, dt: float) -> float:

@@ -1,8 +1,8 @@
 """Estimate of the environment at the slave, for model-mediated feedback.
 
-Recursive least squares with the stiffening model f = b v + k x + k3 x^3. An estimate is accepted
-when the 95 % interval of the force that it predicts at the deepest recent position is narrow, and
-its misfit is small. Without an accepted estimate, the model is the stiff prior.
+The estimator is recursive least squares with the stiffening model f = b v + k x + k3 x^3. An
+estimate is accepted if its misfit is small, and if it predicts the force at the deepest recent
+position with a narrow 95 % interval. Until an estimate is accepted, the model is the stiff prior.
 """
 
 from __future__ import annotations
@@ -21,29 +21,32 @@ from teleop.control.coupling import Coupling
 from teleop.control.feedback.law import STIFF_PRIOR, Report, Slave
 
 WIDEST = 0.1
-"""Widest accepted 95 % half interval of the predicted force, as a fraction of the force."""
+"""Largest half width of the 95 % interval of the predicted force for which an estimate is accepted,
+as a fraction of this force."""
 WORST_MISFIT = 0.25
-"""Greatest accepted misfit."""
+"""Greatest misfit for which an estimate is accepted."""
 LEAST_FORCE = 0.2
-"""Force [N] above which a sample is used: the model of the free slave is not estimated."""
+"""Force [N] above which a sample is used. Samples of the slave without contact are not used."""
 LEAST_SPEED = 3e-4
 """Speed [m/s] above which a sample is used."""
 MEMORY = 1.0
-"""Time constant of the forgetting [s]."""
+"""Time constant of the forgetting factor of the estimator [s]."""
 REACH = 2.0
 """Time constant with which the deepest recent position is forgotten [s]."""
 VARIANCE = (1e4, 1e9, 1e21)
-"""Initial variances of b, k and k3."""
+"""Initial variances of b [N^2 s^2/m^2], k [N^2/m^2] and k3 [N^2/m^6]."""
 ROUNDING = 1e-6
 """Tolerance for rounding errors of times [s]."""
 PERIOD = 5e-3
-"""Time between two samples of the estimator [s]. The filtered signals of 20 Hz need no shorter one,
-and an update at each tick would be a quarter of the cost of a tick."""
+"""Time between two samples of the estimator [s]. A shorter time is not needed for signals that are
+filtered at 20 Hz, and an update at each tick would take a quarter of the computing time of a
+tick."""
 
 CONFIRMED = 1.0
-"""Contact force [N] above which the force can confirm the model."""
+"""Contact force [N] above which a measured force can confirm the model."""
 DOUBT = 0.25
-"""Relative excess of the force over that of the model above which the model is not confirmed."""
+"""The model is not confirmed if the force exceeds the predicted force by more than this
+fraction."""
 
 
 class LocalModel:
@@ -72,17 +75,17 @@ class LocalModel:
         self.reset()
 
     def reset(self) -> None:
-        """Discard all samples."""
+        """Discard all samples and the estimate."""
         self._estimator.reset()
         self._conditioner.reset()
         self._misfit.reset()
         self._reach = 0.0
         self._span = 0.0
         self.model = self._prior
-        """The accepted estimate, or the prior."""
+        """The latest accepted estimate; the stiff prior if there is none."""
 
     def update(self, pair: Pair) -> None:
-        """Process a pair of position and force."""
+        """Update the estimate with a pair of position and force."""
         x, v, f, further = self._conditioner.update(*pair)
         self._span += pair.dt
         if self._span < PERIOD - ROUNDING:
@@ -96,10 +99,11 @@ class LocalModel:
         self.model = self._accepted(estimate, misfit)
 
     def _accepted(self, estimate: Estimate, misfit: float) -> Environment:
-        """Return the estimate with b, k and k3 not negative, the last accepted one, or the prior.
+        """Return the new estimate if it is accepted, else the last accepted one or the prior.
 
-        If k or k3 is negative, it is replaced by 0, and the other by the value with the same force
-        at the deepest recent position.
+        An accepted estimate has no negative parameter. A k or k3 that is negative is replaced by 0.
+        The other of the two is then replaced by the value that gives the same force at the deepest
+        recent position. A negative b is replaced by 0.
         """
         x, k, k3 = self._reach, estimate.k, estimate.further[0]
         if misfit > WORST_MISFIT:
@@ -122,12 +126,12 @@ class LocalModel:
 
 
 class ModelMediatedSlave(Slave):
-    """Slave half of model-mediated feedback: estimates the environment.
+    """Slave half of model-mediated feedback: estimates the environment and sends the estimate.
 
     Parameters
     ----------
     coupling
-        Maps the motion of the master to that of the slave.
+        Converts the motion of the master to the desired velocity of the slave.
     model
         The estimate of the environment.
     """
@@ -138,26 +142,27 @@ class ModelMediatedSlave(Slave):
         self._confirmed = False
 
     def align(self) -> None:
-        """Discard the estimate."""
+        """Discard the estimate; called each time the drives are armed."""
         self._local.reset()
         self._confirmed = False
 
     def observe(self, pair: Pair) -> None:
-        """Update the estimate, and compare the force with that of the model."""
+        """Update the estimate, and compare the measured with the predicted contact force."""
         self._local.update(pair)
         predicted = self._local.model.force(pair.position, 0.0)
         excess = abs(pair.force) - max(abs(predicted) * (1.0 + DOUBT), CONFIRMED)
         self._confirmed = abs(pair.force) > CONFIRMED and excess <= 0.0
 
     def report(self, measurement: Measurement, dt: float) -> Report:
-        """Return contact force and model."""
+        """Return the packet for the master: contact force and model."""
         return Report(measurement.contact_force, self._local.model)
 
     def stiffness(self, position: float) -> float:
-        """Return the slope of the expected force [N/m] at a position of the slave [m].
+        """Return the expected slope of the contact force [N/m] at a position of the slave [m].
 
-        It is at least that of the stiff prior at the beginning of a contact, and while the force is
-        larger than that of the model, because the specimen may be a stiffer one.
+        The slope is at least that of the stiff prior at the beginning of a contact, and while the
+        measured force is larger than the predicted force. The specimen may then be stiffer than the
+        model.
         """
         tangent = self._local.model.tangent(position)
         return tangent if self._confirmed else max(tangent, STIFF_PRIOR)

@@ -1,15 +1,16 @@
 """Model-mediated feedback: the hand feels a local model of the environment, without delay.
 
-m v' + (d + b) v + k x + k3 x^3 = f_h at the master. The slave estimates k, k3 and b
-(`local_model`), and only these cross the channel, so that a delay cannot cause an oscillation. A
-passive model stays passive while it changes, if the energy of each change,
+At the master, m v' + (d + b) v + k x + k3 x^3 = f_h, where f_h is the force of the hand. The slave
+estimates k, k3 and b (`local_model`) and sends only these parameters through the channel, so that a
+delay cannot cause an oscillation. A passive model remains passive while it changes if the energy
+that each change adds,
 
     dU = 1/2 dk x^2 + 1/4 dk3 x^4,
 
-is paid from an energy tank, which the damping d of the admittance fills. Softening needs no energy
-but stiffening does, so the model begins with a stiff prior. The model moves along the straight line
-from the present to the estimated parameters, because both dU and the change of the force,
-dk x + dk3 x^3, are linear in the fraction of this line that is moved in a tick.
+is taken from an energy tank, which the damping d of the admittance fills. A softer model needs no
+energy but a stiffer model does, so the model begins with a stiff prior. At each tick, the
+parameters move by a fraction of the difference between estimated and present parameters. Both dU
+and the change of the force, dk x + dk3 x^3, are proportional to this fraction.
 
 Sources: P. Mitra, G. Niemeyer, "Model-mediated telemanipulation", Int. J. Robotics Research 27(2),
 2008; X. Xu, B. Cizmeci, C. Schuwerk, E. Steinbach, "Model-mediated teleoperation: toward stable and
@@ -23,7 +24,7 @@ from teleop.control.feedback.energy_tank import EnergyTank
 from teleop.control.feedback.law import STIFF_PRIOR, Master, MasterState, Motion, Report
 
 FORCE_RATE = 50.0
-"""Greatest rate of the displayed force due to changes of the model [N/s]."""
+"""Greatest rate at which changes of the model may change the displayed force [N/s]."""
 
 
 class ModelMediatedMaster(Master):
@@ -32,7 +33,7 @@ class ModelMediatedMaster(Master):
     Parameters
     ----------
     admittance, scale, gain
-        As of `Master`.
+        As for the class `Master`.
     glued
         Whether the specimen is glued, so that it also pulls.
     """
@@ -45,7 +46,7 @@ class ModelMediatedMaster(Master):
         self.align()
 
     def align(self) -> None:
-        """Start anew with the stiff prior and the energy of the tank at the start."""
+        """Return to the initial state: stiff prior, and initial energy of the tank."""
         self._tank = EnergyTank()
         self._reached: Environment | None = None
         self._before = self._dt = 0.0
@@ -53,7 +54,7 @@ class ModelMediatedMaster(Master):
         self.state = MasterState(0.0, self._model, self._tank.energy)
 
     def step(self, force: float, report: Report, dt: float) -> Motion:
-        """Update the model towards the estimate, and advance the virtual mass against it."""
+        """Move the model towards the estimate, and advance the virtual mass against the model."""
         admittance = self.admittance
         before = admittance.velocity
         # the mean square of a velocity that changes linearly is at least its mean squared; the
@@ -73,7 +74,7 @@ class ModelMediatedMaster(Master):
         return Motion(position, velocity)
 
     def _approach(self, estimate: Environment, x: float, dt: float) -> None:
-        """Move the model towards an estimate in the slave's frame, as far as is allowed."""
+        """Move the model towards the slave's estimate, as far as force rate and tank permit."""
         model, s = self._model, self.scale
         dk = self.gain * s * estimate.k - model.k
         dk3 = self.gain * s * s * s * estimate.k3 - model.k3

@@ -1,13 +1,15 @@
-"""Time-domain passivity observer and controller around position-force feedback.
+"""Position-force feedback with a time-domain passivity observer and controller.
 
-The power at each port is divided by its sign into energy that enters the channel and energy that
-leaves it. Each side sends the energy that has entered. At each port, the energy that has left must
-not exceed the energy that had entered at the other port, as far as is known there:
+The power at each port of the channel, integrated by its sign, gives the energy that has entered the
+channel and the energy that has left it. Each side sends the energy that has entered at its port.
+The energy that has left at a port must not exceed the received value of the energy that has entered
+at the other port:
 
     E_out at the master(t) <= E_in at the slave(t - T),    E_out at the slave <= E_in at the master
 
-Otherwise the passivity controller dissipates the difference: at the master by a damping force
-proportional to the velocity, at the slave by a velocity proportional to the contact force.
+If this condition is violated, the passivity controller dissipates the difference: at the master by
+a damping force proportional to the velocity, at the slave by a velocity proportional to the contact
+force.
 
 Source: J.-H. Ryu, J. Artigas, C. Preusche, "A passive bilateral control scheme for a teleoperator
 with time-varying communication delay", Mechatronics 20(7), 2010.
@@ -24,34 +26,37 @@ from teleop.control.feedback.energy_tank import TANK_MAX
 from teleop.control.feedback.law import Master, MasterState, Motion, Report, Slave
 
 MOST_DAMPING = 2000.0
-"""Greatest damping of the controller at the master [N s/m]. It is part of the admittance, whose
-discretisation is exact, so that it cannot make the loop unstable at its rate."""
+"""Greatest damping of the passivity controller at the master [N s/m]. This damping is part of the
+admittance. The discretisation of the admittance is exact, so that large damping does not make the
+loop unstable."""
 MOST_ADMITTANCE = 5e-3
-"""Greatest admittance of the controller at the slave [m/(s N)]; it can always stop the slave."""
+"""Greatest ratio of velocity to force of the passivity controller at the slave [m/(s N)]. This is
+enough to stop the slave in every case."""
 LEAST_SPEED = 1e-5
-"""Speed below which the controller at the master does not act [m/s]."""
+"""Speed below which the passivity controller at the master does not act [m/s]."""
 LEAST_FORCE = 0.05
-"""Contact force below which the controller at the slave does not act [N]."""
+"""Contact force below which the passivity controller at the slave does not act [N]."""
 
 
 class PassivityMaster(Master):
-    """Master half: observes the energy at the hand's side, and damps."""
+    """Master half: observes the energy at the hand's port, and adds damping if it is too large."""
 
     allowance = TANK_MAX
-    """Lag of sensor and servo, and lost motion, make the port of the slave active: the observer
-    there counts more energy than the environment gives. So the law may generate some energy [J]."""
+    """Energy that the handle may give to the hand before the drives are stopped [J]. It is not
+    zero, because the lag of sensor and servo, and lost motion, make the observer at the slave
+    measure more energy than the environment gives."""
 
     def __init__(self, admittance: Admittance, scale: float = 1.0, gain: float = 1.0) -> None:
         super().__init__(admittance, scale, gain)
         self.align()
 
     def align(self) -> None:
-        """Start with no energy."""
+        """Set all energies to zero; called each time the drives are armed."""
         super().align()
         self._in = self._out = 0.0
 
     def step(self, force: float, report: Report, dt: float) -> Motion:
-        """Advance the virtual mass under the force of the hand and the passive displayed force."""
+        """Advance the virtual mass under the forces of hand and environment, with damping."""
         admittance = self.admittance
         displayed, v, d = self.gain * report.force, admittance.velocity, 0.0
         excess = self._out - min(displayed * v, 0.0) * dt - self.gain / self.scale * report.energy
@@ -71,12 +76,12 @@ class PassivityMaster(Master):
 
 
 class PassivitySlave(Slave):
-    """Slave half: observes the energy at the environment's side, and yields.
+    """Slave half: observes the energy at the environment's port, and reduces the velocity.
 
     Parameters
     ----------
     coupling
-        Maps the motion of the master to that of the slave.
+        Converts the motion of the master to the desired velocity of the slave.
     gain
         Ratio alpha of the displayed force to the contact force.
     """
@@ -87,7 +92,7 @@ class PassivitySlave(Slave):
         self.align()
 
     def align(self) -> None:
-        """Start with no energy."""
+        """Set all energies to zero; called each time the drives are armed."""
         self._in = self._out = self._velocity = 0.0
 
     def report(self, measurement: Measurement, dt: float) -> Report:
@@ -100,7 +105,7 @@ class PassivitySlave(Slave):
         return Report(measurement.contact_force, energy=self._in)
 
     def velocity(self, motion: Motion, measurement: Measurement, dt: float) -> float:
-        """Return the desired velocity, reduced so that no more energy leaves than was given."""
+        """Return the desired velocity [m/s], reduced so that no energy is generated."""
         wanted, f = super().velocity(motion, measurement, dt), measurement.contact_force
         excess = self._out + max(f * wanted, 0.0) * dt - self._share * motion.energy
         if excess > 0.0 and abs(f) > LEAST_FORCE:

@@ -1,22 +1,24 @@
-"""Energy at the port of the hand, observed while a trial runs.
+"""Observer of the energy that the hand gives to the handle, the port of the hand.
 
 The hand gives energy to the displayed dynamics: to the environment, to the damping d and to the
-virtual mass m. The sum is
+virtual mass m. With the displayed force f_d and the velocity v, the sum of these energies is
 
     E = integral of (f_d + d v) v dt + 1/2 m v^2,
 
-which is the integral of f_h v dt while no limit acts. When a limit of the master acts, it differs
-by the work of this limit, so that an oscillation within the limits is observed too. If what is
-displayed is passive, E never falls by more than the energy that can be stored. An observer that
-only sums the power finds an oscillation late, because E is then large after some seconds of damped
-motion. So E is limited here to an upper bound of the stored energy,
+which is the integral of f_h v dt, where f_h is the force of the hand, while no limit acts. When a
+limit of the master acts, E differs from this integral by the work of the limit. An oscillation that
+reaches the limits is therefore observed too. If the displayed dynamics are passive, E never
+decreases by more than the energy that they can store. An observer that only sums the power detects
+an oscillation late, because E is already large after some seconds of damped motion. So E is limited
+here to an upper bound of the stored energy,
 
     E <- min(E + dE, 1/2 m max v^2 + max |f_d| max |x| + tank).
 
-The energy in the tank, which the damping has filled, may be given back by a change of the model.
+The bound includes the energy in the tank of the law (`energy_tank`), because a change of the model
+may give this energy to the hand.
 
-For a passive system this E is never negative: by induction it is at least the stored energy. A
-negative value is energy that was generated.
+For passive dynamics, the limited E is never negative: by induction it is at least the stored
+energy. A negative E means that energy was generated.
 
 Source of the observer: J.-H. Ryu, D.-S. Kwon, B. Hannaford, "Stable teleoperation with time-domain
 passivity control", IEEE Trans. Robotics and Automation 20(2), 2004.
@@ -41,9 +43,9 @@ class PortEnergy:
         self.reset()
 
     def reset(self) -> None:
-        """Start at the present state with no energy."""
+        """Set the energy to zero, and start from the present state of the virtual mass."""
         self.energy = 0.0
-        """Energy that the hand has given, limited to what can be stored [J]."""
+        """Energy that the hand has given, limited to the energy that can be stored [J]."""
         self._position, self._velocity = self._admittance.position, self._admittance.velocity
         self._displayed = self._force = self._reach = self._square = 0.0
 
@@ -57,7 +59,7 @@ class PortEnergy:
         dt
             Duration of the motion [s].
         tank
-            Energy in the tank of the law [J].
+            Energy in the energy tank of the law [J].
         """
         x, v = self._admittance.position, self._admittance.velocity
         mass, damping = self._admittance.parameters.mass, self._admittance.parameters.damping

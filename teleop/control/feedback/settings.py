@@ -32,12 +32,13 @@ class FeedbackSettings:
     gain: float = 1.0
     """Ratio of the displayed force to the contact force, > 0."""
     glued: bool | None = None
-    """Whether the specimen is glued to the slave's plate, so that it also pulls. Default: as the
-    body of the simulated rig; glued on a hardware rig."""
+    """Whether the specimen is glued to the slave's plate, so that it also pulls. Default: as for
+    the body of the simulated rig; glued on a hardware rig."""
 
     stiffness: float | None = None
-    """Largest expected stiffness of the specimen [N/m], for the estimate of the stability of
-    position-force. Default: that of the simulated rig; unknown on a hardware rig."""
+    """Largest expected stiffness of the specimen [N/m], from which the stability of the law
+    position-force is computed. Default: the stiffness of the body of the simulated rig; unknown on
+    a hardware rig."""
 
     def __post_init__(self) -> None:
         if self.stiffness is not None and not 0.0 < self.stiffness < math.inf:
@@ -46,14 +47,14 @@ class FeedbackSettings:
             raise ValueError(f"gain of the feedback must be positive, got {self.gain}")
 
     def problems(self, condition: ConditionName, rig: RigFile | None) -> Iterator[str]:
-        """Yield the reasons why a trial cannot have this feedback.
+        """Yield the reasons why a trial cannot use these feedback settings.
 
         Parameters
         ----------
         condition
             Control condition.
         rig
-            Rig of devices; None for the simulated rig.
+            Hardware rig; None for the simulated rig.
         """
         if self.law != "none" and condition == "autonomous":
             yield (
@@ -74,7 +75,8 @@ class FeedbackSettings:
         Parameters
         ----------
         admittance, coupling
-            Virtual mass of the master, and map from its motion to that of the slave.
+            Virtual mass of the master, and map from the motion of the master to the motion of the
+            slave.
         force_lag
             Lag of the force channel that the estimator compensates [s].
         glued

@@ -1,29 +1,32 @@
-"""Stability of position-force feedback over a delay.
+"""Stability of position-force feedback with a delay.
 
-The hand holds the virtual mass with an arm of stiffness k_a and damping b_a. The environment
-k x + b v is felt after the delay tau, which is the round trip of the channel plus the lag of force
-channel and loop, and is multiplied by the gain alpha:
+The arm of the operator, with stiffness k_a and damping b_a, holds the virtual mass m with damping
+d. The force of the environment, k x + b v, is multiplied by the gain alpha and acts at the master
+after the delay tau. This delay is the round trip of the channel plus the lag of force channel and
+loop. The characteristic equation is
 
     m s^2 + (d + b_a) s + k_a + alpha (k + b s) exp(-s tau) = 0                               (1)
 
-For small s tau, exp(-s tau) is about 1 - s tau, and the damping in (1) is d + b_a + alpha b -
-alpha k tau. The delay acts as a negative damping, as the lag of a force channel does in the
-estimate of b. So a condition for a positive damping is
+For small s tau, exp(-s tau) is about 1 - s tau, and the damping in (1) is d + b_a + alpha b - alpha
+k tau. The delay acts as a negative damping. The lag of a force channel changes the estimate of b in
+the same way. So a condition for a positive damping is
 
     d + b_a + alpha b > alpha k tau.                                                           (2)
 
-The displayed environment then also takes energy from the hand at each slow motion. A hand whose
-reaction is not known needs this, so it is the condition for enabling the law. With b = 0 it is
-sufficient for the stability of (1): at a crossing s = j w, the imaginary part of (1) is
-(d + b_a) w = alpha k sin(w tau) <= alpha k w tau.
+If (2) holds, the displayed environment also takes energy from the hand in every slow motion. This
+is necessary because the reaction of the hand is not known. Therefore (2) is the condition for
+enabling the law. With b = 0, condition (2) is sufficient for the stability of (1): at a crossing of
+the imaginary axis, s = j w, the imaginary part of (1) is (d + b_a) w = alpha k sin(w tau) <= alpha
+k w tau.
 
-The exact largest delay follows from the crossings of the imaginary axis, s = j w:
+The exact largest delay follows from the crossings of the imaginary axis, s = j w. The equation
 
     (k_a - m w^2)^2 + (d + b_a)^2 w^2 = alpha^2 (k^2 + b^2 w^2)                                (3)
 
-is quadratic in w^2, and the phase of (1) at each solution gives tau. Without delay all coefficients
-are positive and (1) is stable; it loses its stability at the smallest tau of all crossings. Without
-a crossing, for example if k_a > alpha k and the damping is large, it is stable with any delay.
+is quadratic in w^2, and the phase of (1) at each solution gives tau. Without delay, all
+coefficients of (1) are positive and (1) is stable. With increasing delay, (1) becomes unstable at
+the smallest tau of all crossings. If there is no crossing, for example if k_a > alpha k and the
+damping is large, (1) is stable with any delay.
 
 Sources: W. S. Kim, B. Hannaford, A. K. Bejczy, "Force-reflection and shared compliant control in
 operating telemanipulators with time delay", IEEE Trans. Robotics and Automation 8(2), 1992;
@@ -39,7 +42,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class DelayedLoop:
-    """Parameters of position-force feedback, equation (1)."""
+    """Parameters of equation (1), the loop of position-force feedback."""
 
     mass: float
     """Virtual mass m [kg]."""
@@ -58,7 +61,7 @@ class DelayedLoop:
 
     @property
     def safe_delay(self) -> float:
-        """Largest delay of condition (2) [s]. With b = 0 it is never above `largest_delay`."""
+        """Largest delay that condition (2) permits [s]; if b = 0, at most `largest_delay`."""
         resistance = self.damping + self.arm_damping + self.gain * self.b
         return resistance / (self.gain * self.k)
 

@@ -1,4 +1,4 @@
-"""Build tables from named arrays, which all binary formats have."""
+"""Construction of tables from named arrays, the content of all binary formats."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ from teleop.evaluation.formats.table import Heading, Pick, Table
 from teleop.evaluation.units import canonical
 
 FEWEST = 3
-"""Least number of samples in an array that becomes a column."""
+"""Smallest number of samples in an array that becomes a column."""
 WIDEST = 1000
 """Largest number of columns of a matrix that is split into columns."""
 
 
 def vectors(name: str, value: Any, by_rows: bool = False) -> dict[str, Floats]:
-    """Return the columns in an array: the array itself, or the columns of a matrix from 1.
+    """Return the columns of an array: itself, or the columns of a matrix, numbered from 1.
 
     Parameters
     ----------
     name
         Name of the array.
     value
-        The array, of any type.
+        The array, with elements of any type.
     by_rows
-        Whether the matrix is transposed, as MATLAB stores it in HDF5.
+        Whether a matrix is stored transposed, as in the HDF5 files of MATLAB.
     """
     array = np.asarray(value)
     if array.dtype.kind == "M":
@@ -50,7 +50,7 @@ def vectors(name: str, value: Any, by_rows: bool = False) -> dict[str, Floats]:
 
 
 def heading(name: str, unit: Any = None) -> Heading:
-    """Return the heading of an array; without `unit`, the unit is taken from the name."""
+    """Return the heading of an array; if `unit` is None, the unit is taken from the name."""
     if isinstance(unit, bytes):
         unit = unit.decode(errors="replace")
     if isinstance(unit, str) and unit.strip() not in ("", "-"):
@@ -106,7 +106,7 @@ def tables_by_length(
     units: Mapping[str, Any],
     about: Mapping[str, str] | None = None,
 ) -> list[Table]:
-    """Build one table for each length, from all arrays of that length."""
+    """Build one table for each length, from all arrays of this length."""
     lengths: dict[int, dict[str, Floats]] = {}
     for name, column in columns.items():
         lengths.setdefault(len(column), {})[name] = column
@@ -120,7 +120,7 @@ def tables_by_group(
     units: Mapping[str, Mapping[str, Any]],
     about: Mapping[str, str] | None = None,
 ) -> list[Table]:
-    """Build the tables of each group of arrays; the name of the group is their title."""
+    """Build the tables of each group of arrays, with the name of the group as their title."""
     tables = []
     for group, columns in groups.items():
         for table in tables_by_length(path, columns, pick, units.get(group, {}), about):
@@ -130,7 +130,7 @@ def tables_by_group(
 
 
 def texts(values: Mapping[str, Any], names: Sequence[str]) -> dict[str, str]:
-    """Return those of the named values that are text."""
+    """Return those values with the given names that are text."""
     found = {}
     for name in names:
         value = values.get(name)

@@ -1,4 +1,4 @@
-"""Find the columns of time, position and force in a table, and their units."""
+"""Search for the columns of time, position and force in a table, and for their units."""
 
 from __future__ import annotations
 
@@ -12,16 +12,17 @@ from teleop.evaluation.formats.table import Heading, Pick
 from teleop.evaluation.units import ON_LEVER, UNITS, canonical, is_unit, size_of
 
 SHOWN = 6
-"""Largest number of names, and of columns, that an error message lists for a quantity."""
+"""Largest number of usual names, and of columns, that an error message lists."""
 COLUMNS_SHOWN = 24
 AXES = frozenset("xyz0123456789")
-"""Characters that name an axis, not a unit, in brackets after a column name."""
+"""Characters that mean an axis, not a unit, if they stand in brackets after a column name."""
 
 
 NUMBERED = re.compile(r" ?\d$")
-"""Number at the end of the name of one of several sensors, such as `Load 1`."""
+"""Number at the end of a column name such as `Load 1`, if there are several sensors."""
 MASTER = ("_", "m")
-"""Separator and suffix of the channels of a master, such as `position_m`; not a unit."""
+"""Separator and suffix in the names of the channels of a master, such as `position_m`. This suffix
+is not a unit."""
 
 
 class Wanted(NamedTuple):
@@ -30,9 +31,9 @@ class Wanted(NamedTuple):
     position: str | None = None
     """Column of the position: NAME, NAME=UNIT, or its number from 1."""
     force: str | None = None
-    """Column of the force, likewise."""
+    """Column of the force: NAME, NAME=UNIT, or its number from 1."""
     time: str | None = None
-    """Column of the time, likewise."""
+    """Column of the time: NAME, NAME=UNIT, or its number from 1."""
     block: int | None = None
     """Number of the table, from 1, in a file with several tables."""
     rate: float | None = None
@@ -51,9 +52,9 @@ class Column(NamedTuple):
     place: int
     """Index of the column."""
     name: str
-    """Name without unit."""
+    """Name of the column without the unit."""
     scale: float
-    """Factor that converts its values to SI units."""
+    """Factor that converts the values of the column to SI units."""
 
 
 def split_heading(cell: str) -> Heading:
@@ -80,7 +81,7 @@ Heading(name='Position (z)', unit='um'))
 
 
 def has_unit(name: str, unit: str) -> bool:
-    """Return whether this is a usual name of a quantity, and the unit is one of that quantity."""
+    """Return whether `name` is a usual name of a quantity, and `unit` a unit of this quantity."""
     return any(name in KNOWN[kind] and size_of(unit, kind) for kind in KNOWN)
 
 
@@ -106,7 +107,7 @@ def listed(headings: Sequence[Heading]) -> str:
 
 
 def find_column(where: str, headings: Sequence[Heading], kind: str, wanted: Wanted) -> Column:
-    """Find the column of a quantity: the one that the user names, or one with a usual name.
+    """Find the column of a quantity: the column that the user states, or one with a usual name.
 
     Parameters
     ----------
@@ -122,7 +123,7 @@ def find_column(where: str, headings: Sequence[Heading], kind: str, wanted: Want
     Raises
     ------
     InputError
-        There is no such column, or more than one, or its unit is missing or unknown.
+        No column or more than one column matches, or the unit of the column is missing or unknown.
     """
     asked: str | None = getattr(wanted, kind)
     place, unit = place_of(where, headings, kind, asked)
@@ -158,7 +159,7 @@ def find_column(where: str, headings: Sequence[Heading], kind: str, wanted: Want
 def place_of(
     where: str, headings: Sequence[Heading], kind: str, asked: str | None
 ) -> tuple[int, str | None]:
-    """Return the index of a quantity's column, and the unit that the user gives (None for none)."""
+    """Return the index of a quantity's column, and the unit that the user states (None if none)."""
     if asked is None:
         names = [plain(heading.name) for heading in headings]
         ends = [last_name(heading.name) for heading in headings]
@@ -199,7 +200,7 @@ def place_of(
 
 
 def only(where: str, headings: Sequence[Heading], kind: str, matches: Sequence[int]) -> int:
-    """Return the only match.
+    """Return the index of the only matching column.
 
     Raises
     ------
@@ -221,7 +222,7 @@ def find_columns(where: str, headings: Sequence[Heading], wanted: Wanted) -> dic
     Raises
     ------
     InputError
-        A column is not found (see `find_column`), or two quantities have the same column.
+        A column is not found (see `find_column`), or the same column is found for two quantities.
     """
     kinds = ("position", "force") if wanted.rate else ("time", "position", "force")
     columns = {kind: find_column(where, headings, kind, wanted) for kind in kinds}
@@ -235,7 +236,7 @@ def find_columns(where: str, headings: Sequence[Heading], wanted: Wanted) -> dic
 def picker(wanted: Wanted, whole: Collection[str] = ()) -> Pick:
     """Return a function that picks the columns of position, force and time of a table.
 
-    If a table has all columns named in `whole`, the function picks every column.
+    If a table contains all columns that `whole` lists, the function picks every column.
     """
 
     def pick(headings: Sequence[Heading]) -> Collection[int]:

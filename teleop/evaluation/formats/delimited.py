@@ -1,4 +1,4 @@
-"""Text tables: CSV, TSV and the text exports of testing machines."""
+"""Reader of text tables: CSV, TSV and the text exports of testing machines."""
 
 from __future__ import annotations
 
@@ -26,25 +26,24 @@ from teleop.json_documents import dumps, loads
 LONGEST_LINE = 1 << 18
 """Largest number of characters in a line of a table."""
 HEAD = 1 << 16
-"""Number of bytes at the begin of a file from which its encoding is determined."""
+"""Number of bytes at the beginning of a file from which its encoding is determined."""
 PART = 1 << 20
-"""Number of characters that are read at once."""
+"""Number of characters that are read in one call."""
 PREAMBLE = 1000
-"""Largest number of lines above a header that are searched for the filter of the force."""
+"""Largest number of lines above a header in which the description of a force filter is searched."""
 FEWEST = 3
-"""Least number of samples in a table whose columns have no usual names."""
+"""Smallest number of samples in a table whose columns have no usual names."""
 
 Part = tuple[int, list[str]]
-"""Number of the first line, and the lines."""
+"""Part of a text file: the number of its first line, and its lines."""
 
 
 def read(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
     """Read the tables of a text file.
 
-    The header may stand below a preamble. Lines that begin with # are comments. The last comment
-    above the samples can be their header. A line without any number ends a table. After an empty
-    line, a line with text in place of a number ends the table too. The file may have more tables
-    after it.
+    The header may be below a preamble. Lines that begin with # are comments. The last comment above
+    the samples can be the header. A line without any number ends a table. After an empty line, a
+    line with text in place of a number also ends the table. Further tables may follow.
 
     Raises
     ------
@@ -102,7 +101,7 @@ def not_text(path: Path) -> InputError:
 
 
 def parts(path: Path, text: io.TextIOWrapper) -> Iterator[Part]:
-    """Yield the lines of a text file in parts.
+    """Yield the lines of a text file in parts of consecutive lines.
 
     Raises
     ------
@@ -140,7 +139,7 @@ def tables_in(path: Path, lines: Iterable[Part], pick: Pick) -> list[Table]:
 
 
 def title_of(lines: Sequence[str]) -> str:
-    """Return the last tag such as <Data> above the header of a table, or else the last line."""
+    """Return the last tag such as <Data> in the lines above a table; if none, the last line."""
     lines = [line.strip(' \t,;"') for line in lines]
     tags = [line for line in lines if re.fullmatch(r"<(?!/|end|data|info)[^<>]+>", line, re.I)]
     return (tags or lines or [""])[-1]
@@ -169,7 +168,7 @@ class Scan:
         self._rows: Rows | None = None
 
     def feed(self, first: int, lines: list[str]) -> None:
-        """Process lines; `first` is the number of the first of them."""
+        """Process lines; `first` is the number of the first line."""
         i = 0
         while i < len(lines):
             if self._rows:
@@ -191,7 +190,7 @@ class Scan:
             i += 1
 
     def end(self) -> list[Table]:
-        """Return the tables that were found, with their columns.
+        """Return the tables that were found, with the loaded columns.
 
         Raises
         ------
@@ -212,14 +211,14 @@ class Scan:
         return [table for table, _ in self._tables]
 
     def _close(self) -> None:
-        """End the current table, and discard it if it is only a few numbers in a preamble."""
+        """End the current table; discard it if it consists only of a few numbers in a preamble."""
         if self._rows and not self._rows.picked and self._rows.samples < FEWEST:
             self._tables.pop()
             self._above = self._before
         self._rows = None
 
     def _only_a_header(self) -> None:
-        """Add tables without samples, for lines that can be a header."""
+        """Add a table without samples for each line that can be a header."""
         for number, line in self._above:
             names = fitted(self._cells(number, line), 0)
             found = headings_above([names], len(names))
@@ -245,7 +244,7 @@ class Scan:
             self._stated.append(line)
 
     def _start(self, number: int, cells: list[str]) -> Rows | None:
-        """Begin a table whose first samples are in this row; None if it has no header."""
+        """Begin a table whose first samples are in this row; return None if it has no header."""
         above = self._above[-2:]
         width = len(cells)
         rows = [self._header_cells(n, line, width) for n, line in above]
@@ -270,7 +269,7 @@ class Scan:
         return self._add(number, names, "") if not self._above or self._pick(names) else None
 
     def _header_cells(self, number: int, line: str, width: int) -> list[str]:
-        """Split a header; if spaces delimit it, a name and its unit in brackets stay together."""
+        """Split a header into cells; with spaces as delimiters, keep name and [unit] together."""
         cells = self._cells(number, line)
         if self._dialect.delimiter is None and len(cells) != width:
             return re.findall(r"[^\s\[(]+(?:\s*[\[(][^\])]*[\])])?", line)

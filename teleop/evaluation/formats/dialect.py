@@ -12,7 +12,7 @@ from typing import NamedTuple
 from teleop.evaluation.formats.layout import is_number, is_samples
 
 DELIMITERS = ("\t", ";", ",", "|", None)
-"""Delimiters between cells that are tried; None for spaces."""
+"""Delimiters between cells, in the order in which they are tried; None for spaces."""
 
 HEAD = 1000
 """Number of lines from which the dialect is determined."""
@@ -27,7 +27,7 @@ def clock(cell: str) -> float:
     Raises
     ------
     ValueError
-        The cell is neither.
+        The cell contains neither a time of day nor a date.
     """
     if match := CLOCK.fullmatch(cell):
         hours, minutes, seconds = (float(part.replace(",", ".")) for part in match.groups())
@@ -37,7 +37,7 @@ def clock(cell: str) -> float:
 
 
 def is_clock(cell: str) -> bool:
-    """Return whether a cell has a time of day or a date; see `clock`."""
+    """Return whether a cell contains a time of day or a date, see `clock`."""
     try:
         return ":" in cell and clock(cell) >= 0.0
     except ValueError:
@@ -48,11 +48,12 @@ class Dialect(NamedTuple):
     """Delimiter, decimal mark and separator of thousands of a text table."""
 
     delimiter: str | None
-    """Character between cells; None for spaces."""
+    """Character that separates cells; None for spaces."""
     decimal: str = "."
-    """Decimal mark. If it is a comma, a point is also accepted unless it separates thousands."""
+    """Decimal mark. If it is a comma, a point is also accepted, unless the point separates
+    thousands."""
     thousands: str | None = None
-    """Separator of thousands; None for none."""
+    """Separator of thousands; None if there is no separator."""
 
     def split(self, line: str) -> list[str]:
         """Split a line into cells.
@@ -89,7 +90,7 @@ class Dialect(NamedTuple):
 
 
 def dialect_of(lines: Sequence[str]) -> Dialect:
-    """Return the dialect with which most of the first lines can be read as samples."""
+    """Return the dialect with which the largest number of the first lines are samples."""
     lines = [line for line in lines[:HEAD] if line.strip() and not line.startswith("#")]
     best, dialect = (0.0, 0.0), None
     for delimiter in DELIMITERS:
@@ -109,7 +110,7 @@ def dialect_of(lines: Sequence[str]) -> Dialect:
 
 
 def marks(numbers: Sequence[str], delimiter: str | None) -> tuple[str, str | None]:
-    """Return the decimal mark and the separator of thousands (None for none) of numbers."""
+    """Return decimal mark and separator of thousands (or None) that some numbers have."""
     both = [cell for cell in numbers if "," in cell and "." in cell]
     if both:
         return (".", ",") if both[0].rfind(".") > both[0].rfind(",") else (",", ".")

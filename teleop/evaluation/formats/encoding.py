@@ -1,4 +1,4 @@
-"""Determine the encoding of a text file from its first bytes."""
+"""Detection of the encoding of a text file from its first bytes."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from teleop.evaluation.formats.names import KNOWN, plain
 from teleop.evaluation.units import is_unit
 
 CODE_PAGES = ("utf-8", "cp1252", "gb18030", "cp932")
-"""Encodings without a byte order mark, in the order of preference."""
+"""Encodings that are tried for a file without a byte order mark, in the order of preference."""
 BOMS = (
     (codecs.BOM_UTF8, "utf-8-sig"),
     (codecs.BOM_UTF16_LE, "utf-16"),
@@ -22,8 +22,8 @@ BOMS = (
 def encoding_of(head: bytes, names: Sequence[str] = ()) -> str | None:
     """Return the encoding of a text file; None if it is not text.
 
-    If the file has no byte order mark, the encoding is the one in which the most cells are names
-    or units of measured quantities.
+    If the file has no byte order mark, the encoding is chosen with which the largest number of
+    cells are names or units of measured quantities.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ def encoding_of(head: bytes, names: Sequence[str] = ()) -> str | None:
 
 
 def decodes(head: bytes, code_page: str) -> bool:
-    """Return whether the bytes are valid in this encoding."""
+    """Return whether the bytes are valid text in the encoding `code_page`."""
     try:
         codecs.getincrementaldecoder(code_page)().decode(head)
     except UnicodeDecodeError:

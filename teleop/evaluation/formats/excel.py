@@ -1,4 +1,4 @@
-"""Read Excel workbooks and other spreadsheets."""
+"""Reader of Excel workbooks and other spreadsheets."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from teleop.evaluation.formats.layout import headings_above, is_number, is_sampl
 from teleop.evaluation.formats.table import Pick, Table, missing, reading, stated_filter
 
 NUMBERS = Dialect(None, ".")
-"""Dialect of numbers in cells that are text."""
+"""Dialect of numbers that are stored as text in a cell."""
 
 
 def read(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
-    """Read one table from each sheet of a workbook; the header may stand below a preamble."""
+    """Read one table from each sheet of a workbook; the header may be below a preamble."""
     try:
         import python_calamine
     except ImportError as error:
@@ -42,7 +42,7 @@ def read(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
 
 
 def table_in(where: str, name: str, rows: Sequence[Sequence[Any]], pick: Pick) -> Table | None:
-    """Return the first table of a sheet that has the wanted columns, or else the longest."""
+    """Return the first table of a sheet with the wanted columns; if none, the longest table."""
     cells = [[text_of(value) for value in row] for row in rows]
     best: Table | None = None
     start = 0
@@ -93,7 +93,7 @@ def table_in(where: str, name: str, rows: Sequence[Sequence[Any]], pick: Pick) -
 
 
 def text_of(value: Any) -> str:
-    """Convert a cell to text; a date or time to its number of seconds."""
+    """Convert the value of a cell to text. A date or time becomes a number of seconds."""
     if isinstance(value, datetime.datetime):
         return repr((value - datetime.datetime(1970, 1, 1)).total_seconds())
     if isinstance(value, datetime.timedelta):

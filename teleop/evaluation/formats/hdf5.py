@@ -1,4 +1,4 @@
-"""Read HDF5 files, and MATLAB files of version 7.3, which are HDF5."""
+"""Reader of HDF5 files, and of MATLAB files of version 7.3, which are HDF5."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from teleop.evaluation.formats.table import Pick, Table, missing, reading
 from teleop.json_documents import dumps
 
 UNIT = ("unit", "units", "Unit", "Units")
-"""Names of the attribute that holds the unit of a dataset."""
+"""Usual names of the attribute that contains the unit of a dataset."""
 
 
 def read(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
-    """Read an HDF5 file: one table for the datasets of each length in each group."""
+    """Read an HDF5 file. In each group, the datasets of the same length become one table."""
     groups: dict[str, dict[str, Floats]] = {}
     units: dict[str, dict[str, Any]] = {}
     with open_input(path) as disk, reading(path, "HDF5"), opened(disk) as file:

@@ -1,4 +1,4 @@
-"""Find the header of a table above its samples, with or without a row of units below the names."""
+"""Search for the header above the samples of a table, with or without a row of units."""
 
 from __future__ import annotations
 
@@ -11,23 +11,23 @@ from teleop.evaluation.formats.table import Heading
 from teleop.evaluation.units import canonical, is_unit
 
 NUMERIC = re.compile(r"[-+]?(?:\d+(?:[.,]\d*)*|[.,]\d+)(?:[eEdD][-+]?\d+)?")
-"""A number with any decimal mark and separator of thousands."""
+"""Pattern of a number with any decimal mark and separator of thousands."""
 NOT_FINITE = re.compile(r"[-+]?(?:nan|inf|infinity)", re.IGNORECASE)
 
 
 def is_number(cell: str) -> bool:
-    """Return whether a cell has a number, or a mark for a missing number such as NaN."""
+    """Return whether a cell contains a number, or a mark for a missing number such as NaN."""
     return bool(NUMERIC.fullmatch(cell) or NOT_FINITE.fullmatch(cell))
 
 
 def is_samples(cells: Sequence[str]) -> bool:
-    """Return whether at least two cells of a row, and half of the non-empty ones, are numbers."""
+    """Return whether at least two cells, and half of the non-empty cells, are numbers."""
     numbers = sum(map(is_number, cells))
     return numbers >= 2 and 2 * numbers >= sum(map(bool, cells))
 
 
 def fitted(cells: list[str], width: int) -> list[str]:
-    """Return a row without empty cells at its end beyond `width` cells."""
+    """Return a row without the empty cells at its end that exceed `width` cells."""
     while len(cells) > width and not cells[-1]:
         cells = cells[:-1]
     return cells
@@ -42,7 +42,7 @@ def is_units(cells: Sequence[str]) -> bool:
 
 
 def headings_above(rows: Sequence[list[str]], width: int) -> tuple[list[Heading], int] | None:
-    """Return the headings of samples from the rows above them; None if there is no header.
+    """Return the headings in the rows above the samples; None if there is no header.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def headings_above(rows: Sequence[list[str]], width: int) -> tuple[list[Heading]
 
     Returns
     -------
-    The headings, and the index of the row with the names.
+    The headings, and the index of the row that contains the names.
     """
     found = [fitted(row, 0) for row in rows[-2:]]
     if not found or not matches(found[-1], width):
@@ -73,5 +73,5 @@ def headings_above(rows: Sequence[list[str]], width: int) -> tuple[list[Heading]
 
 
 def matches(row: Sequence[str], width: int) -> bool:
-    """Return whether a row can be the header of samples with `width` cells or fewer."""
+    """Return whether a row can be the header above rows of samples with at most `width` cells."""
     return 2 <= len(row) <= width and not is_samples(row)

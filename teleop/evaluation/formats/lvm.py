@@ -1,4 +1,4 @@
-"""Read LabVIEW measurement files (.lvm), which are text."""
+"""Reader of LabVIEW measurement files (.lvm), which are text."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ SEPARATORS = {"Tab": "\t", "Comma": ","}
 def read(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
     """Read the tables of a LabVIEW measurement file, one for each segment.
 
-    If a segment has no time column, the times follow from `X0` and `Delta_X` of its header.
+    If a segment has no time column, the times are computed from `X0` and `Delta_X` in its header.
 
     Raises
     ------
@@ -47,7 +47,7 @@ def read(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
 
 
 def is_header(line: str) -> bool:
-    """Return whether this line begins the header of a segment."""
+    """Return whether a line begins the header of a segment."""
     return line.startswith(("Channels\t", "Channels,", "LabVIEW Measurement"))
 
 
@@ -73,7 +73,7 @@ class Segments:
         self._found: list[tuple[Table, Rows, list[float] | None]] = []
 
     def feed(self, first: int, lines: list[str]) -> None:
-        """Process lines; `first` is the number of the first of them."""
+        """Process lines; `first` is the number of the first line."""
         i = 0
         while i < len(lines):
             if self._rows:
@@ -92,7 +92,7 @@ class Segments:
             i += 1
 
     def _take(self, number: int, line: str) -> None:
-        """Process a line of a header, or the line with the names of the columns."""
+        """Process a line of a header, or the line that contains the names of the columns."""
         if line.startswith(END):
             self._in_header = False
         elif is_header(line):
@@ -111,7 +111,7 @@ class Segments:
             self._stated.append(line)
 
     def _start(self, number: int, line: str) -> None:
-        """Begin a segment; `line` has the names of its columns."""
+        """Begin a segment; `line` contains the names of its columns."""
         names = [name.strip() for name in line.split(self._delimiter)]
         while len(names) > 1 and names[-1] in ("", "Comment"):
             names.pop()
@@ -136,7 +136,7 @@ class Segments:
         self._found.append((table, self._rows, waveform))
 
     def tables(self) -> list[Table]:
-        """Return the tables that were found, with their columns."""
+        """Return the tables that were found, with the loaded columns."""
         for table, rows, waveform in self._found:
             numbers = rows.numbers()
             table.columns, table.problem = rows.columns(), rows.problem

@@ -1,4 +1,4 @@
-"""Read MATLAB files: versions 5 to 7 with scipy, and version 7.3 as HDF5."""
+"""Reader of MATLAB files: versions 5 to 7 with scipy, and version 7.3 as HDF5."""
 
 from __future__ import annotations
 
@@ -16,13 +16,14 @@ from teleop.evaluation.formats.table import Pick, Table, reading
 from teleop.json_documents import dumps
 
 EXPORTED = ("settings", "events")
-"""Text variables in a file that `teleop export` wrote."""
+"""Text variables that `teleop export` writes to a MATLAB file."""
 
 
 def read(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
-    """Read a MATLAB file: one table for the arrays of each length, including those in structs.
+    """Read a MATLAB file. Arrays of the same length, also those in structs, become one table.
 
-    A struct `units`, in the file or within another struct, may hold the unit of each array by name.
+    A struct `units`, in the file or within another struct, may contain the unit of each array by
+    the name of the array.
     """
     with open_input(path) as file:
         if file.read(10) == b"MATLAB 7.3":

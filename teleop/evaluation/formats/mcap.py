@@ -1,4 +1,4 @@
-"""Read MCAP files that teleop did not record: messages of ROS 2, or JSON."""
+"""Reader of MCAP files that teleop did not record, with messages of ROS 2 or in JSON."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ from teleop.evaluation.formats.table import Pick, Table, missing, reading
 from teleop.recording.cdr import MESSAGE_NAME
 
 LARGEST_RECORD = 128 << 20
-"""Largest record that is read [bytes]."""
+"""Size of the largest record that is read [bytes]."""
 FAULTS = (McapError, struct.error, ValueError, OverflowError, MemoryError, KeyError, EOFError)
 """Exceptions that the libraries raise for a damaged file."""
 
 
 def is_foreign(path: Path) -> bool:
-    """Return whether this is a complete MCAP file that teleop did not record."""
+    """Return whether a file is a complete MCAP file that teleop did not record."""
     try:
         with open_input(path) as file:
             summary = summary_of(file)
@@ -38,7 +38,7 @@ def is_foreign(path: Path) -> bool:
 
 
 def summary_of(file: BinaryIO) -> Summary | None:
-    """Return the summary at the end of an MCAP file; None if it has none."""
+    """Return the summary at the end of an MCAP file; None if the file has no summary."""
     return SeekingReader(file, record_size_limit=LARGEST_RECORD).get_summary()
 
 

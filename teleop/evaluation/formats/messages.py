@@ -1,4 +1,4 @@
-"""Build tables from messages of ROS bags and MCAP files: each number in a message is a column."""
+"""Tables from the messages of ROS bags and MCAP files: each number in a message is a column."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ SI_FIELDS = {
     r"(^|\.)torque\.[xyz]$": "N m",
     r"(^|\.)(position|translation|point)\.[xyz]$": "m",
 }
-"""Units of the fields of ROS messages, which are in SI units (REP 103)."""
+"""SI units of the fields of ROS messages (REP 103), by a pattern of the field's name."""
 LONGEST_LIST = 64
-"""Largest number of elements of a list that become columns."""
+"""Largest number of elements of a list for which each element becomes a column."""
 SECONDS = ("sec", "secs")
 NANOSECONDS = ("nanosec", "nsec", "nsecs")
 
@@ -41,7 +41,7 @@ class Topic:
     stamp: FieldPath | None
     """Field with the time of measurement; None to use the time of recording."""
     wanted: dict[int, FieldPath] = field(default_factory=dict)
-    """Field of each picked column of the table."""
+    """Field for each picked column, by the index of the column in the table."""
     times: list[int] = field(default_factory=list)
     """Time of each message [ns]."""
     values: list[list[float]] = field(default_factory=list)
@@ -56,10 +56,10 @@ def tables_of(
 ) -> list[Table]:
     """Build a table with a column for each number in the messages.
 
-    The columns are named `/topic.field`, or `field` if there is only one topic. The times are the
-    stamps in the headers of the messages. Messages without a stamp have the time of recording. If
-    the columns come from several topics, those of the other topics are interpolated at the times
-    of the topic with the most messages.
+    The columns are named `/topic.field`, or `field` if there is only one topic. The time of a
+    message is the stamp in its header; without a stamp, it is the time of recording. If the columns
+    come from several topics, the times are those of the topic with the most messages. The columns
+    of the other topics are interpolated at these times.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ def tables_of(
     topics
         Topics whose messages can be decoded.
     messages
-        Function that yields the messages of given topics.
+        Function that yields the messages of the topics that it is given.
     pick
         Function that chooses the columns to load.
     wanted
@@ -77,7 +77,7 @@ def tables_of(
     Raises
     ------
     InputError
-        There is no such topic, or a message has other fields than the first of its topic.
+        There is no such topic, or a message has fields other than the first message of its topic.
     """
     if wanted.topic is not None:
         if wanted.topic not in topics:
@@ -123,7 +123,7 @@ def first_messages(
 
 
 def fields_of(value: Any, place: FieldPath) -> Iterator[FieldPath]:
-    """Yield the path of each number in a message."""
+    """Yield the path (place) of each number in a message."""
     if isinstance(value, (bool, int, float, np.number)):
         yield place
     elif isinstance(value, dict):
@@ -191,7 +191,7 @@ def decoded(where: str, decode: Callable[[], Any]) -> Any:
 def collect(
     path: Path, used: Sequence[Topic], messages: Callable[[Sequence[str]], Iterator[Message]]
 ) -> None:
-    """Append the wanted fields of all messages to their topics."""
+    """Read the wanted fields of all messages, and append the values to the topics."""
     topics = {topic.name: topic for topic in used}
     for name, recorded, decode in messages(list(topics)):
         topic = topics[name]

@@ -119,7 +119,8 @@ NAMES = {
         "drehmoment",
     ),
 }
-"""Column names of each quantity, the most common first. Case is ignored; `_` equals a space."""
+"""Column names of each quantity, the most common name first. Case is ignored; `_` is treated as a
+space."""
 
 
 def plain(name: str) -> str:
@@ -128,4 +129,4 @@ def plain(name: str) -> str:
 
 
 KNOWN = {kind: {plain(name) for name in names} for kind, names in NAMES.items()}
-"""The names of each quantity, normalised by `plain`."""
+"""The names in `NAMES`, normalised by `plain`."""

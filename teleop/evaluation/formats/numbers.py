@@ -1,4 +1,4 @@
-"""Read numbers from the lines of a text table; many lines at once if they have the same form."""
+"""Reader of numbers in the lines of a text table. Lines of the same form are read together."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from teleop.evaluation.formats.table import Heading
 
 QUOTED = re.compile(r'"[^"\n]*"')
 ODD = 64
-"""Blocks of this many lines or fewer are read line by line if their form differs."""
+"""A block of lines with different forms is read line by line if it has at most this many lines."""
 
 
 def count_cells(line: str, delimiter: str | None) -> int:
-    """Return the number of cells in a line without quotes."""
+    """Return the number of cells in a line that contains no quotes."""
     return line.count(delimiter) + 1 if delimiter else len(line.split())
 
 
@@ -57,9 +57,10 @@ class Rows:
         self._numbers: list[NDArray[np.int64]] = []
 
     def feed(self, first: int, lines: list[str]) -> int:
-        """Process lines, and return how many of them belong to the table.
+        """Process lines, and return how many of these lines belong to the table.
 
-        A line without any number ends the table. After an empty line, an invalid line ends it too.
+        A line without any number ends the table. After an empty line, an invalid line also ends the
+        table.
 
         Parameters
         ----------
@@ -105,7 +106,7 @@ class Rows:
         return self._skip(lines) if self.problem else taken
 
     def _in_bulk(self, lines: list[str]) -> Floats | None:
-        """Return the values of lines that all have the same valid form, else None."""
+        """Return the values of lines if all have the same valid form; otherwise None."""
         delimiter, decimal, thousands = self._dialect
         width = len(self.headings)
         text = "\n".join(lines)
@@ -152,7 +153,7 @@ class Rows:
         return [self._value(where, cells[i], i) for i in self.picked]
 
     def _value(self, where: str, cell: str, column: int) -> float:
-        """Convert a cell to a number; `where` and the column are for the error message."""
+        """Convert a cell to a number; `where` and `column` are used in the error message."""
         try:
             return self._dialect.number(cell)
         except ValueError:
@@ -161,7 +162,7 @@ class Rows:
             raise InputError(f"{where}: {title!r} is {shown}") from None
 
     def _skip(self, lines: list[str]) -> int:
-        """Count the lines of a table that is not loaded, up to the first line without a number."""
+        """Count the lines of a table that is not loaded, up to a line without any number."""
         taken = len(lines)
         for i, line in enumerate(lines):
             if not line or line.isspace() or line.startswith("#"):
@@ -182,7 +183,7 @@ class Rows:
         return sum(map(len, self._numbers))
 
     def columns(self) -> dict[int, Floats]:
-        """Return the picked columns by index, arrays of shape (n,)."""
+        """Return the picked columns, by the index of the column, as arrays of shape (n,)."""
         if not self._values:
             return {i: np.empty(0) for i in self.picked}
         values = np.concatenate(self._values)
@@ -190,5 +191,5 @@ class Rows:
         return {i: np.ascontiguousarray(values[:, k]) for k, i in enumerate(self.picked)}
 
     def numbers(self) -> NDArray[np.int64]:
-        """Return the line number of each sample, shape (n,)."""
+        """Return the number of the line of each sample, shape (n,)."""
         return np.concatenate(self._numbers) if self._numbers else np.empty(0, dtype=np.int64)

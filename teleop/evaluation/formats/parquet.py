@@ -1,4 +1,4 @@
-"""Read Parquet files."""
+"""Reader of Parquet files."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from teleop.evaluation.formats.table import Pick, Table, missing, reading
 
 
 def read(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
-    """Read the table of a Parquet file; the metadata field `unit` of a column is its unit."""
+    """Read the table of a Parquet file; the metadata field `unit` of a column states its unit."""
     try:
         from pyarrow import parquet, types
     except ImportError as error:

@@ -1,4 +1,4 @@
-"""Determine the format of a measurement file, and read it with the module for that format."""
+"""Detection of the format of a measurement file, and reading with the module for this format."""
 
 from __future__ import annotations
 
@@ -24,15 +24,16 @@ BEGINNINGS = {
 }
 """Module that reads a file, by the first bytes of the file; `delimited` for all others."""
 OF_MESSAGES = ("mcap", "bag")
-"""Modules for files of messages, which have topics."""
+"""Modules that read files of messages, which have topics."""
 ROS_2_BAG = "metadata.yaml"
-"""File in the folder of a ROS 2 bag."""
+"""Name of a file that every folder of a ROS 2 bag contains."""
 
 
 def reader_of(path: Path) -> str:
     """Return the name of the module that reads a file.
 
-    The file name extension is ignored: testing machines write text files named .xls or .dat.
+    The ending of the file name is ignored, because testing machines write text files named .xls or
+    .dat.
 
     Raises
     ------

@@ -26,42 +26,43 @@ class Heading(NamedTuple):
 
 
 Pick = Callable[[Sequence[Heading]], Collection[int]]
-"""Function that returns the indices of the columns to load; none if the table is not usable."""
+"""Function that returns the indices of the columns to load; empty if the table is not usable."""
 
 
 @dataclass
 class Table:
-    """A table of a file, of which the picked columns are loaded."""
+    """A table of a measurement file. Only the picked columns are loaded."""
 
     where: str
     """File and place of the header, for messages."""
     headings: Sequence[Heading]
     """Name and unit of each column."""
     columns: dict[int, Floats]
-    """The loaded columns by index, arrays of shape (n,) in the units of the file."""
+    """The loaded columns, by the index of the column: arrays of shape (n,) in the units of the
+    file."""
     samples: int
     """Number of samples n."""
     sample: Callable[[int], str]
-    """Function that returns the file and place of a sample by its index, for messages."""
+    """Function that takes the index of a sample and returns its file and place, for messages."""
     title: str = ""
-    """Name of the table in its file; empty if it has none."""
+    """Name of the table in its file; empty if the table has no name."""
     about: dict[str, str] = field(default_factory=dict)
-    """Further content of the file: `force_filter`, and in a file that `teleop export` wrote
-    `settings`, `session` and `events`."""
+    """Further content of the file, by name: `force_filter`; in a file that `teleop export` wrote,
+    also `settings`, `session` and `events`."""
     notes: tuple[str, ...] = ()
-    """Changes that the reader made to the data, in words."""
+    """Texts that describe the changes that the reader made to the data."""
     problem: InputError | None = None
-    """Error to raise if this table is selected; None if its samples are valid."""
+    """Error to raise if this table is selected; None if the samples are valid."""
 
 
 def missing(library: str, what: str) -> InputError:
-    """Return the error for a library that is not installed."""
+    """Return the error for a format whose library is not installed."""
     return InputError(f"{what} needs {library}: pip install '.[formats]'")
 
 
 @contextlib.contextmanager
 def reading(path: Path, what: str) -> Iterator[None]:
-    """Convert any exception of a library that reads a file to an `InputError`.
+    """Convert any exception of a library, while it reads a file in the block, to an `InputError`.
 
     Raises
     ------
@@ -82,7 +83,7 @@ def reading(path: Path, what: str) -> Iterator[None]:
 
 
 def stated_filter(lines: Iterable[str]) -> str:
-    """Return the first line that states a filter with its frequency; empty if there is none."""
+    """Return the first line that states a filter and its frequency; empty if there is none."""
     for line in lines:
         if FILTER.search(line) and FREQUENCY.search(line):
             return " ".join(line.replace("\t", " ").strip(" #;,\"'").split())

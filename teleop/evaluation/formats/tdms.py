@@ -1,4 +1,4 @@
-"""Read TDMS files of LabVIEW and DIAdem."""
+"""Reader of TDMS files of LabVIEW and DIAdem."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ LONGEST_WARNING = 120
 
 
 def read(path: Path, pick: Pick, wanted: Wanted) -> list[Table]:
-    """Read a TDMS file: one table for the channels of each length in each group.
+    """Read a TDMS file. In each group, the channels of the same length become one table.
 
-    If a group has no time channel, the times follow from the increment of its waveforms.
+    If a group has no time channel, the times are computed from the time increment of its waveforms.
     """
     try:
         from nptdms import TdmsFile

@@ -1,1 +1,1 @@
-"""Reproduction of the paper's Table I and figures, with an analysis of the results."""
+"""Reproduction of Table I and the figures of the paper, with an analysis of the results."""

@@ -1,24 +1,24 @@
-"""Calibrate the simulated rig with part of Table I: `python -m teleop.studies.paper.calibrate`.
+"""Calibration of the simulated rig from Table I: `python -m teleop.studies.paper.calibrate`.
 
 The calibration uses b and k of the RLS rows under the conditions free and autonomous. These are
 twelve numbers for eight unknowns: k1 and k3 of each cube, the lag of the force channel, and the
 lost motion of the slave. All other cells of Table I are predictions. The following are assumptions.
 
 - Depths. Table I determines only k3 times the depth squared. The depths were chosen by trial and
-  error such that the force errors, which increase with depth, are about those of the paper. The
-  force errors are therefore not independent predictions. Under `autonomous` the depths are
-  smaller, as the paper states. These depths, and the frequency of 2 Hz, were chosen such that the
-  rise time of adaptive identification with the paper's gains is about the 0.6 s of the paper. The
-  rise time of `ai` is therefore not an independent prediction either. The paper does not state the
-  depths under `mimic`; those of `free` are used.
-- The operator's tremor, given in `sim_backend/operators.py`, was also chosen to match the force
-  errors: in the paper those on the soft and the medium cube are larger under `free` and `mimic`
-  than under `autonomous`.
-- The compliance of the transmission is 7 um/N, which is typical of a cable or a belt drive. It is
-  in series with the cube, and keeps the hard cube within the grid of the multi-estimator. With the
-  lost motion, it determines the friction, about 17 N.
-- The true damping is 1.5 ms times k1. This is a loss factor of 0.02 at 2 Hz, as that of silicone
-  rubber with little damping. To first order the damping cannot be separated from the lag.
+  error such that the force errors, which increase with depth, are about equal to those of the
+  paper. The force errors are therefore not independent predictions. Under `autonomous`, the depths
+  are smaller, as the paper states. These smaller depths, and the frequency of 2 Hz, were chosen
+  such that the rise time of adaptive identification (`ai`) with the paper's gains is about 0.6 s,
+  as in the paper. The rise time of `ai` is therefore not an independent prediction. The paper does
+  not state the depths under `mimic`. The depths of `free` are used there.
+- Tremor. The tremor of the operator (`sim_backend/operators.py`) was also chosen to match the force
+  errors. In the paper, the force errors on the soft and the medium cube are larger under `free` and
+  `mimic` than under `autonomous`.
+- Compliance. The compliance of the transmission is 7 um/N, which is typical of a cable or belt
+  drive. The transmission is in series with the cube. Its compliance keeps the hard cube within the
+  grid of the multi-estimator. Compliance and lost motion determine the friction, about 17 N.
+- Damping. The true damping is 1.5 ms times k1. This is a loss factor of 0.02 at 2 Hz, as of
+  silicone rubber with little damping. To first order, the damping cannot be separated from the lag.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ K_TOLERANCE = 0.02
 B_TOLERANCE = 0.3
 """Error of the natural logarithm of b that has a weight of 1 in the sum of squares."""
 STEP = 0.03
-"""Step of difference quotients, relative to the value."""
+"""Step of the numerical derivatives, as a fraction of the value."""
 EVALUATIONS = 5
 """Largest number of evaluations of the residuals."""
 Vector = NDArray[np.float64]
@@ -52,14 +52,14 @@ TRIALS = [(condition, cube) for cube in CUBES for condition in CALIBRATED]
 
 
 def rls_averages(condition: ConditionName, cube: CubeName, setup: Setup) -> tuple[float, float]:
-    """Run a trial of the paper, and return the averages of b [N s/m] and k [N/m] of RLS.
+    """Run a trial of the paper, and return the averages of b [N s/m] and k [N/m] from RLS.
 
     Parameters
     ----------
     condition, cube
         Names of condition and cube.
     setup
-        Cube, force channel and depth to use instead of those of the paper.
+        Cube, force channel and depth that replace those of the calibrated simulated rig.
     """
     settings = replace(paper_trial(condition, cube), custom_setup=setup, estimators=("rls",))
     columns = run_trial(settings).columns
@@ -88,7 +88,7 @@ def setups(values: Vector) -> dict[tuple[str, str], Setup]:
 
 
 def averages(values: Vector, pool: Executor) -> Mapping[tuple[str, str], tuple[float, float]]:
-    """Return the average b [N s/m] and k [N/m] of RLS in each trial by condition and cube."""
+    """Return the averages of b [N s/m] and k [N/m] from RLS, by condition and cube of the trial."""
     made = setups(values)
     conditions, cubes = zip(*TRIALS, strict=True)
     results = pool.map(rls_averages, conditions, cubes, [made[trial] for trial in TRIALS])
@@ -96,14 +96,14 @@ def averages(values: Vector, pool: Executor) -> Mapping[tuple[str, str], tuple[f
 
 
 def calibrate(start: Vector, pool: Executor) -> Vector:
-    """Return the values for which the averages of RLS are closest to those of the paper.
+    """Return the values of `setups` for which the RLS averages are closest to those of the paper.
 
     Parameters
     ----------
     start
         First guess of the values, in the order of `setups`, shape (8,).
     pool
-        Processes that run the trials.
+        Pool of processes that run the trials.
     """
 
     def residuals(logarithms: Vector) -> Vector:
@@ -135,7 +135,7 @@ def calibrate(start: Vector, pool: Executor) -> Vector:
 
 
 def main() -> None:
-    """Print the values for `sim_backend/paper_rig.py`, and the RLS averages with the paper's."""
+    """Print the values for `sim_backend/paper_rig.py`, and RLS averages of rig and paper."""
     start = np.array(
         [
             *(cube.k1 for cube in CUBES.values()),

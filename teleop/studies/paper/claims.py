@@ -1,4 +1,4 @@
-"""Check whether the paper's claims about its results are true for the simulated trials."""
+"""Check whether the claims of the paper about its results are true for the simulated trials."""
 
 from __future__ import annotations
 
@@ -12,11 +12,13 @@ from teleop.studies.paper.table1 import ESTIMATORS
 from teleop.studies.paper.trials import Damping, Outcome, as_rows
 
 RISE = 0.6
-"""The paper's longest rise time [s]."""
+"""Longest rise time that the paper states [s]."""
 FACTOR = 2.0
-"""Largest ratio to the paper's value at which a damping or a force error agrees with the paper."""
+"""Largest ratio between simulated value and paper's value at which a damping or a force error
+agrees with the paper."""
 NEAR_DAMPING, NEAR_ERROR = 16, 22
-"""Smallest number of the 27 cells in which damping, and force error, must agree with the paper."""
+"""Smallest numbers of the 27 cells that must agree with the paper: for damping, and for force
+error."""
 
 
 class Claim(NamedTuple):
@@ -44,7 +46,7 @@ def check_claims(outcomes: Sequence[Outcome]) -> list[Claim]:
 
 
 def table_claims(rows: list[dict[str, Any]]) -> list[Claim]:
-    """Check stiffness, damping and force error in the cells of Table I against the paper."""
+    """Compare stiffness, damping and force error in the cells of Table I with the paper."""
     off = {
         f"{row['condition']} {row['cube']} {row['estimator']}": row["k"] / row["paper"]["k"] - 1.0
         for row in rows
@@ -145,7 +147,7 @@ def damping_claims(steps: list[Damping], outcomes: Sequence[Outcome]) -> list[Cl
     Parameters
     ----------
     steps
-        Damping of each trial, with the causes of bias removed one after the other.
+        Estimates of the damping in each trial, with the causes of bias removed one after the other.
     outcomes
         Results of the same trials.
     """

@@ -1,4 +1,4 @@
-"""Compare further estimators on the nine trials with the true values of the simulated cubes."""
+"""Comparison of further estimators on the nine trials with the true values of the cubes."""
 
 from __future__ import annotations
 
@@ -15,28 +15,30 @@ from teleop.trial.result import Trial
 
 
 class MethodResult(NamedTuple):
-    """Result of one estimator on one trial, or averaged over several trials."""
+    """Errors of one estimator in one trial, or their averages over several trials."""
 
     k_error: float
-    """Root mean square error of the stiffness, relative to the true stiffness."""
+    """Root mean square error of the stiffness, as a fraction of the true stiffness."""
     b_error: float
     """Root mean square error of the damping [N s/m]."""
     k_coverage: float
-    """Fraction of samples whose 95 % interval of the stiffness contains the true value."""
+    """Fraction of the samples at which the 95 % interval of the stiffness contains the true
+    value."""
     b_coverage: float
-    """Fraction of samples whose 95 % interval of the damping contains the true value."""
+    """Fraction of the samples at which the 95 % interval of the damping contains the true value."""
     rise_time_s: float
-    """Rise time of the stiffness [s]."""
+    """Rise time of the estimated stiffness [s]."""
     e_f: float
     """Average force error [N]."""
     one_step_ratio: float
-    """One-step force error divided by that of least squares over the last second."""
+    """Error of the force prediction one step ahead, divided by that of least squares over the last
+    second."""
     held: float
     """Fraction of samples at which the estimate was held."""
 
 
 class Methods(NamedTuple):
-    """Estimators to compare on the trials."""
+    """Further estimators that are compared on the trials."""
 
     estimators: tuple[str, ...] = ()
     """Names of the estimators."""
@@ -47,11 +49,11 @@ class Methods(NamedTuple):
 def compare_methods(trial: Trial, methods: Methods) -> dict[str, MethodResult]:
     """Run estimators on the measured position and force of a trial.
 
-    All estimators have the paper's preset and process the same signals. The conditioning is matched
-    and compensates for the lag of the force channel. The position is that of the tip, so that there
-    is no lost motion. The true damping is that of the cube. The true stiffness of a Kelvin-Voigt
-    model is the secant k1 + k3 x^2 at each sample; that of a stiffening model is the stiffness at
-    the surface, k1.
+    All estimators use the paper's preset and process the same signals. Matched conditioning
+    compensates the lag of the force channel. The position is the position of the tip, so that there
+    is no lost motion. The true damping is the damping of the cube. The true stiffness for a
+    Kelvin-Voigt model is the secant stiffness k1 + k3 x^2 at each sample. For a stiffening model,
+    it is the stiffness at the surface, k1.
     """
     settings, columns = trial.settings, trial.columns
     model = methods.model
@@ -88,15 +90,14 @@ def compare_methods(trial: Trial, methods: Methods) -> dict[str, MethodResult]:
 
 
 def averages(results: Sequence[Mapping[str, MethodResult]]) -> dict[str, MethodResult]:
-    """Return the results of each estimator, averaged over several trials.
+    """Return the results of each estimator, averaged over trials.
 
-    The average is the mean, except for the error of the stiffness, for which it is the root mean
-    square.
+    The average is the mean. Only for the error of the stiffness, it is the root mean square.
 
     Parameters
     ----------
     results
-        Results by the name of the estimator, for each trial.
+        For each trial, the results by the name of the estimator.
     """
     found = {}
     for name in results[0]:

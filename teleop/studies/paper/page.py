@@ -1,4 +1,4 @@
-"""The results of the reproduction as one self-contained HTML page."""
+"""HTML page with the results of the reproduction of the paper, in one self-contained file."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ METHOD_HEADINGS = (
 
 
 def method_cells(methods: Mapping[str, MethodResult]) -> list[list[str]]:
-    """Return the table of further estimators as text, one row each, for `METHOD_HEADINGS`."""
+    """Return the cells of the table of further estimators, with the columns `METHOD_HEADINGS`."""
 
     def percent(value: float, digits: int = 0) -> str:
         return f"{value:.{digits}%}" if math.isfinite(value) else "-"
@@ -55,7 +55,7 @@ def method_cells(methods: Mapping[str, MethodResult]) -> list[list[str]]:
 
 
 def table_one(outcomes: Sequence[Outcome]) -> Iterator[tuple[str, list[dict[str, object]]]]:
-    """Yield the name of each row of Table I, and its cells with simulated and paper's values."""
+    """Yield each row of Table I: its name, and cells with the simulated and the paper's values."""
     by_trial = {(outcome.condition, outcome.cube): outcome for outcome in outcomes}
     for condition in CONDITIONS:
         for estimator in ESTIMATORS:
@@ -76,7 +76,7 @@ def table_one(outcomes: Sequence[Outcome]) -> Iterator[tuple[str, list[dict[str,
 
 
 def damping_cells(outcomes: Sequence[Outcome]) -> list[list[str]]:
-    """Return the damping of each trial as text, with the causes of bias removed one by one."""
+    """Return cells with the damping of each trial, while causes of bias are removed one by one."""
     return [
         [
             f"{outcome.condition} {outcome.cube}",
@@ -92,7 +92,7 @@ def damping_cells(outcomes: Sequence[Outcome]) -> list[list[str]]:
 
 
 def slow_cells(slow: Sequence[SlowTrial]) -> list[list[str]]:
-    """Return lag and damping as text, fitted together to one trial, one row per frequency."""
+    """Return cells with lag and damping that were fitted together, one row for each frequency."""
     return [
         [
             f"{trial.frequency:g}",
@@ -106,7 +106,7 @@ def slow_cells(slow: Sequence[SlowTrial]) -> list[list[str]]:
 
 
 def effect_cells(effects: Sequence[Effect]) -> list[list[str]]:
-    """Return the analysis of variance of one response as text, one row per effect."""
+    """Return the cells of the analysis of variance of one response, one row for each effect."""
     return [
         [
             effect.source.replace(" x ", " \N{MULTIPLICATION SIGN} "),
@@ -129,22 +129,22 @@ def reproduction_page(
     seeds: int,
     methods: Mapping[str, MethodResult],
 ) -> str:
-    """Return the whole page as HTML.
+    """Return the page with all results of the reproduction as HTML.
 
     Parameters
     ----------
     outcomes
-        The nine trials of one seed.
+        Results of the nine trials of one seed.
     claims
-        Claims of the paper, and whether they hold.
+        Claims of the paper, and whether they are true.
     figures
-        SVG elements by caption.
+        Figures as SVG elements, by caption.
     slow
-        Lag and damping, fitted together to one trial per frequency.
+        Lag and damping, fitted together to one trial for each frequency.
     study
-        Effects by response; empty for one seed.
+        Effects of the analysis of variance, by response; empty if there is only one seed.
     seeds
-        Repetitions of the nine trials.
+        Number of repetitions of the nine trials.
     methods
         Results of further estimators, averaged over the trials; empty if none were requested.
     """

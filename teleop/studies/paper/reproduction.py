@@ -1,4 +1,4 @@
-"""Reproduce the paper: run the trials, check the claims, analyse the variance, write the files."""
+"""Reproduction of the paper: runs the trials, checks the claims, and writes the result files."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ from teleop.studies.workers import workers
 SLOW_FREQUENCIES = (0.1, 1.0)
 """Frequencies of the additional trials from which lag and damping are estimated together [Hz]."""
 TABLE, PAGE = "table1.csv", "index.html"
-"""Names of the files for table and page."""
+"""Names of the files with Table I and with the page."""
 CAPTIONS = {
     "figure3": "Figure 3. Free palpation of the soft cube: estimated stiffness with the "
     "displacement profile (grey), estimated damping with the velocity profile (grey).",
@@ -50,16 +50,16 @@ CAPTIONS = {
 
 @dataclass(frozen=True)
 class Reproduction:
-    """Results of the reproduction."""
+    """Results of the reproduction of the paper."""
 
     outcomes: list[Outcome]
     """Results of the nine trials for every seed."""
     slow: list[SlowTrial]
-    """Lag and damping, estimated together from one trial per frequency."""
+    """Lag and damping, estimated together from one trial for each frequency."""
     claims: list[Claim]
     """Claims of the paper, checked against the trials of the first seed."""
     study: dict[str, list[Effect]]
-    """Analysis of variance by response; empty for one seed."""
+    """Effects of the analysis of variance, by response; empty if there is only one seed."""
 
     @property
     def first(self) -> list[Outcome]:
@@ -77,7 +77,7 @@ class Reproduction:
         return averages([outcome.methods for outcome in self.outcomes])
 
     def summary(self) -> dict[str, Any]:
-        """Return the results in the form of `teleop reproduce --json`."""
+        """Return the results with the keys of `teleop reproduce --json`."""
         return {
             "seeds": self.seeds,
             "trials": as_rows(self.first),
@@ -102,16 +102,16 @@ class Reproduction:
 def reproduce(
     seeds: int, methods: Methods = NO_METHODS, on_done: Callable[[], None] = lambda: None
 ) -> Reproduction:
-    """Run the nine trials for a number of seeds, on all cores.
+    """Run the nine trials for several seeds, on all processor cores.
 
     Parameters
     ----------
     seeds
-        Number of repetitions, with the seeds 0, 1, ...
+        Number of repetitions of the nine trials, with the seeds 0, 1, ...
     methods
         Further estimators to compare on the trials.
     on_done
-        Called after each trial.
+        Function that is called after each trial.
 
     Raises
     ------
@@ -163,7 +163,7 @@ def write(reproduction: Reproduction, folder: Path, overwrite: bool = False) -> 
     Parameters
     ----------
     reproduction
-        Results to write.
+        Results of the reproduction.
     folder
         An existing folder.
     overwrite
@@ -192,7 +192,7 @@ def write(reproduction: Reproduction, folder: Path, overwrite: bool = False) -> 
 
 
 def csv_table(rows: Sequence[dict[str, Any]]) -> str:
-    """Return Table I as CSV, one row per trial and estimator, with the paper's numbers."""
+    """Return Table I as CSV with the paper's numbers, one row for each trial and estimator."""
     text = StringIO(newline="")
     writer = csv.writer(text)
     ours = ["condition", "cube", "estimator", "b", "k", "e_f", "rise_time_s"]
@@ -203,7 +203,7 @@ def csv_table(rows: Sequence[dict[str, Any]]) -> str:
 
 
 def draw(name: str, outcomes: Sequence[Outcome], folder: Path, overwrite: bool) -> Markup:
-    """Write one of the paper's Figures 3, 4 and 5 as PNG and SVG, and return the SVG element.
+    """Draw Figure 3, 4 or 5 of the paper, write PNG and SVG files, and return the SVG element.
 
     Parameters
     ----------

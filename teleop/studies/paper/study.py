@@ -1,4 +1,4 @@
-"""Analysis of variance of the nine trials over several seeds."""
+"""Analysis of variance of the nine trials, repeated with several seeds."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def effects_on(outcomes: Sequence[Outcome], response: str) -> list[Effect]:
     Raises
     ------
     InputError
-        A response is not finite, or statsmodels is not available.
+        A value of the response is not finite, or statsmodels is not available.
     """
     rows = [
         {
@@ -42,7 +42,7 @@ def effects_on(outcomes: Sequence[Outcome], response: str) -> list[Effect]:
 
 
 def finding(effects: Sequence[Effect]) -> str:
-    """Return a sentence that compares an analysis with the paper's finding.
+    """Return a sentence that compares an analysis of variance with the finding of the paper.
 
     The paper states that "only the choice of the estimation algorithm has an effect".
     """

@@ -1,4 +1,4 @@
-"""The paper's Table I as data."""
+"""Table I of the paper as data."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Cell(NamedTuple):
 
 @cache
 def table1() -> dict[tuple[str, str, str], Cell]:
-    """Return the 27 cells of the paper's Table I by (condition, cube, estimator)."""
+    """Return the 27 cells of the paper's Table I, by (condition, cube, estimator)."""
     text = files(__package__).joinpath("table1.csv").read_text(encoding="utf-8")
     return {
         (row["condition"], row["cube"], row["estimator"]): Cell(
@@ -34,7 +34,7 @@ def table1() -> dict[tuple[str, str, str], Cell]:
 
 
 CALIBRATED = ("free", "autonomous")
-"""Conditions whose b and k of RLS were used to calibrate the simulated rig."""
+"""Conditions for which b and k from RLS were used to calibrate the simulated rig."""
 
 
 def is_calibrated(condition: str, estimator: str) -> bool:

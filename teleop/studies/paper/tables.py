@@ -1,4 +1,4 @@
-"""Console output of the reproduction: Table I with the paper's numbers, and the claims."""
+"""Console output of the reproduction: Table I with the paper's numbers, and the paper's claims."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from teleop.output.console import number, plain_console
 
 
 def print_reproduction(summary: Mapping[str, Any]) -> None:
-    """Print Table I with the paper's numbers, one table per cube, and the check of its claims.
+    """Print Table I with the paper's numbers, one table per cube, and the check of the claims.
 
     Parameters
     ----------
     summary
-        Results, from `Reproduction.summary`.
+        Results that `Reproduction.summary` returned.
     """
     console = plain_console()
     for cube in ("soft", "medium", "hard"):

@@ -1,4 +1,4 @@
-"""The paper's nine trials, run with the paper's settings, and the causes of their damping bias."""
+"""The nine trials of the paper with the paper's settings, and the causes of the damping bias."""
 
 from __future__ import annotations
 
@@ -22,28 +22,30 @@ from teleop.trial.settings import TrialSettings
 DURATION = 10.0
 """Duration of a trial [s]."""
 BANDWIDTH = 50.0
-"""Bandwidth of the filtered difference for the velocity [Hz]; the paper does not state it."""
+"""Bandwidth of the filtered difference that gives the velocity [Hz]. The paper does not state this
+bandwidth."""
 NO_METHODS = Methods()
-"""No further estimators."""
+"""Value for a reproduction without further estimators."""
 DRAWN = 10
-"""The figures show every `DRAWN`-th tick."""
+"""One of this number of ticks is shown in the figures."""
 
 
 class Damping(NamedTuple):
-    """Damping of one trial [N s/m], with the causes of bias removed one after the other."""
+    """Estimates of the damping in one trial [N s/m]; causes of bias are removed one by one."""
 
     true: float
     """True damping of the simulated cube."""
     paper: float
-    """Average of RLS in the paper's Table I."""
+    """Average of the damping from RLS in Table I of the paper."""
     rls: float
-    """Average of RLS in the simulated trial, with the paper's settings."""
+    """Average of the damping from RLS in the simulated trial, with the paper's settings."""
     matched: float
-    """Kelvin-Voigt fit, with the lag compensated and the same filter for force and position."""
+    """Damping from a Kelvin-Voigt fit, with compensated lag and the same filter for force and
+    position."""
     tip: float
-    """As `matched`, with the position of the tip instead of that of the encoder."""
+    """As `matched`, but with the position of the tip instead of the encoder position."""
     stiffening: float
-    """As `tip`, with x^3 as an additional regressor."""
+    """As `tip`, but with x^3 as an additional regressor."""
 
 
 class Outcome(NamedTuple):
@@ -56,17 +58,17 @@ class Outcome(NamedTuple):
     seed: int
     """Seed of the trial."""
     estimates: dict[str, dict[str, Any]]
-    """Summary of each estimator, by its name."""
+    """Summary of the estimates, by the name of the estimator."""
     damping: Damping
     """Damping, with the causes of bias removed one after the other."""
     t: Floats
     """Time of every tenth tick [s], shape (n,)."""
     x: Floats
-    """Displacement at these ticks [m], shape (n,)."""
+    """Displacement at the ticks of `t` [m], shape (n,)."""
     v: Floats
-    """Velocity at these ticks [m/s], shape (n,)."""
+    """Velocity at the ticks of `t` [m/s], shape (n,)."""
     series: dict[str, Estimates]
-    """Estimates at these ticks, by the name of the estimator."""
+    """Estimates at the ticks of `t`, by the name of the estimator."""
     methods: dict[str, MethodResult]
     """Results of further estimators on the same trial; empty if none were requested."""
 
@@ -89,7 +91,7 @@ class SlowTrial(NamedTuple):
 def paper_trial(condition: ConditionName, cube: CubeName, seed: int = 0) -> TrialSettings:
     """Return the settings of one of the nine trials.
 
-    As in the paper, the force is not filtered, velocity is a filtered difference of the encoder
+    As in the paper, the force is not filtered, the velocity is a filtered difference of the encoder
     position, and the estimators have the paper's settings.
     """
     return TrialSettings(
@@ -104,7 +106,7 @@ def paper_trial(condition: ConditionName, cube: CubeName, seed: int = 0) -> Tria
 
 
 def damping_steps(trial: Trial) -> Damping:
-    """Return the damping, estimated as in the paper and with the causes of bias removed."""
+    """Return the damping, first estimated as in the paper, then with causes of bias removed."""
     settings, columns = trial.settings, trial.columns
     force, dt = columns["contact_force"], columns["dt"]
     encoder = MatchedSignals(columns["slave_position"], force, dt)
@@ -121,7 +123,7 @@ def damping_steps(trial: Trial) -> Damping:
 
 
 def palpate(trial: tuple[ConditionName, CubeName, int], methods: Methods = NO_METHODS) -> Outcome:
-    """Run one trial, and further estimators on its data.
+    """Run one trial, and run further estimators on the data of this trial.
 
     Parameters
     ----------
@@ -150,8 +152,8 @@ def palpate(trial: tuple[ConditionName, CubeName, int], methods: Methods = NO_ME
 def lag_and_damping(frequency: float) -> SlowTrial:
     """Estimate lag and damping together from an autonomous trial on the medium cube.
 
-    The ramps at the start and the end of the trial are not used. The position is that of the tip,
-    so that there is no lost motion.
+    The ramps at the start and the end of the trial are not used. The position is the position of
+    the tip, so that there is no lost motion.
 
     Parameters
     ----------
@@ -185,7 +187,7 @@ def lag_and_damping(frequency: float) -> SlowTrial:
 
 
 def as_rows(outcomes: Iterable[Outcome]) -> list[dict[str, Any]]:
-    """Return one row per trial and estimator, with the paper's cell."""
+    """Return one row for each trial and estimator, with the cell of the paper's Table I."""
     return [
         {
             "condition": outcome.condition,

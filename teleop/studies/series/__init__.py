@@ -1,1 +1,1 @@
-"""Series of trials: a plan, its order, the journal of what was run, and a table of the results."""
+"""Series of trials: plan, order of the trials, journal of the trials that were run, and results."""

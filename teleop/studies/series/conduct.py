@@ -1,4 +1,4 @@
-"""Run a series: ask, run, record and repeat the trials of a plan until all are done."""
+"""Run of a series: the trials of a plan are run, recorded and repeated until all are done."""
 
 from __future__ import annotations
 
@@ -22,14 +22,16 @@ from teleop.trial.settings import TrialSettings
 
 Answer = Literal["run", "skip", "repeat", "quit"]
 Ask = Callable[[PlannedTrial, str], tuple[Answer, str]]
-"""Function of a trial and a prompt that asks a person, and returns the answer and a note."""
+"""Function that asks a person whether to run a trial. Its arguments are the trial and a prompt. It
+returns the answer and a note."""
 AskNote = Callable[[PlannedTrial], str]
-"""Function that asks a person for a note on the trial that has ended; it returns "" for none."""
+"""Function that asks a person for a note on a trial that has ended. It returns an empty text if
+there is no note."""
 Run = Callable[[TrialSettings, Path], Trial]
 """Function that runs and records a trial."""
 INTERRUPTED = "interrupted"
 ATTEMPTS = 3
-"""Number of failed attempts of a trial after which an unattended series ends with an error."""
+"""Number of failed attempts of one trial after which an unattended series ends with an error."""
 
 
 def unattended(trial: PlannedTrial, prompt: str) -> tuple[Answer, str]:
@@ -43,12 +45,12 @@ def no_note(trial: PlannedTrial) -> str:
 
 
 def open_journal(folder: Path, plan: Plan, trials: Sequence[PlannedTrial]) -> Journal:
-    """Return the journal of a series, which is new or is resumed.
+    """Open the journal of a new series, or of a series that is resumed.
 
     Parameters
     ----------
     folder
-        Folder of the series; it exists.
+        Folder of the series, which must exist.
     plan
         The plan.
     trials
@@ -82,10 +84,10 @@ def conduct(
 ) -> Journal:
     """Run the trials of a series that are not done yet.
 
-    A trial that was stopped for safety, interrupted or incompletely recorded is repeated, and
-    the recording of the failed attempt is kept. If a person is asked, a trial that could not be
-    run, for example because the rig cannot be opened, is asked for again. The table of results is
-    written after each trial.
+    A trial is repeated if it was stopped for safety, interrupted, or recorded incompletely. The
+    recording of the failed attempt is kept. A trial may also be impossible to run, for example
+    because the rig cannot be opened. If a person is asked before each trial, the same trial is then
+    proposed again. The table of results is written after each trial.
 
     Parameters
     ----------
@@ -107,7 +109,7 @@ def conduct(
     Raises
     ------
     InputError
-        A file cannot be written, another series or sweep runs in the folder, or a trial of an
+        A file cannot be written, another series or sweep is running in the folder, or a trial of an
         unattended series could not be run.
     RigError
         The rig failed in a trial of an unattended series.
@@ -161,7 +163,7 @@ def conduct(
 
 
 def attempt(folder: Path, journal: Journal, trial: PlannedTrial, run: Run, note: str) -> str:
-    """Run a trial once, and return the reason why it must be repeated; empty for none.
+    """Run a trial once, and return the reason why it must be repeated; empty if it need not be.
 
     Raises
     ------
@@ -187,7 +189,7 @@ def attempt(folder: Path, journal: Journal, trial: PlannedTrial, run: Run, note:
 
 
 def spoilt(trial: Trial) -> str:
-    """Return the reason why a trial must be repeated; empty for none."""
+    """Return the reason why a trial must be repeated; empty if it need not be repeated."""
     if trial.fault:
         return f"stopped {time_text(trial.fault['time'])}: {trial.fault['text']}"
     if trial.interrupted:
@@ -204,7 +206,7 @@ def prompt_of(plan: Plan, trial: PlannedTrial, count: int) -> str:
 
 
 def resumed_text(folder: Path, found: dict[str, Any]) -> str:
-    """Return the text that states how much of an existing series is done."""
+    """Return a text that states how many trials of an existing series are done."""
     trials = sum(found.values())
     if not found["pending"]:
         return f"{folder}: the series is complete, no trial is run"
@@ -220,7 +222,7 @@ def is_complete(folder: Path, plan: Plan, trials: Sequence[PlannedTrial]) -> boo
     Raises
     ------
     InputError
-        The folder contains a series of another plan, or another series runs in it.
+        The folder contains a series of another plan, or another series is running in it.
     """
     if not (folder / NAME).is_file():
         return False

@@ -1,7 +1,7 @@
 """The journal of a series: a line for each trial that was started, done, spoilt or skipped.
 
-A spoilt trial has failed and must be repeated. After a series was interrupted or killed, the
-journal contains what is needed to resume it.
+A spoilt trial has failed and must be repeated. If a series is interrupted or killed, the journal
+contains all data that are needed to resume the series.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ class Journal:
     Parameters
     ----------
     folder
-        Folder of the series; it exists.
+        Folder of the series, which must exist.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -47,7 +47,7 @@ class Journal:
         trial
             Number of the trial, from 1; 0 for an entry about the whole series.
         values
-            Further values of the entry, which JSON can represent.
+            Further values of the entry. JSON must be able to represent them.
 
         Raises
         ------
@@ -60,11 +60,11 @@ class Journal:
         self._add(loads(dumps(record)))
 
     def last(self, trial: int) -> dict[str, Any] | None:
-        """Return the last entry of a trial that is not a note; None for none."""
+        """Return the last entry of a trial, notes excluded; None if there is no entry."""
         return self._last.get(trial)
 
     def last_started(self) -> int | None:
-        """Return the number of the trial that was started last; None for none."""
+        """Return the number of the trial that was started last; None if no trial was started."""
         started = (e["trial"] for e in reversed(self.entries) if e["entry"] == "started")
         return next(started, None)
 
@@ -73,7 +73,7 @@ class Journal:
         return self._attempts[trial]
 
     def note(self, trial: int, attempt: int) -> str:
-        """Return the notes on an attempt of a trial, separated by semicolons."""
+        """Return all notes on one attempt of a trial, separated by semicolons."""
         return "; ".join(self._notes[trial, attempt])
 
     def is_finished(self, trial: int) -> bool:

@@ -9,17 +9,18 @@ OrderName = Literal["listed", "random", "latin-square"]
 
 
 def ordered(count: int, order: OrderName, seed: int, block: int) -> list[int]:
-    """Return the order in which the cells of a block are run, as indices of the cells.
+    """Return the order in which the cells of a block are run, as a list of cell indices.
 
     A cell is a combination of levels of the factors, together with a repetition.
 
     Parameters
     ----------
     count
-        Number of cells.
+        Number of cells in the block.
     order
-        `listed`; `random`, a permutation for each block; or `latin-square`, the rows of a
-        Williams square whose cells are permuted once.
+        `listed`: the order of the plan. `random`: a random permutation for each block.
+        `latin-square`: each block is a row of a Williams square, whose cells are randomly permuted
+        once.
     seed
         Seed of the permutations.
     block
@@ -39,14 +40,14 @@ def ordered(count: int, order: OrderName, seed: int, block: int) -> list[int]:
 def williams_row(count: int, row: int) -> list[int]:
     """Return a row of a Williams square, a Latin square balanced for first-order carry-over.
 
-    If the number of cells is even, each cell directly follows each other cell once in `count`
-    rows. If it is odd, each cell follows each other cell twice in `2 count` rows, of which every
-    second row is reversed.
+    If the number of cells is even, then in `count` rows each cell directly follows each other cell
+    once. If it is odd, then in `2 count` rows each cell directly follows each other cell twice;
+    every second row is a reversed row.
 
     Parameters
     ----------
     count
-        Number of cells.
+        Number of cells in the block.
     row
         Number of the row, from 0.
 

@@ -20,7 +20,7 @@ from teleop.trial.feedback_checks import check_feedback
 from teleop.trial.settings import TrialSettings
 
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,40}$")]
-"""Name of a factor or a level; it is a part of file names."""
+"""Name of a factor or a level, which is used in file names."""
 MOST_TRIALS = 10_000
 
 
@@ -37,24 +37,28 @@ class Plan(BaseModel):
     description: str = ""
     factors: dict[Name, list[Name]] = Field(min_length=1)
     """Levels of each factor. The factors condition, cube, specimen and operator set the setting of
-    the same name. On a hardware rig, the factor cube sets the specimen, and the depth in which
-    the paper palpated this cube under the condition, unless the settings have a depth."""
+    the same name. On a hardware rig, the factor cube sets the specimen. It also sets the depth,
+    unless the settings have a depth: the depth to which the paper palpated this cube under the
+    condition."""
     blocks: list[Name] = []
-    """Factors such as the subject: all trials of one level are run before those of the next."""
+    """Factors whose levels are run one after the other, such as subject: all trials of one level
+    are run before the trials of the next level."""
     repetitions: Annotated[int, Field(ge=1, le=1000)] = 1
-    """Repetitions of each combination."""
+    """Number of repetitions of each combination of levels."""
     order: OrderName = "random"
     """Order of the trials within each block."""
     seed: int = 0
-    """Seed of the order. The seed of a simulated trial is that of the settings plus its number."""
+    """Seed of the random order. The seed of a simulated trial is the seed in the settings plus the
+    number of the trial."""
     rest_s: Annotated[float, Field(ge=0.0, le=3600.0)] = 0.0
     """Shortest pause between two trials [s]."""
     prompt: str = "Next: {trial}."
-    """Text that is shown before each trial. {trial}, and factors in braces, are replaced."""
+    """Text that is shown before each trial. {trial} is replaced by the name of the trial, and a
+    factor in braces by its level."""
     settings: dict[str, Any] = {}
     """Settings of all trials, as in a configuration file."""
     levels: dict[Name, dict[Name, dict[str, Any]]] = {}
-    """Settings of the trials with a certain level of a factor, by factor and level."""
+    """Settings of the trials in which a factor has a certain level, by factor and level."""
 
 
 @dataclass(frozen=True)
@@ -62,21 +66,21 @@ class PlannedTrial:
     """One trial of a plan."""
 
     number: int
-    """Position in the series, from 1."""
+    """Position of the trial in the series, from 1."""
     levels: dict[str, str]
-    """Level of each factor."""
+    """Level of each factor, by the name of the factor."""
     repetition: int
     """Number of the repetition, from 1."""
     settings: TrialSettings
 
     @property
     def label(self) -> str:
-        """Levels and repetition, joined by hyphens, for file names."""
+        """Levels of the factors and number of the repetition, joined by hyphens, for file names."""
         return "-".join([*self.levels.values(), str(self.repetition)])
 
 
 def on_rig(plan: Plan, rig: Path, tare: Path | None = None) -> Plan:
-    """Return a plan whose trials run on a hardware rig.
+    """Return a copy of a plan whose trials run on a hardware rig.
 
     Parameters
     ----------
@@ -85,7 +89,7 @@ def on_rig(plan: Plan, rig: Path, tare: Path | None = None) -> Plan:
     rig
         The rig file.
     tare
-        File with the zero offsets of the channels; None for those of the plan.
+        File with the zero offsets of the channels; None for the zero offsets that the plan states.
     """
     settings = plan.settings | {"rig": str(rig.resolve()), "clock": "real"}
     if tare:
@@ -151,12 +155,12 @@ def planned_trials(plan: Plan, folder: Path) -> list[PlannedTrial]:
     plan
         The plan.
     folder
-        Folder to which the paths in its settings are relative.
+        Folder to which the paths in the settings of the plan are relative.
 
     Raises
     ------
     InputError
-        Settings of a trial are invalid. The message lists the problems of all trials.
+        The settings of a trial are invalid. The message lists the problems of all trials.
     """
     chosen = chosen_settings(plan, folder)
     blocked = [plan.factors[name] for name in plan.blocks]
@@ -180,7 +184,7 @@ def planned_trials(plan: Plan, folder: Path) -> list[PlannedTrial]:
 
 
 def chosen_settings(plan: Plan, folder: Path) -> dict[tuple[str, ...], TrialSettings]:
-    """Return the settings of each combination of levels; see `planned_trials`."""
+    """Return the settings for each combination of levels, see `planned_trials`."""
     settings: dict[tuple[str, ...], TrialSettings] = {}
     problems: list[str] = []
     for levels in product(*plan.factors.values()):
@@ -197,7 +201,7 @@ def chosen_settings(plan: Plan, folder: Path) -> dict[tuple[str, ...], TrialSett
 
 
 def document_of(plan: Plan, levels: Mapping[str, str]) -> dict[str, Any]:
-    """Return the settings of one combination of levels, with the keys of a configuration file."""
+    """Return the settings for one combination of levels, with the keys of a configuration file."""
     document = dict(plan.settings)
     for name, level in levels.items():
         own = plan.levels.get(name, {}).get(level)

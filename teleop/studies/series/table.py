@@ -1,4 +1,4 @@
-"""Write the table of a series as CSV, with a row for each trial and estimator."""
+"""Table of results of a series as a CSV file, with a row for each trial and estimator."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ RESULTS = {
     "rise_time_s": "rise time [s]",
     "held": "held",
 }
-"""Headings of the values in the summary of an estimator."""
+"""Column headings for the values in the summary of an estimator."""
 
 
 def result_rows(trials: Sequence[PlannedTrial], journal: Journal) -> Iterator[dict[str, Any]]:
-    """Yield a row for each trial that is done and each of its estimators."""
+    """Yield a row for each estimator of each trial that is done."""
     planned = {trial.number: trial for trial in trials}
     for result in journal.results():
         trial, summary = planned[result["trial"]], result["summary"]
@@ -52,7 +52,7 @@ def result_rows(trials: Sequence[PlannedTrial], journal: Journal) -> Iterator[di
 
 
 def write_results(folder: Path, trials: Sequence[PlannedTrial], journal: Journal) -> None:
-    """Write the table of results to the folder of a series.
+    """Write the table of results to a CSV file in the folder of a series.
 
     Raises
     ------

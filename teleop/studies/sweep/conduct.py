@@ -1,4 +1,4 @@
-"""Run the points of a sweep that are not done yet, and write the results."""
+"""Run of a sweep: the points that are not done yet are run, and the results are written."""
 
 from __future__ import annotations
 
@@ -16,21 +16,22 @@ from teleop.studies.sweep.tables import Tables
 from teleop.studies.sweep.tasks import Task, check
 
 JOURNAL = "journal.jsonl"
-"""File with the plan, and then a line with the result of each point, as they were computed."""
+"""Name of the journal. It contains the plan, then one line with the result of each point, in the
+order in which the results were computed."""
 
 
 @dataclass
 class Progress:
-    """Numbers of points of a sweep."""
+    """Progress of a sweep: numbers of points."""
 
     total: int
     done: int = 0
     failed: int = 0
-    """Number of points that have an error instead of results."""
+    """Number of points whose result is an error."""
     resumed: int = 0
-    """Number of points that were done before."""
+    """Number of points that were already done when the sweep was resumed."""
     parquet: bool = False
-    """Whether results.parquet was written; it needs pyarrow."""
+    """Whether results.parquet was written, for which pyarrow is needed."""
 
 
 def conduct(
@@ -41,10 +42,11 @@ def conduct(
     execute: Execute,
     report: Callable[[Progress], None] = lambda progress: None,
 ) -> Progress:
-    """Run the points that are not done yet, and write the tables of the results.
+    """Run the points of a sweep that are not done yet, and write the tables of results.
 
-    Each result is written to the journal as soon as it is computed. The table results.csv gets the
-    results in the order of the points, each as soon as all before it are done.
+    Each result is written to the journal as soon as it is computed. The table results.csv contains
+    the results in the order of the points. A result is added as soon as all points before it are
+    done.
 
     Parameters
     ----------
@@ -53,23 +55,23 @@ def conduct(
     plan
         The plan.
     task
-        What runs at a point.
+        Task that is run at each point.
     points
-        The points of the plan.
+        All points of the plan.
     execute
-        Function that runs points.
+        Function that runs the task at points.
     report
         Function that is called at the start and after each chunk of points.
 
     Returns
     -------
-    The numbers of points that are done and that failed.
+    The numbers of points that are done and that have failed.
 
     Raises
     ------
     InputError
-        A file cannot be written, the folder contains a sweep of another plan, another program
-        works in the folder, or the settings are invalid.
+        A file cannot be written, the folder contains a sweep of another plan, another series or
+        sweep is running in the folder, or the settings are invalid.
     """
     make_folder(folder / JOURNAL)
     with locked(folder):

@@ -1,4 +1,4 @@
-"""Run the points of a sweep on a Dask cluster."""
+"""Runs the points of a sweep on a Dask cluster."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from teleop.studies.sweep.points import Point
 from teleop.studies.sweep.tasks import Task, results
 
 LOCAL = "local"
-"""Address that starts a cluster on this machine."""
+"""Address with which a new cluster is started on this machine."""
 TIMEOUT = 30.0
-"""Time in which the cluster must have a worker [s]."""
+"""Time within which the cluster must have a worker [s]."""
 
 
 def on_dask(address: str, count: int | None = None) -> Execute:
@@ -28,7 +28,7 @@ def on_dask(address: str, count: int | None = None) -> Execute:
         Address of the scheduler, such as tcp://10.0.0.1:8786, or `local` for a cluster of
         processes on this machine.
     count
-        Number of processes of a cluster on this machine; None for one per processor.
+        Number of processes of a cluster on this machine; None for one process per processor.
 
     Raises
     ------
@@ -74,7 +74,7 @@ def on_dask(address: str, count: int | None = None) -> Execute:
 
 @contextlib.contextmanager
 def cluster(address: str, count: int | None) -> Iterator[Any]:
-    """Provide a client of a cluster within the block, see `on_dask`.
+    """Provide a Dask client of a cluster within the block, see `on_dask`.
 
     Raises
     ------

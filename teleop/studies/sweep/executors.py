@@ -1,4 +1,4 @@
-"""Run the points of a sweep in processes of this machine, or on a Dask cluster."""
+"""Functions that run the points of a sweep in several processes of this machine."""
 
 from __future__ import annotations
 
@@ -15,15 +15,16 @@ from teleop.studies.workers import workers
 
 Results = list[dict[str, Any]]
 Execute = Callable[[Task, Sequence[Point]], Iterator[Results]]
-"""Function that runs a task at points, and yields the results as they are computed."""
+"""Function that runs a task at points, and yields the results in the order of computation."""
 AHEAD = 4
-"""Number of chunks of points that are sent to a process before it has finished the first."""
+"""Number of chunks of points that are sent to a process before the first chunk is finished."""
 ATTEMPTS = 2
-"""Number of times that a point is run alone before it is reported to end its process."""
+"""Number of times that a point is run alone. If its process is killed each time, the result is an
+error."""
 
 
 def chunks_of(task: Task, points: Sequence[Point]) -> Iterator[Sequence[Point]]:
-    """Yield the points in chunks, each of which is sent to a process as a whole."""
+    """Divide points into chunks, and yield the chunks. A chunk is sent to a process as a whole."""
     for start in range(0, len(points), task.chunk):
         yield points[start : start + task.chunk]
 
@@ -37,13 +38,13 @@ def processors() -> int:
 def in_processes(count: int | None = None) -> Execute:
     """Return a function that runs points in processes of this machine.
 
-    If a process is killed, the points that were running are run again, one by one. A point whose
-    process ends `ATTEMPTS` times has an error as its result.
+    If a process is killed, the points that were running are run again, each in a separate process.
+    If this process is also killed, `ATTEMPTS` times, the result of the point is an error.
 
     Parameters
     ----------
     count
-        Number of processes; None for one per processor.
+        Number of processes; None for one process per processor.
     """
     size = count or processors()
 
@@ -68,7 +69,7 @@ def in_processes(count: int | None = None) -> Execute:
 
 
 def alone(task: Task, point: Point) -> Results:
-    """Run a point in a process of its own."""
+    """Run a single point in a separate process."""
     for _ in range(ATTEMPTS):
         try:
             with workers(1) as pool:
@@ -79,5 +80,5 @@ def alone(task: Task, point: Point) -> Results:
 
 
 def killed(point: Point) -> dict[str, Any]:
-    """Return the result of a point whose process was killed each time."""
+    """Return the result of a point whose process was killed in each attempt."""
     return {"point": point.number, "error": "its process was killed, for example for its memory"}

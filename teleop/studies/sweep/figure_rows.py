@@ -1,4 +1,4 @@
-"""Read the rows of the table of a sweep that its figures show."""
+"""Reading of the rows of a sweep's table that the figures show."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from teleop.studies.sweep.tasks import ESTIMATOR
 
 
 def read_rows(path: Path, factors: Sequence[str], response: str) -> SweepRows:
-    """Return the rows of a table that have a result.
+    """Return the rows of a table that contain the result `response`.
 
     Parameters
     ----------
@@ -25,12 +25,12 @@ def read_rows(path: Path, factors: Sequence[str], response: str) -> SweepRows:
     factors
         Names of the factors.
     response
-        The result, a key of `RESULTS`.
+        The result to show, a key of `RESULTS`.
 
     Raises
     ------
     InputError
-        No row has this result.
+        No row contains this result.
     """
     heading = RESULTS[response]
     with path.open(newline="", encoding="utf-8") as file:
@@ -46,7 +46,7 @@ def read_rows(path: Path, factors: Sequence[str], response: str) -> SweepRows:
 
 
 def values_of(cells: Sequence[str]) -> Sequence[float] | Sequence[str]:
-    """Return the values in a column as numbers or, if a cell is not a number, as text."""
+    """Return the values in a column as numbers; as texts, if a cell is not a number."""
     try:
         return [float(cell) for cell in cells]
     except ValueError:

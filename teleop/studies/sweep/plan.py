@@ -1,4 +1,4 @@
-"""The plan of a sweep: which settings vary, over which values, and what runs at each point."""
+"""The plan of a sweep: the settings that vary, their values, and the task at each point."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from teleop.errors import InputError, invalid_parts
 from teleop.trial.configuration import read_toml
 
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,40}$")]
-"""Name of a sweep; it is a part of the name of its folder."""
+"""Name of a sweep, which is part of the name of the folder."""
 Key = Annotated[str, StringConstraints(pattern=r"^[A-Za-z_]\w*(\.[A-Za-z_]\w*)*$")]
 """Name of a setting. A dot separates the names of nested settings, as in `admittance.mass`."""
 DesignName = Literal["grid", "list", "random", "latin-hypercube"]
@@ -30,7 +30,7 @@ MOST_POINTS = 10_000_000
 
 
 class Range(BaseModel):
-    """A range of values."""
+    """A range of values of a setting."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
@@ -39,9 +39,9 @@ class Range(BaseModel):
     high: float
     """Highest value."""
     steps: Annotated[int, Field(ge=2, le=MOST_POINTS)] | None = None
-    """Number of values in a grid or a list; not used in a random design."""
+    """Number of values, for the designs grid and list. Not used in a random design."""
     scale: Literal["linear", "log"] = "linear"
-    """Whether the values, or their logarithms, are evenly distributed."""
+    """`linear` if the values are evenly distributed, `log` if the logarithms of the values are."""
 
     @model_validator(mode="after")
     def _ordered(self) -> Range:
@@ -53,12 +53,12 @@ class Range(BaseModel):
 
 
 class Evaluated(BaseModel):
-    """A recording whose estimates are computed at each point, instead of running a trial."""
+    """A recording from which estimates are computed at each point; no trial is run."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     recording: Annotated[str, Field(min_length=1)]
-    """A recording (.mcap), relative to the folder of the plan."""
+    """Path of the recording (.mcap), relative to the folder of the plan."""
 
 
 class SweepPlan(BaseModel):
@@ -72,22 +72,25 @@ class SweepPlan(BaseModel):
     factors: dict[Key, Annotated[list[Any], Field(min_length=1)] | Range] = Field(min_length=1)
     """Values of each setting that varies: a list, or a range."""
     design: DesignName = "grid"
-    """`grid` has all combinations of the values, and `list` combines the first values, the second
-    values, and so on. `random` and `latin-hypercube` have random values."""
+    """`grid`: all combinations of the values. `list`: the first point has the first value of each
+    setting, the second point the second values, and so on. `random` and `latin-hypercube`: random
+    values."""
     points: Annotated[int, Field(ge=1, le=MOST_POINTS)] | None = None
     """Number of points of a random design."""
     seed: NonNegativeInt = 0
     """Seed of a random design."""
     seeds: Annotated[int, Field(ge=1, le=MOST_POINTS)] = 1
-    """Repetitions of each point, with seeds from that of the settings upwards."""
+    """Number of repetitions of each point. The first has the seed in the settings, and each further
+    repetition the next larger seed."""
     settings: dict[str, Any] = {}
     """Settings of all trials, as in a configuration file."""
     estimate: Evaluated | None = None
-    """What is evaluated at each point. Default: a trial on the simulated rig is run."""
+    """Recording that is evaluated at each point. Default: no recording; at each point a trial is
+    run on the simulated rig."""
 
     @property
     def is_random(self) -> bool:
-        """Whether the values of the factors are random."""
+        """Whether the design has random values of the settings."""
         return self.design in ("random", "latin-hypercube")
 
     @property
@@ -115,7 +118,7 @@ def read_plan(path: Path, seeds: int | None = None) -> SweepPlan:
     path
         A TOML file, or the name of a plan that is part of this package, such as `paper`.
     seeds
-        Repetitions that replace those of the plan; None for those of the plan.
+        Number of repetitions that replaces the number in the plan; None for the number in the plan.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The points of a sweep: the values of the settings at each point, from the plan."""
+"""The points of a sweep, computed from the plan: the values of the settings at each point."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from teleop.studies.sweep.plan import Range, SweepPlan
 
 
 class Point(NamedTuple):
-    """One point of a sweep."""
+    """One point of a sweep: a combination of values of the settings that vary."""
 
     number: int
-    """Position in the sweep, from 1."""
+    """Position of the point in the sweep, from 1."""
     values: tuple[Any, ...]
-    """Values of the factors, in the order of the plan."""
+    """Values of the settings that vary (the factors), in the order of the plan."""
     repetition: int
     """Number of the repetition, from 0. It is added to the seed of the trial."""
 
 
 def points_of(plan: SweepPlan) -> list[Point]:
-    """Return the points of a plan, in their order.
+    """Return the points of a plan, in the order in which they are run.
 
-    The repetitions of a point follow each other.
+    The repetitions of a point directly follow each other.
     """
     cells = random_values(plan) if plan.is_random else listed_values(plan)
     every = ((values, i) for values in cells for i in range(plan.seeds))
@@ -45,7 +45,8 @@ def listed_values(plan: SweepPlan) -> list[tuple[Any, ...]]:
 def random_values(plan: SweepPlan) -> list[tuple[Any, ...]]:
     """Return the values of the factors at the points of a random design.
 
-    In a latin hypercube of n points, each of n equal parts of a range contains one value.
+    In a Latin hypercube of n points, each range is divided into n equal parts, and each part
+    contains one value.
     """
     count, size = plan.points or 0, len(plan.factors)
     generator = np.random.default_rng(plan.seed)
@@ -61,7 +62,7 @@ def random_values(plan: SweepPlan) -> list[tuple[Any, ...]]:
 
 
 def spaced(values: Range, shares: Sequence[float] | np.ndarray) -> list[float]:
-    """Return the values at shares of a range, from 0 for the lowest to 1 for the highest."""
+    """Return values in a range at given fractions: 0 is the lowest value, 1 the highest."""
     low, high = values.low, values.high
     inside = [float(share) for share in shares]
     if values.scale == "log":
@@ -72,10 +73,10 @@ def spaced(values: Range, shares: Sequence[float] | np.ndarray) -> list[float]:
 
 
 def chosen(values: Sequence[Any], shares: np.ndarray) -> list[Any]:
-    """Return the values of a list at shares of its length, in [0, 1)."""
+    """Return values of a list at given fractions, in [0, 1), of the length of the list."""
     return [values[math.floor(share * len(values))] for share in shares.tolist()]
 
 
 def evenly(points: Sequence[Point], count: int) -> list[Point]:
-    """Return about `count` points at equal distances in a sweep."""
+    """Return about `count` of the points, evenly distributed over a sweep."""
     return [*islice(points, 0, None, max(1, len(points) // count))]

@@ -1,4 +1,4 @@
-"""The samples of a recorded trial, conditioned once for all points with the same conditioning."""
+"""Samples of a recorded trial, conditioned only once for points with the same conditioning."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from teleop.trial.settings_json import DERIVED
 
 
 class RecordedTrial:
-    """A recorded trial whose estimates are computed again with other settings.
+    """A recorded trial from which estimates are computed with other settings.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ class RecordedTrial:
         self._known: dict[tuple[str, float, float, Model], Conditioned] = {}
 
     def conditioned(self, settings: TrialSettings) -> Conditioned:
-        """Return the samples, conditioned as these settings say; they must not be changed."""
+        """Return the samples, conditioned with the settings. The caller must not change them."""
         preset = settings.estimation_preset
         key = (settings.conditioning, settings.bandwidth, settings.force_lag, preset.model)
         if key not in self._known:
@@ -62,11 +62,11 @@ KEPT = 20
 
 @cache
 def recorded_trial(path: Path) -> RecordedTrial:
-    """Return a recorded trial, which is read once in each process.
+    """Read a recorded trial, only once in each process, and return it.
 
     Raises
     ------
     InputError
-        As `RecordedTrial`.
+        The same errors as for `RecordedTrial`.
     """
     return RecordedTrial(path)

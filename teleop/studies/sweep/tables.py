@@ -1,4 +1,4 @@
-"""The tables of a sweep, with a row for each point and estimator, in the order of the points."""
+"""Tables of results of a sweep, with a row for each point and estimator, in order of the points."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ class Tables:
     folder
         Folder of the sweep.
     task
-        What runs at a point.
+        Task that is run at each point.
     points
-        The points of the plan.
+        All points of the plan.
     journal
         The journal with the results.
     positions
-        Position of the result of each point in the journal, by its number. The caller adds those
-        of further points.
+        Position of the result of each point in the journal [bytes], by the number of the point.
+        While the sweep runs, the caller adds the positions of further points.
 
     Raises
     ------
@@ -79,7 +79,7 @@ class Tables:
         self._file.close()
 
     def extend(self) -> None:
-        """Write the rows of the points that follow the last written one and are done.
+        """Write the rows of the next points, up to the first point that is not done.
 
         Raises
         ------
@@ -101,7 +101,10 @@ class Tables:
         return self._points[self._written].number
 
     def rows(self, start: int, end: int) -> Iterator[Row]:
-        """Yield the rows of the points from index `start` to `end`, which must be done."""
+        """Yield the rows of the points from index `start` up to but not including `end`.
+
+        All of these points must be done.
+        """
         points = self._points[start:end]
         results = self._journal.documents_at(self._positions[point.number] for point in points)
         for point, result in zip(points, results, strict=True):
@@ -114,7 +117,7 @@ class Tables:
                 yield {**about, **row}
 
     def write_parquet(self) -> bool:
-        """Write results.parquet, and return whether pyarrow, which it needs, is installed.
+        """Write results.parquet if pyarrow is installed, and return whether it is installed.
 
         Raises
         ------
@@ -161,5 +164,5 @@ def is_number(value: Any) -> bool:
 
 
 def as_text(value: Any) -> Any:
-    """Return a value for a cell: text and numbers as they are, other values as JSON."""
+    """Return the content of a cell: text and numbers unchanged, other values as JSON."""
     return value if value is None or isinstance(value, str | int | float) else dumps(value)

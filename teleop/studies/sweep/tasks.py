@@ -1,7 +1,7 @@
-"""What runs at a point of a sweep: a simulated trial, or the estimators over a recording.
+"""Tasks at a point of a sweep: run a simulated trial, or compute estimates from a recording.
 
-A task can be sent to another process. Its result for a point depends on the plan only, so that the
-results do not depend on how many processes there are, or on when they run.
+A task can be sent to another process. The result of a task at a point depends only on the plan, not
+on the number of processes or the order in which the points are run.
 """
 
 from __future__ import annotations
@@ -35,21 +35,21 @@ Row = dict[str, Any]
 
 
 class Task(Protocol):
-    """What runs at a point of a sweep."""
+    """Interface of a task, which is run at each point of a sweep."""
 
     @property
     def keys(self) -> tuple[str, ...]:
-        """Names of the factors."""
+        """Names of the settings that vary (the factors)."""
         ...
 
     @property
     def chunk(self) -> int:
-        """Number of points that are sent to a process together."""
+        """Number of points in a chunk, which is sent to a process as a whole."""
         ...
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """Names of the columns of a row of `rows`."""
+        """Names of the columns in each row that the method `rows` returns."""
         ...
 
     def settings(self, point: Point) -> TrialSettings:
@@ -57,16 +57,16 @@ class Task(Protocol):
         ...
 
     def rows(self, point: Point) -> list[Row]:
-        """Return the results at a point, a row for each estimator."""
+        """Return the results at a point, with one row for each estimator."""
         ...
 
 
 @dataclass(frozen=True)
 class TrialTask:
-    """Runs a trial on the simulated rig in virtual time at each point."""
+    """Task that runs a trial on the simulated rig in virtual time."""
 
     keys: tuple[str, ...]
-    """Names of the factors."""
+    """Names of the settings that vary (the factors)."""
     common: Mapping[str, Any]
     """Settings of all trials, with the keys of a configuration file."""
     folder: Path
@@ -84,7 +84,7 @@ class TrialTask:
         return replace(settings, seed=settings.seed + point.repetition)
 
     def rows(self, point: Point) -> list[Row]:
-        """Run the trial, and return the results of each estimator."""
+        """Run the trial, and return one row of results for each estimator."""
         settings = self.settings(point)
         summary = run_trial(settings).summary()
         if fault := summary["safety"]["fault"]:
@@ -99,12 +99,12 @@ class TrialTask:
 
 @dataclass(frozen=True)
 class EstimateTask:
-    """Computes the estimates of a recorded trial with the settings of each point."""
+    """Task that computes estimates from a recorded trial with the settings of the point."""
 
     keys: tuple[str, ...]
-    """Names of the factors."""
+    """Names of the settings that vary (the factors)."""
     path: Path
-    """The recording."""
+    """Path of the recording."""
     chunk: ClassVar[int] = 50
     columns: ClassVar[tuple[str, ...]] = (SEED, ESTIMATOR, *RESULTS.values())
 
@@ -119,7 +119,7 @@ class EstimateTask:
         return settings_from(document, self.path.parent)
 
     def rows(self, point: Point) -> list[Row]:
-        """Compute the estimates, and return the results of each estimator."""
+        """Compute the estimates, and return one row of results for each estimator."""
         settings = self.settings(point)
         t, regression, *_ = self.recorded.conditioned(settings)
         bank = settings.estimation_preset.bank()
@@ -139,14 +139,14 @@ class EstimateTask:
 
 
 def task_of(plan: SweepPlan, folder: Path) -> Task:
-    """Return the task of a plan.
+    """Return the task that a plan requires at each point.
 
     Parameters
     ----------
     plan
         The plan.
     folder
-        Folder to which its paths are relative.
+        Folder to which the paths in the plan are relative.
     """
     keys, root = tuple(plan.factors), folder.absolute()
     if plan.estimate:
@@ -160,8 +160,8 @@ def check(task: Task, points: Sequence[Point]) -> None:
     Raises
     ------
     InputError
-        The settings of all checked points are invalid. A sweep in which only some points are
-        invalid runs; these points have an error instead of results.
+        The settings of all checked points are invalid. If only some are invalid, the sweep runs,
+        and the result of these points is an error.
     """
     first: InputError | None = None
     for point in evenly(points, CHECKED):
@@ -175,10 +175,10 @@ def check(task: Task, points: Sequence[Point]) -> None:
 
 
 def results(task: Task, points: Sequence[Point]) -> list[dict[str, Any]]:
-    """Return the result of each point: its rows or, if it failed, its error.
+    """Run a task at points, and return the result of each point: its rows, or its error.
 
-    An exception other than InputError is a defect of the program. Its traceback is kept in the
-    result.
+    An exception other than InputError is a defect of the program. The traceback of such an
+    exception is part of the result.
     """
     found = []
     for point in points:
@@ -197,7 +197,7 @@ def results(task: Task, points: Sequence[Point]) -> list[dict[str, Any]]:
 def with_values(
     document: Mapping[str, Any], keys: Sequence[str], values: Sequence[Any]
 ) -> dict[str, Any]:
-    """Return a copy of a document in which settings have other values.
+    """Return a copy of a document in which the given settings have new values.
 
     Parameters
     ----------
@@ -206,12 +206,12 @@ def with_values(
     keys
         Names of the settings, with a dot between the names of nested settings.
     values
-        Their values.
+        New values of these settings.
 
     Raises
     ------
     InputError
-        A setting within a setting that is not a table was requested.
+        A key has a part before a dot that is not a table of settings.
     """
     changed: dict[str, Any] = deepcopy(dict(document))
     for key, value in zip(keys, values, strict=True):
