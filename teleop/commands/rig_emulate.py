@@ -65,10 +65,10 @@ def emulate(
     seed
         Seed of the simulated operator and of the sensor noise.
     fault
-        Fault of a bus as KIND:BUS@SECONDS, such as corrupt:force@3 for 3 s after the drives are
-        enabled. The option may be repeated. Kinds: drop, double, reorder, delay, truncate, corrupt,
-        length, burst, noise, baud, silence, error-frames, bus-off, unplug, replug; and reset, with
-        the name of a device instead of a bus.
+        Fault of a bus as KIND:BUS@SECONDS, such as corrupt:force@3. SECONDS is the time between the
+        enabling of the drives and the fault. The option may be repeated. Kinds: drop, double,
+        reorder, delay, truncate, corrupt, length, burst, noise, baud, silence, error-frames,
+        bus-off, unplug, replug; and reset, with the name of a device instead of a bus.
     json
         Print one JSON document instead of text when the emulator is ready.
     """
