@@ -2,16 +2,16 @@
 A first estimate: position and force in, stiffness and damping out
 ==================================================================
 
-:func:`estimation.identify` filters the two signals and runs estimators whose settings are scaled
-from the data, so that nothing has to be tuned. The result has the estimates after every sample,
-each with its standard deviation, as arrays and as a data frame.
+:func:`estimation.identify` filters position and force, and runs estimators. The settings of the
+estimators are scaled from the data, so that nothing has to be tuned. The result contains the
+estimates after every sample with their standard deviations, as arrays and as a data frame.
 """
 
 # %%
 # The recording
 # -------------
-# A simulated palpation of a body of 2100 N/m and 15 N s/m for five seconds, sampled at 1 kHz. The
-# encoder has a resolution of 1 um, and the force sensor has noise of 0.2 N.
+# A simulated body with k = 2100 N/m and b = 15 N s/m is palpated for five seconds, sampled at
+# 1 kHz. The encoder has a resolution of 1 um, and the force sensor has noise of 0.2 N.
 import matplotlib.pyplot as plt
 import numpy as np
 
@@ -27,7 +27,7 @@ force = 2100.0 * depth + 15.0 * np.gradient(depth, dt) + rng.normal(0.0, 0.2, t.
 # %%
 # The estimates
 # -------------
-# Arrays in SI units in, estimates out. The last estimate with its 95 % interval:
+# The inputs are arrays in SI units. The last estimate of each estimator, with its 95 % interval:
 found = identify(position, force, dt, ["rls", "me"])
 for name, e in found.estimates.items():
     print(
@@ -36,15 +36,15 @@ for name, e in found.estimates.items():
     )
 
 # %%
-# As a data frame with one row for each sample, here averaged over the last second:
+# The same estimates as a data frame with one row for each sample, averaged over the last second:
 frame = found.to_dataframe()
 print(frame.loc[4.0:, ["rls_k", "rls_k_std", "rls_b", "rls_b_std"]].mean().round(2).to_string())
 
 # %%
 # As a figure
 # -----------
-# The shaded bands are the 95 % intervals, the dashed lines the true values. ``found.plot()`` makes
-# a similar figure in one call.
+# The shaded bands are the 95 % intervals, and the dashed lines are the true values.
+# ``found.plot()`` draws a similar figure in one call.
 figure, panels = plt.subplots(2, 1, figsize=(8.0, 5.0), sharex=True, layout="constrained")
 for axes, parameter, truth, limits, unit in (
     (panels[0], "k", 2100.0, (2000.0, 2200.0), "N/m"),

@@ -2,16 +2,17 @@
 A live loop: one sample in, one estimate out, and a gate
 ========================================================
 
-The loop reads a rig, moves it, filters the sample and updates a bank of estimators. Without contact
-or without motion, a sample contains no information on the tissue, and the gate is shut: a gated
-estimator then holds its last value and reports that it holds. The paper's RLS has no gate. It takes
-the time without contact for contact with a body that has no stiffness.
+The loop reads a sample from a rig, commands a velocity, filters the sample and updates a bank of
+estimators. Without contact or without motion, a sample contains no information on the tissue. Then
+the gate is closed: an estimator with a gate keeps its last estimate, and its flag ``held`` is true.
+The paper's RLS has no gate. Without contact, its estimate is that of a body without stiffness.
 """
 
 # %%
 # The motion
 # ----------
-# To and fro in the air, in contact, at rest in contact, in contact again, and in the air again.
+# The slave moves to and fro in the air, and then in contact. It rests in contact, moves to and fro
+# in contact again, and finally in the air again.
 from dataclasses import replace
 
 import matplotlib.pyplot as plt
@@ -30,7 +31,8 @@ wanted = middle + swing * np.sin(2.0 * np.pi * t)  # [m]
 # %%
 # The loop
 # --------
-# The clock is virtual here. With a ``RealClock`` and a hardware rig the loop is the same.
+# Here the clock is virtual: the loop runs as fast as possible. With a ``RealClock`` and a hardware
+# rig, the code of the loop is the same.
 clock, conditioner = VirtualClock(rate=1000.0), MatchedFilter(bandwidth=20.0)
 bank = replace(
     paper_preset("soft"),

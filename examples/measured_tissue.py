@@ -1,18 +1,19 @@
 """
-Measured tissue: one damping for each frequency, none for all of them
-=====================================================================
+Measured tissue: the damping depends on the frequency
+=====================================================
 
 A testing machine indented a preloaded soft specimen at 0.2, 0.5 and 1 Hz. The model f = b v + k x
-fits each recording alone, but not all of them with the same b and k: b falls about as 1/frequency.
-``PooledSegments.misfit`` reports this. Of the models here, one that relaxes, the standard linear
-solid, comes closest.
+fits each recording alone. It does not fit all three recordings with the same b and k, because b is
+approximately proportional to 1/frequency. ``PooledSegments.misfit`` reports this. Of the models
+compared here, the standard linear solid, in which the force relaxes, has the smallest residual.
 """
 
 # %%
 # The data
 # --------
-# Displacement [m] and force [N] about the preload, without one second of rest at either end. The
-# source and the licence of the data are in ``examples/data/mach1``.
+# Displacement [m] and force [N], each minus its mean under preload. The first and the last second,
+# in which the machine rests, are left out. The source and the licence of the data are in
+# ``examples/data/mach1``.
 from pathlib import Path
 
 import matplotlib.pyplot as plt
@@ -34,7 +35,8 @@ for frequency in (0.2, 0.5, 1.0):
 # %%
 # Each frequency alone, and all together
 # --------------------------------------
-# Each recording is estimated alone. Its segments are then pooled with those of the others.
+# First, b and k are estimated from each recording alone. Then the segments of all recordings are
+# pooled in one estimate.
 figure, (loops, damping) = plt.subplots(1, 2, figsize=(9.0, 4.0), layout="constrained")
 pooled = PooledSegments(2.0, MatchedFilter(BANDWIDTH).correlation(DT))
 for frequency, (x, f) in recordings.items():
@@ -58,14 +60,15 @@ loops.legend(frameon=False)
 plt.show()
 
 # %%
-# The hysteresis loops are equally wide at every frequency: the energy that a cycle dissipates does
-# not depend on the speed of the motion. A damper would dissipate more at higher speed.
+# The hysteresis loops are equally wide at every frequency: the energy that is dissipated in a cycle
+# does not depend on the speed of the motion. A viscous damper would dissipate more energy at higher
+# speed.
 
 # %%
-# Which model explains the three together
-# ---------------------------------------
-# The root mean square of the force that remains after a least-squares fit of each model to all
-# three recordings:
+# Which model fits all three recordings best
+# ------------------------------------------
+# The root mean square of the force residual after a least-squares fit of each model to all three
+# recordings together:
 for name, model in MODELS.items():
     parts = [MatchedFilter(BANDWIDTH, model=model).run(x, f, DT) for x, f in recordings.values()]
     phi = np.vstack([np.column_stack((part.v, part.x, part.further)) for part in parts])

@@ -2,10 +2,10 @@
 A swapped cube: how each estimator follows a jump of the stiffness
 ==================================================================
 
-The stiffness jumps from one sample to the next. An estimator that follows fast also follows noise,
-and methods of the same memory differ in how they resolve this. A 95 % interval is valid for
-parameters that stay constant: it is right before the jump and after the estimate has settled, and
-wrong in between.
+The stiffness changes suddenly from one sample to the next. An estimator that follows a change fast
+is also more sensitive to noise. Methods with the same memory differ in this compromise. A 95 %
+interval is valid only for constant parameters. It is therefore valid before the jump and after the
+estimate has converged, but not between these times.
 """
 
 # %%
@@ -27,9 +27,9 @@ force = truth * x + 15.0 * np.gradient(x, dt) + rng.normal(0.0, 0.1, t.size)  # 
 # %%
 # Six methods
 # -----------
-# For each: the time after which the stiffness stays within 5 % of the truth, and the share of
-# samples whose 95 % interval contains the truth: before the swap, in the second after it, and
-# later.
+# For each method, two results are printed. The first is the time from the swap until the estimated
+# stiffness stays within 5 % of the true value. The second is the share of samples whose 95 %
+# interval contains the true value: before the swap, in the first second after the swap, and later.
 names = ("rls", "me", "ai", "kalman", "rls_trace", "indirect")
 found = identify(x, force, dt, names, bandwidth=20.0)
 parts = {

@@ -2,18 +2,19 @@
 Which model: compare the error of the force predicted one sample ahead
 ======================================================================
 
-The same motion palpates five bodies, one of each kind in ``MODELS``, and recursive least squares is
-run on each body with each model. An estimator that forgets finds some b and k for any body, so the
-estimates do not show whether the model is right. The force predicted for the next sample does: its
-error is as small as the noise only with the right model. Where several models are equally good,
-take the one with the fewest parameters.
+Five bodies are palpated with the same motion. Each body obeys another model of ``MODELS``.
+Recursive least squares estimates the parameters of each body with each model. With a short memory,
+it finds values of b and k for every body, so that the estimates do not show whether the model is
+right. The error of the force that is predicted for the next sample shows this: only with the right
+model is it as small as the noise. If several models are equally good, use the model with the fewest
+parameters.
 """
 
 # %%
 # Five bodies
 # -----------
-# All move alike, sampled at 250 Hz. The motion has two frequencies, since a single sine cannot
-# separate stiffness from inertia.
+# The motion is the same for all bodies, sampled at 250 Hz. It is a sum of two sines, because with
+# a single sine, stiffness and inertia cannot be estimated separately.
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.colors import LogNorm
@@ -39,8 +40,9 @@ noise = np.random.default_rng(0).normal(0.0, 0.02, t.size)
 # %%
 # Every body with every model
 # ---------------------------
-# Root mean square of the one-step error [mN], without the first two seconds. The error of ``sls``
-# stays above the noise, because one of its regressors, the rate of the force, is noisy itself.
+# Root mean square of the one-step error [mN], without the first two seconds. With the model
+# ``sls``, the error is larger than the noise, because one regressor of this model, the rate of
+# change of the force, is computed from the noisy force.
 errors = np.empty((len(bodies), len(MODELS)))
 for row, (body, force) in enumerate(bodies.items()):
     for column, model in enumerate(MODELS):

@@ -1,4 +1,4 @@
-"""Create the parts of a trial, such as signal and model, that options select by name."""
+"""Create the parts of a trial, such as excitation signal and model, that options select by name."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ POSITION_GAIN = 10.0
 
 
 def make_signal(name: SignalName, frequency: float) -> AnySignal:
-    """Return a sine, a multisine of five harmonics, or a chirp over two octaves.
+    """Return an excitation signal: a sine, a multisine of five harmonics, or a two-octave chirp.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ def make_signal(name: SignalName, frequency: float) -> AnySignal:
 
 
 def make_coupling(name: CouplingName) -> Coupling:
-    """Return the coupling for `velocity` only, or for `position`, which includes the velocity.
+    """Return the coupling of master and slave: by velocity only, or by velocity and position.
 
     Raises
     ------
@@ -59,7 +59,7 @@ def make_coupling(name: CouplingName) -> Coupling:
 
 
 def make_channel(text: str) -> ChannelSettings:
-    """Return the settings of a channel from a text such as `delay=100ms,jitter=20ms,loss=5%`.
+    """Convert a text such as `delay=100ms,jitter=20ms,loss=5%` to communication channel settings.
 
     Raises
     ------
@@ -83,7 +83,7 @@ def choose_estimators(names: str) -> tuple[str, ...]:
 
 
 def choose_model(name: str) -> Model:
-    """Return the model of the environment with a name, such as kelvin-voigt.
+    """Return the model of the environment that has the given name, such as kelvin-voigt.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""`teleop compare`: the results of several recordings, by group."""
+"""`teleop compare`: compare the results of several recordings, and of groups of recordings."""
 
 from __future__ import annotations
 
@@ -51,21 +51,21 @@ def compare(
     more
         Further files and folders.
     by
-        Factors by which the recordings are grouped, separated by commas: factors of the series,
-        settings of the recordings such as condition, cube, rig or seed, and folder. Default: the
-        factors of the series, other than the subject.
+        Factors by which the recordings are grouped, separated by commas: factors of the series;
+        settings of the recordings, such as condition, cube, rig or seed; or folder, the name of
+        the folder of each recording. Default: all factors of the series except the subject.
     columns
-        Columns to read, and their zeros.
+        Columns to read, and the zeros of position and force.
     estimators
-        Names of estimators, such as rls,kalman, or all. Default: those of the run, and rls,ai,me
-        for a table.
+        Names of estimators, such as rls,kalman, or all. Default: the estimators of the run for a
+        recording, and rls,ai,me for a file of another program.
     model
-        Model of the environment for those of the estimators that can use any model.
+        Model of the environment, for the estimators that support several models.
     preset
         Settings of the estimators: scaled from the data (scaled), or the paper's (paper).
-        Default: those of the run, and scaled for a table.
+        Default: the settings of the run for a recording, and scaled for a file of another program.
     cube
-        Cube whose adaptation gain is used with the paper's settings.
+        Cube of the paper whose adaptation gain is used. Only with the paper's settings.
     conditioning
         How velocity is computed from position: see `teleop run --help`.
     bandwidth
@@ -73,17 +73,19 @@ def compare(
     force_lag
         Lag of the force channel [s], which is compensated.
     anova
-        Response of an analysis of variance of the estimators: averages of stiffness (k), damping
-        (b) or force error (e_f), or the rise time. The factors are those of the groups and the
-        estimator, and subject is a random factor. Needs the extra `stats`.
+        Print an analysis of variance of one result of the estimators: the average stiffness (k),
+        damping (b) or force error (e_f), or the rise time (rise_time_s). The fixed factors are
+        the factors of --by and the estimator. The subject is a random factor. Needs the extra
+        `stats`.
     out
-        Write the table to a .csv, .tex or .md file: CSV has a row per recording and method,
-        LaTeX (booktabs, threeparttable) and Markdown have the groups and notes.
+        Write the table to a .csv, .tex or .md file. A CSV file has a row for each recording and
+        method. LaTeX (packages booktabs, threeparttable) and Markdown have the means of the
+        groups, and notes.
     plot
-        Plot stiffness and damping by group to a .png, .svg or .pdf file.
+        Plot the mean stiffness and damping of each group to a .png, .svg or .pdf file.
     width
-        Width of the figure: for a screen, one (single) or two columns (double) of an IEEE paper,
-        or a page of A4.
+        Width of the figure: for a screen (screen), one column (single) or two columns (double) of
+        an IEEE paper, or an A4 page (a4).
     json
         Print one JSON document instead of tables.
     """

@@ -23,7 +23,7 @@ def init(
     Parameters
     ----------
     out
-        The file.
+        File to write (TOML).
     source
         Recording or configuration file whose settings are written instead of the defaults.
     """

@@ -49,14 +49,16 @@ def estimate(
 ) -> int:
     """Estimate stiffness and damping from a recorded position and force.
 
-    A recording of teleop run is evaluated with the settings of that run, except for settings that
-    options change. Without such options the estimates are exactly those of the run, bit by bit.
+    A recording of `teleop run` is evaluated with the settings of the run. Options change single
+    settings. Without such options, the estimates are equal to those of the run to the last bit.
 
     First, the result is printed: stiffness and damping with 95 % intervals, or the reasons why the
-    data are not sufficient. Then the batch models and the online estimators are printed.
+    data are not sufficient. Then the fits of the batch models and the estimates of the online
+    estimators are printed.
 
-    Several files are evaluated one by one. Then a test shows whether one Kelvin-Voigt body
-    describes all files, and the complex modulus of each file is printed.
+    Several files are evaluated one after another. Then a test shows whether a Kelvin-Voigt model
+    with the same stiffness and damping fits all files, and the complex modulus of each file is
+    printed.
 
     Example: `teleop estimate indentation.csv --force "Load [N]" --estimators all`
 
@@ -69,29 +71,29 @@ def estimate(
     more
         Further recordings of the same specimen.
     columns
-        Columns to read, and their zeros.
+        Columns to read, and the zeros of position and force.
     estimators
-        Names of estimators, such as rls,kalman,rls_sift, or all, which also compares them. The
-        default is those of the run, and rls,ai,me for other files.
+        Names of estimators, such as rls,kalman,rls_sift, or all. Default: the estimators of the
+        run for a recording, and rls,ai,me for other files.
     model
         Model of the environment, for the estimators that support several models.
     preset
-        Settings of the estimators: scaled from the data, or those of the paper. The default is
-        those of the run, and scaled for other files.
+        Settings of the estimators: scaled from the data (scaled), or the paper's (paper).
+        Default: the settings of the run for a recording, and scaled for other files.
     cube
-        Cube that selects the adaptation gain of the paper's settings.
+        Cube of the paper whose adaptation gain is used. Only with the paper's settings.
     conditioning
-        How velocity is computed from position: see `teleop run --help`. The default for other
-        files is matched.
+        How velocity is computed from position: see `teleop run --help`. Default: the conditioning
+        of the run for a recording, and matched for other files.
     bandwidth
         Bandwidth of the conditioning filter [Hz]. The default is ten times the highest frequency
         at which force follows displacement, and 20 Hz with the paper's settings.
     force_lag
         Lag of the force channel [s], from `teleop lag`; matched conditioning compensates for it.
-        The default is that of the run, and for other files the delay of the force filter that the
-        file states.
+        The default is the lag of the run for a recording. For other files it is the delay of the
+        force filter, if the file states this filter.
     whole
-        Include the rest before and after the motion.
+        Also use the samples at rest before and after the motion.
     cost
         Also measure the computing time of each estimator per sample on this machine.
     out
@@ -102,21 +104,22 @@ def estimate(
     plot_force
         Plot the measured and the predicted force to a .png, .svg or .pdf file.
     plot_fit
-        Plot the force over the displacement with the best model, its residual and the phases; for
-        several files, the complex modulus over frequency.
+        Plot the force over the displacement with its phases (such as loading and hold), the fit of
+        the best model, and the residual of this fit. For several files, plot the complex modulus
+        over frequency.
     width
-        Width of the figures: for a screen, one (single) or two columns (double) of an IEEE paper,
-        or a page of A4.
+        Width of the figures: for a screen (screen), one column (single) or two columns (double) of
+        an IEEE paper, or an A4 page (a4).
     indenter
-        Shape of the tip, to report the elastic modulus.
+        Shape of the tip. With this option, the elastic modulus is also printed.
     radius
         Radius of a flat punch or a sphere, such as 2.5mm; a number without a unit is in mm.
     angle
         Half angle of a cone, between its axis and its side; a number without a unit is in
         degrees.
     thickness
-        Thickness of the specimen on a rigid base; a number without a unit is in mm. The default
-        is a half-space.
+        Thickness of the specimen on a rigid base; a number without a unit is in mm. Default:
+        infinite (a half-space).
     poisson
         Poisson's ratio of the specimen.
     json
@@ -227,11 +230,12 @@ def chosen(
     Parameters
     ----------
     recording
-        Recorded trial whose settings are used; None for the defaults.
+        Recorded trial whose settings are used; None for the default settings.
     datum, cube
         Values of the options --datum and --cube.
     given
-        Values of further options by the name of the setting; None for an option that was not given.
+        Values of further options. The keys are the names of the settings. None for an option that
+        was not given.
     """
     from teleop.evaluation.estimate_settings import EstimateSettings
     from teleop.evaluation.replay import recorded_settings

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def truth_of(recording: Recording | None) -> Truth | None:
-    """Return true stiffness and damping of a trial on the simulated rig; None for other files."""
+    """Return the true parameters of a trial on the simulated rig; None for any other recording."""
     from estimation.figures import known_truth
     from teleop.trial.true_values import recorded_truth
 
@@ -29,12 +29,14 @@ def draw_trial(
     width: WidthName,
     overwrite: bool,
 ) -> None:
-    """Plot estimates, force and tracking of a trial to files; None for a figure that is not drawn.
+    """Draw the figures of the estimates, the force and the target tracking, each to its own file.
+
+    A figure whose path is None is not drawn.
 
     Raises
     ------
     InputError
-        A file cannot be written, or there is no tracking.
+        A file cannot be written, or the trial has no target that the operator tracks.
     """
     from teleop.output.figure_files import save
 

@@ -22,11 +22,12 @@ def lag(
 ) -> int:
     """Measure the lag of the force channel and lost motion on a reference spring without damping.
 
-    If a lag is not compensated, the estimate of the damping b is b - k * lag. Lost motion between
-    the encoder and the tip also lowers this estimate. Record position and force while the rig
-    moves a steel spring, and give the file. Use several frequencies up to about 10 Hz, or several
-    amplitudes. If all strokes have about the same speed, lag and lost motion cannot be measured
-    separately. Without a file, a simulated spring is palpated with a chirp.
+    A lag that is not compensated changes the estimate of the damping from b to b - k * lag. Lost
+    motion between the encoder and the tip also lowers the estimate. Record position and force
+    while the rig deforms a steel spring, and pass the file to this command. Use several
+    frequencies up to about 10 Hz, or several amplitudes. If all strokes have about the same speed,
+    lag and lost motion cannot be measured separately. Without a file, a simulated spring is
+    palpated with a chirp.
 
     Example: `teleop lag spring.csv`
 
@@ -35,7 +36,7 @@ def lag(
     file
         Data measured on the spring, in any format that `teleop estimate` reads.
     columns
-        Columns to read, and their zeros.
+        Columns to read, and the zeros of position and force.
     cube
         Without a file: cube whose simulated force channel is measured.
     seed

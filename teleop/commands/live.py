@@ -18,8 +18,8 @@ def live(
 ) -> int:
     """Replay a recording in the live page, until stopped with Ctrl-C.
 
-    The command prints the address of the page. Only this machine can open it. `teleop run --live`
-    shows a running trial in the same page.
+    The command prints the address of the page. Only a browser on this machine can open the page.
+    `teleop run --live` shows a running trial in the same page.
 
     Example: `teleop live trial.mcap --open`
 
@@ -28,8 +28,8 @@ def live(
     file
         Recording of teleop run (.mcap).
     host
-        Address at which the page is served. Another address than the default lets other machines
-        connect, without encryption.
+        Network address at which the page is served. With an address other than the default, other
+        machines can connect, without encryption.
     port
         Port of the page; 0 for any free port.
     open

@@ -1,4 +1,4 @@
-"""Options of the live page, for the commands that run trials, and the address of the page."""
+"""Options of the live page, for the commands that run trials; serve the page, print its address."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ if TYPE_CHECKING:
     from teleop.trial.settings import TrialSettings
 
 POINTER = "pointer"
-"""Name of the operator that is the pointer of the live page."""
+"""Name of the operator who moves the handle with the pointer (mouse, finger) in the live page."""
 FOXGLOVE_PORT = 8765
-"""Port at which the viewers look for a server by default."""
+"""Port at which Foxglove and similar viewers look for a server by default."""
 DURATIONS = (5.0, 10.0, 20.0, 30.0, 60.0)
-"""Durations among which the page may choose [s]."""
+"""Durations of a trial that the live page offers [s]."""
 
 
 @dataclass(frozen=True)
@@ -29,27 +29,28 @@ class LiveOptions:
     """Options of the live page."""
 
     live: Annotated[bool, Parameter(negative="")] = False
-    """Show the trial in a page of the browser, and print its address. On the simulated rig, the
-    page starts the trials (UNLOCK, then START), unless --yes is given."""
+    """Show the trial in a page of the browser, and print the address of the page. On the simulated
+    rig, a person starts the trials in the page (UNLOCK, then START), unless --yes is given."""
     live_arm: Annotated[bool, Parameter(negative="")] = False
     """Let the live page arm the drives of a hardware rig."""
     open: Annotated[bool, Parameter(negative="")] = False
     """Open the live page in the browser."""
     host: str = "127.0.0.1"
-    """Address of the live page. Another address than the default lets other machines connect,
-    without encryption."""
+    """Network address of the live page. With an address other than the default, other machines
+    can connect, without encryption."""
     port: int = 0
     """Port of the live page; 0 for any free port."""
     foxglove: Annotated[bool, Parameter(negative="")] = False
-    """Serve the ticks also for Foxglove, Lichtblick and PlotJuggler on this machine, at port 8765,
-    or any free port if it is used. These viewers cannot control anything."""
+    """Also send the data of each tick to the viewers Foxglove, Lichtblick and PlotJuggler on this
+    machine, at port 8765, or at any free port if port 8765 is used. These viewers cannot control
+    the trial."""
 
     def requested(self, settings: Sequence[TrialSettings]) -> LiveOptions:
-        """Return the options with `live` also if the settings of a trial request it."""
+        """Return these options, with `live` set if the settings of a trial request the page."""
         return replace(self, live=self.live or any(one.live for one in settings))
 
     def arms(self, settings: Sequence[TrialSettings], yes: bool) -> bool:
-        """Return whether the page arms the drives.
+        """Return whether a person arms the drives in the live page.
 
         Parameters
         ----------
@@ -94,9 +95,9 @@ class LiveOptions:
         settings
             Settings of all trials.
         by_page
-            Whether the page arms the drives.
+            Whether a person arms the drives in the live page.
         choose
-            Whether the page may choose other settings for the simulated rig.
+            Whether this person may choose other settings for trials on the simulated rig.
 
         Yields
         ------
@@ -135,12 +136,15 @@ class LiveOptions:
 NOT_LIVE = LiveOptions()
 """The defaults: there is no live page."""
 Live = Annotated[LiveOptions, Parameter(name="*")]
-"""Type of the parameter of a command for these options. Their names have no common prefix."""
+"""Type of a command's parameter that holds these options; their names get no prefix."""
 NO_CHOICES: dict[str, list[Any]] = {"condition": [], "specimen": [], "duration": []}
 
 
 def choices_of(settings: TrialSettings) -> dict[str, list[Any]]:
-    """Return the values among which the page may choose; those of the settings on a real rig."""
+    """Return the condition, specimen and duration values that a person may choose in the live page.
+
+    On a hardware rig or with a custom setup, these are only the values of the settings.
+    """
     from sim_backend import CUBES
     from teleop.control.conditions import CONDITIONS
 
@@ -159,7 +163,7 @@ def choices_of(settings: TrialSettings) -> dict[str, list[Any]]:
 
 
 def free_port(port: int) -> int:
-    """Return the port, or 0 if it is used."""
+    """Return the port, or 0 if another program uses this port."""
     with socket.socket() as probe:
         try:
             probe.bind(("127.0.0.1", port))
@@ -174,7 +178,7 @@ def check_installed() -> None:
     Raises
     ------
     InputError
-        It is not installed.
+        The library is not installed.
     """
     from teleop.errors import InputError
 
@@ -183,7 +187,7 @@ def check_installed() -> None:
 
 
 def show_address(url: str, host: str, open_page: bool) -> None:
-    """Print the address of the page, and open it in the browser if requested.
+    """Print the address of the live page, and open the page in the browser if requested.
 
     A warning is printed if other machines can connect.
     """

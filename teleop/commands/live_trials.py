@@ -14,11 +14,11 @@ if TYPE_CHECKING:
     from teleop.trial.settings import TrialSettings
 
 WAIT = 0.2
-"""Time between two checks whether to end [s]."""
+"""Time between two checks of whether the session has to end [s]."""
 
 
 def next_request(link: LiveLink, stopped: Callable[[], bool]) -> dict[str, Any] | None:
-    """Wait for a request of the page; return None if the session has to end."""
+    """Return the next request from the live page; None if the session has to end."""
     while link.is_running and not stopped():
         if request := link.wait_for_request(WAIT):
             return request
@@ -26,7 +26,9 @@ def next_request(link: LiveLink, stopped: Callable[[], bool]) -> dict[str, Any] 
 
 
 def run_from_page(link: LiveLink, settings: TrialSettings, runner: TrialRunner, once: bool) -> int:
-    """Run the trials that the page requests until a signal, and return the last exit code.
+    """Run each trial that the live page requests, and return the exit code of the last trial.
+
+    The function ends after a signal such as Ctrl-C, or when the live process ends.
 
     Parameters
     ----------
@@ -35,9 +37,9 @@ def run_from_page(link: LiveLink, settings: TrialSettings, runner: TrialRunner, 
     settings
         Settings of the first trial.
     runner
-        Runs a trial with its outputs.
+        Object that runs a trial and writes its outputs.
     once
-        Whether to end after the first trial that was armed.
+        Whether to end after the first trial in which the drives were armed.
     """
     from teleop.errors import SafetyStop
     from teleop.interruption import stop_signals
@@ -65,10 +67,10 @@ def run_from_page(link: LiveLink, settings: TrialSettings, runner: TrialRunner, 
 def next_settings(
     link: LiveLink, settings: TrialSettings, stopped: Callable[[], bool]
 ) -> TrialSettings | None:
-    """Return the settings of the next trial, when the page requests it; None to end.
+    """Wait for a request from the live page, and return the settings of the next trial.
 
-    If the page changed the settings of a trial that waited for START, the next trial follows at
-    once.
+    If the page changes the settings of a trial that still waits for START, these settings are
+    returned at once. The result is None if the session has to end.
     """
     waiting = link.trial is not None and not link.trial.armed
     why = f"{link.trial.recording.events[-1]['text']}; " if link.trial and waiting else ""
@@ -87,7 +89,7 @@ def next_settings(
 
 
 def chosen(settings: TrialSettings, request: dict[str, Any]) -> TrialSettings:
-    """Return the settings with the choices of the page, which the live process has checked."""
+    """Return the settings with the values chosen in the live page, which were checked before."""
     changes: dict[str, Any] = {
         name: request[name] for name in ("condition", "duration") if name in request
     }
@@ -97,14 +99,14 @@ def chosen(settings: TrialSettings, request: dict[str, Any]) -> TrialSettings:
 
 
 class PageOfSeries:
-    """Asks the person at the live page before and after each trial of a series.
+    """Asks the person at the live page what to do before each trial, and for a note after it.
 
     Parameters
     ----------
     link
         Link to the live page.
     count
-        Number of the trials of the series.
+        Number of trials in the series.
     """
 
     def __init__(self, link: LiveLink, count: int) -> None:
@@ -113,7 +115,7 @@ class PageOfSeries:
         self._pending: dict[str, Any] | None = None
 
     def ask(self, trial: PlannedTrial, prompt: str) -> tuple[Answer, str]:
-        """Return whether to run, skip or repeat a trial, or to quit, and a note."""
+        """Return the answer of the person (run, skip or repeat the trial, or quit), and a note."""
         from teleop.interruption import stop_signals
 
         self._link.tell({"type": "prompt", "text": prompt})

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @dataclass
 class TrialRunner:
-    """Runs a trial with these outputs."""
+    """Runs trials, and writes the recording, the figures and the results of each trial."""
 
     record: Path | None
     """File of the recording; None for a new file in the folder recordings."""
@@ -30,14 +30,15 @@ class TrialRunner:
     json: bool
     realtime: RealtimeName
     link: LiveLink | None = None
-    """Link to the live page; None for none."""
+    """Link to the live page; None without a live page."""
     interrupted: bool = False
-    """Whether a signal ended the latest trial, or the loss of the terminal."""
+    """Whether a signal or the closing of the terminal ended the latest trial."""
 
     def run(self, settings: TrialSettings) -> int:
         """Run a trial, and return the exit code.
 
-        Nothing is printed or kept of a trial that was ended before the live page armed it.
+        If a person at the live page ends the trial before the drives are armed, no results are
+        printed and the recording is deleted.
 
         Raises
         ------
@@ -103,7 +104,7 @@ class TrialRunner:
         return 130 if trial.interrupted else 0
 
     def _draw(self, trial: Trial, problems: list[str]) -> None:
-        """Draw the figures, and append the reasons why a figure cannot be drawn to a list."""
+        """Draw the figures. If a figure cannot be drawn, append the reason to `problems`."""
         from teleop.commands.figures import draw_trial
         from teleop.errors import InputError
         from teleop.printable import print_error

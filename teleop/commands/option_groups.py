@@ -56,7 +56,8 @@ GROUPS = {
 """Options of each group, in the order in which the help shows the groups."""
 ESTIMATORS = (
     f"Names of estimators, separated by commas, or all: {', '.join(ESTIMATOR_NAMES)}. "
-    "Default: those of the recording, and rls,ai,me for a new trial or a file of another program."
+    "Default: the estimators of the recording, and rls,ai,me for a new trial or a file of another "
+    "program."
 )
 """Help of the option --estimators."""
 
@@ -67,8 +68,8 @@ def grouped(command: Callable[..., int]) -> Callable[..., int]:
     Parameters
     ----------
     command
-        A function of `teleop.commands`. Options that are not in `GROUPS` are listed without a
-        group.
+        A function of `teleop.commands`. Its options that are not in `GROUPS` are listed in the
+        help without a group.
     """
     hints: dict[str, Any] = get_type_hints(command, include_extras=True)
     for place, (title, names) in enumerate(GROUPS.items()):

@@ -1,4 +1,4 @@
-"""Types of the options for quantities. Each accepts a number with a unit, and returns SI units."""
+"""Types of options for physical quantities: a number with a unit is converted to SI units."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ if TYPE_CHECKING:
     from cyclopts import Token
 
 EXAMPLES = {"time": "5ms", "frequency": "20Hz", "position": "5mm", "angle": "30deg"}
-"""Example of a quantity of each kind, for messages."""
+"""Example of each kind of quantity, for error messages."""
 NOUNS = {"time": "time", "frequency": "frequency", "position": "length", "angle": "angle"}
 
 
 def in_si(kind: str, unit: str = "") -> Callable[[Any, Sequence[Token]], float]:
-    """Return the function that converts the text of an option to SI units.
+    """Return the function that converts the text of an option to a number in SI units.
 
     Parameters
     ----------
     kind
         Kind of the quantity: `time`, `frequency`, `position` or `angle`.
     unit
-        Unit of a number without a unit; empty if the unit must be stated.
+        Unit that is used for a number without a unit; empty if the text must state the unit.
     """
 
     def convert(_: Any, tokens: Sequence[Token]) -> float:
@@ -33,7 +33,7 @@ def in_si(kind: str, unit: str = "") -> Callable[[Any, Sequence[Token]], float]:
         Raises
         ------
         InputError
-            The text is not a number with a unit of this kind.
+            The text is not a number with a unit, or the unit is not one of this kind of quantity.
         """
         from teleop.errors import InputError
         from teleop.evaluation.units import OPTION_UNITS, quantity

@@ -19,32 +19,34 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Columns:
-    """Columns of position, force and time in a file, and the position and force of the zeros."""
+    """Columns of position, force and time in a file, and the zeros of position and force."""
 
     position: str | None = None
     """Column of the position, as NAME or, if the header has no unit, as NAME=UNIT. NAME can be the
-    number of the column, from 1."""
+    number of the column, counted from 1."""
     force: str | None = None
-    """Column of the force, stated like that of the position."""
+    """Column of the force, in the same form as --position."""
     time: str | None = None
-    """Column of the time, stated like that of the position."""
+    """Column of the time, in the same form as --position."""
     block: int | None = None
-    """Number of the table, from 1, in a file with several tables, such as sheets or groups."""
+    """Number of the table, counted from 1, in a file with several tables, such as sheets or
+    groups."""
     topic: str | None = None
-    """Topic of a ROS bag or an MCAP file. The columns are its fields. Without a topic, the names
-    of the columns are /topic.field."""
+    """Topic of a ROS bag or an MCAP file. The fields of the topic are the columns. Without this
+    option, the names of the columns are /topic.field."""
     rate: Hertz | None = None
     """Sampling rate [Hz] of a file without a time column."""
     lever: Length | None = None
     """Length of the lever arm, such as 50mm, that converts an angle and a torque to a
     displacement and a force."""
     invert: Literal["position", "force", "both"] | None = None
-    """Change the sign of position, force or both, which must be positive in compression."""
+    """Change the sign of position, force or both. Afterwards, both must be positive in
+    compression."""
     datum: str = "auto"
-    """Position and force that are used as zero: at the contact point (contact), as in the file
-    (file), at the first sample (start), at the mean of the motion (mean), or given as in
-    1.5mm,20N. Default (auto): contact if the data begin or end without contact, and otherwise
-    mean."""
+    """Zeros of position and force: their values at the contact point (contact) or at the first
+    sample (start), their means during the motion (mean), the zeros of the file (file), or given
+    values such as 1.5mm,20N. Default (auto): contact if the data begin or end without contact,
+    and otherwise mean."""
 
     def read(
         self, file: Path, is_wanted: Callable[[str], bool] = bool
@@ -56,8 +58,8 @@ class Columns:
         file
             A recording of `teleop run`, or a file of another program.
         is_wanted
-            Function that returns whether a column of a recording is read, by its name. The default
-            is every column.
+            Function that takes the name of a column of a recording, and returns whether the column
+            is read. By default, all columns are read.
 
         Returns
         -------
@@ -100,7 +102,8 @@ class Columns:
         Raises
         ------
         InputError
-            A number or a length is out of its range.
+            The sampling rate or the lever length is out of range, or both rate and time column
+            are given.
         """
         from teleop.errors import InputError
         from teleop.evaluation.formats.columns import Wanted
@@ -126,6 +129,6 @@ class Columns:
 OF_TABLES = ("position", "force", "time", "block", "topic", "rate", "lever", "invert")
 """Options that are invalid for a recording of `teleop run`."""
 ColumnOptions = Annotated[Columns, Parameter(name="*")]
-"""Type of the parameter of a command for these options. Their names have no common prefix."""
+"""Type of a command's parameter that holds these options; their names get no prefix."""
 BY_NAME = Columns()
-"""The defaults: every column is found by its usual name."""
+"""The default options: each column is found by its usual name."""

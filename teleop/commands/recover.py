@@ -26,7 +26,8 @@ def recover(
     file
         Recording of teleop run (.mcap) that is damaged or whose end is missing.
     out
-        New file, which must not exist. Default: the name of the recording with -recovered.
+        File to write, which must not exist yet. Default: NAME-recovered.mcap, where NAME.mcap is
+        the incomplete recording.
     json
         Print one JSON document instead of text.
     """

@@ -31,8 +31,8 @@ def report(
     """Write the results and figures of a recording to one HTML page that can be read offline.
 
     The page contains the result, the estimates, the figures, the values of k and b that the data
-    cannot separate, the safety events, all settings, and a link to the recording. For a run with a
-    safety stop it also contains the fault, and the channels before and after the fault.
+    cannot separate, the safety events, all settings, and a link to the recording. If a safety stop
+    ended the run, the page also contains the fault, and the channels before and after the fault.
 
     Example: `teleop report run.mcap --out run.html`
 
@@ -44,17 +44,17 @@ def report(
     out
         HTML file to write. Default: the name of the recording with the ending .html.
     columns
-        Columns to read, and their zeros.
+        Columns to read, and the zeros of position and force.
     estimators
-        Names of estimators, such as rls,kalman, or all. Default: those of the run, and rls,ai,me
-        for a table.
+        Names of estimators, such as rls,kalman, or all. Default: the estimators of the run for a
+        recording, and rls,ai,me for a file of another program.
     model
-        Model of the environment for those of the estimators that can use any model.
+        Model of the environment, for the estimators that support several models.
     preset
         Settings of the estimators: scaled from the data (scaled), or the paper's (paper).
-        Default: those of the run for a recording, scaled for CSV and TSV.
+        Default: the settings of the run for a recording, and scaled for a file of another program.
     cube
-        Cube whose adaptation gain is used with the paper's settings.
+        Cube of the paper whose adaptation gain is used. Only with the paper's settings.
     force_lag
         Lag of the force channel [s], which is compensated.
     json

@@ -23,8 +23,8 @@ def reproduce(
 ) -> int:
     """Reproduce the paper's Table I and Figures 3 to 5 on the simulated rig.
 
-    Runs trials with three cubes and three conditions with the paper's settings, checks the
-    paper's claims against the results, and shows the causes of the negative damping.
+    Runs nine trials (three cubes, three conditions) with the paper's settings, checks the paper's
+    claims against the results, and shows the causes of the negative damping.
 
     Example: `teleop reproduce --seeds 20 --out reproduction`
 
@@ -33,12 +33,12 @@ def reproduce(
     out
         Folder for the page (index.html), the table (CSV) and the figures (SVG, PNG).
     seeds
-        Repetitions of the nine trials. With 2 or more, an analysis of variance shows the effects
-        of cube, condition and estimator.
+        Number of times that the nine trials are run, each time with another seed. With 2 or more,
+        an analysis of variance shows the effects of cube, condition and estimator.
     estimators
         Further estimators to compare on the same trials: names such as kalman,rls_sift, or all.
     model
-        Model of the environment for those of the further estimators that can use any model.
+        Model of the environment, for the further estimators that support several models.
     json
         Print one JSON document instead of tables.
     """

@@ -11,7 +11,7 @@ from teleop.commands.rig_tare import tare
 
 rig = App(
     name="rig",
-    help="Set up a rig: list ports, check or emulate its devices, measure its zeros.",
+    help="Set up a rig: list ports, check or emulate its devices, measure its zero offsets.",
     help_format="markdown",
 )
 rig.command(list_, name="list")

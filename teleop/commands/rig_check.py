@@ -22,7 +22,7 @@ def check(
 ) -> int:
     """Connect to a rig, show every channel live, and test the watchdogs of its drives.
 
-    For the watchdog test, the drives are enabled at standstill, if all channels work. Nothing
+    If all channels work, the drives are enabled at standstill for the watchdog test. Nothing
     moves without --move. The safety supervisor is active, and Enter is an emergency stop. The
     exit code is 2 if there is a problem, and 3 after a safety stop.
 
@@ -33,12 +33,12 @@ def check(
     file
         Rig file (TOML).
     seconds
-        Time for which the channels are read [s].
+        Time during which the channels are read [s].
     move
         Also move both drives forward and back, by 0.05 to 0.4 mm at 1 mm/s at most, and compare
-        the commanded travel with that of the encoders and the velocity channel. The first
-        large difference ends the check. The slave must be free to move. A person has to arm the
-        drives first.
+        the commanded travel with the travel that the encoders and the velocity channel measure.
+        The first large difference ends the check. The slave must be free to move. A person has to
+        arm the drives first.
     yes
         Arm the drives for --move without asking, for scripts.
     json

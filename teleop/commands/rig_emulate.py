@@ -12,7 +12,7 @@ from teleop.commands.quantities import Hertz, Length
 from teleop.names import CubeName, PalpationName, RealtimeName
 
 REALTIME_STEPS = ("SCHED_FIFO", "no garbage collection")
-"""Real-time settings of an emulator; it claims no processor, so that the controller can."""
+"""Real-time settings of the emulator, which reserves no processor: the controller may need it."""
 WRITER = "teleop rig emulate"
 """Name of this command, which is written to the first line of the rig file."""
 
@@ -34,11 +34,11 @@ def emulate(
     """Emulate the devices of a rig, connected to the simulated plant, until stopped.
 
     Pseudo-terminals replace the serial ports and slcan adapters. A SocketCAN bus must exist. The
-    command prints a `teleop run` command; enter it in another terminal. A little more than one
-    second after the drives were disabled, the simulated plant returns to its initial state.
+    command prints a `teleop run` command, which you enter in another terminal. A little more than
+    one second after the drives were disabled, the simulated plant returns to its initial state.
 
     To change the simulated operator or the cube between two trials, type the name of a condition,
-    of a cube, or both, such as `mimic medium`, and Enter.
+    of a cube, or of both, such as `mimic medium`, and press Enter.
 
     Example: `teleop rig emulate rigs/serial-board.toml --cube hard`
 
@@ -47,26 +47,28 @@ def emulate(
     file
         Rig file (TOML).
     out
-        Rig file to write, for runs with the emulator. An existing file is replaced if an
-        emulator wrote it and it was not edited since.
+        Rig file to write, for runs with the emulator. An existing file is replaced without
+        --overwrite if this command wrote it and nobody edited it afterwards.
     cube
         Cube that is palpated.
     condition
-        Simulated operator: suits a run with any condition (any), palpates freely (free), follows
-        a sine after a count-in of 3 s (mimic), or does not touch the handle (autonomous). For any,
-        the operator follows the sine of mimic, and lets go of a handle that moves by itself.
+        Behaviour of the simulated operator, who palpates freely (free), follows a sine after a
+        count-in of 3 s (mimic), does not touch the handle (autonomous), or suits a run with any
+        condition (any). With any, the operator follows the sine of mimic, and lets go of a handle
+        that moves by itself.
     depth
         Depth to which the simulated operator palpates, with its unit, such as 5mm. Default: the
         paper's depth.
     frequency
-        Frequency of the sine that the operator of any and mimic follows [Hz]. Default: 1.
+        Frequency of the sine that the operator follows with --condition any or mimic [Hz].
+        Default: 1.
     seed
-        Seed of operator and sensor noise.
+        Seed of the simulated operator and of the sensor noise.
     fault
-        Fault of a bus as KIND:BUS@SECONDS, such as corrupt:force@3. The time counts from when the
-        drives are enabled. The option may be repeated. Kinds: drop, double, reorder, delay,
-        truncate, corrupt, length, burst, noise, baud, silence, error-frames, bus-off, unplug,
-        replug; and reset, with the name of a device instead of a bus.
+        Fault of a bus as KIND:BUS@SECONDS, such as corrupt:force@3. SECONDS is the time between the
+        enabling of the drives and the fault. The option may be repeated. Kinds: drop, double,
+        reorder, delay, truncate, corrupt, length, burst, noise, baud, silence, error-frames,
+        bus-off, unplug, replug; and reset, with the name of a device instead of a bus.
     json
         Print one JSON document instead of text when the emulator is ready.
     """

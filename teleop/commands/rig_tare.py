@@ -26,7 +26,7 @@ def tare(
     """Measure the zero offsets of force and position, and store them with the date.
 
     The zero offsets of the forces are measured with disabled drives and without load. If the rig
-    moves or is under load, the command ends with an error. Use the file with `teleop run --tare`.
+    moves or is under load, the command ends with an error. `teleop run --tare` uses the file.
 
     Example: `teleop rig tare --contact touch --out tare.json`
 
@@ -38,8 +38,8 @@ def tare(
         File for the zero offsets (JSON).
     contact
         Position at which contact begins: keep for the zero of the encoder; touch to move the slave
-        forward slowly, by at most 4 mm, until contact; or a position such as 1.5mm. On a rig of
-        devices, a person has to arm the drives before touch.
+        forward slowly, by at most 4 mm, until contact; or a position such as 1.5mm. On a hardware
+        rig, a person has to arm the drives before touch.
     yes
         Arm the drives for --contact touch without asking, for scripts.
     cube

@@ -64,8 +64,8 @@ def run(
 ) -> int:
     """Palpate, and estimate stiffness and damping of the environment at the same time.
 
-    Ctrl-C ramps the slave to a stop; a second Ctrl-C stops it at once. In a terminal, Enter and
-    Space are an emergency stop.
+    Ctrl-C decelerates the slave to rest. A second Ctrl-C stops the slave at once. In a terminal,
+    Enter and Space are an emergency stop.
 
     Example: `teleop run --condition autonomous --cube hard --plot hard.png`
 
@@ -73,11 +73,12 @@ def run(
     ----------
     config
         Configuration file (TOML), as written by `teleop config init`, or a recording, whose trial
-        is run again. Options override its settings. The defaults below apply without such a file.
+        is run again. The other options override the settings of this file. The defaults below
+        apply without such a file.
     condition
-        Control condition: the operator palpates freely (free), follows a sine with the slave
-        (mimic), or the PE injector moves the slave and the handle is free (autonomous). Default:
-        free.
+        Control condition: the operator palpates freely (free); the operator moves the slave along
+        a sine (mimic); or an excitation signal moves the slave, and nobody holds the handle
+        (autonomous). Default: free.
     rig
         Rig file (TOML) that lists the devices of the rig. Default: the simulated rig.
     cube
@@ -85,17 +86,17 @@ def run(
     specimen
         Name of the specimen. Needed with a rig file. Default: the cube of the simulated rig.
     operator
-        Name of the operator, for the recording. pointer: with --live, the pointer (mouse, finger)
-        in the page moves the handle of the simulated rig.
+        Name of the operator, for the recording. With the name pointer and --live, the mouse or a
+        finger in the live page moves the handle of the simulated rig.
     notes
         Notes, for the recording.
     duration
         Duration of the trial [s]. Default: 10.
     clock
-        real: the machine's clock. virtual: as fast as possible, with exactly the same result for
-        the same seed. Default: real.
+        real: the trial runs in real time. virtual: the trial runs as fast as possible, with exactly
+        the same result for the same seed. Default: real.
     rate
-        Rate of the loop [Hz]. Default: the rate in the rig file, or 1000.
+        Sampling rate of the control loop [Hz]. Default: the rate in the rig file, or 1000.
     depth
         Depth of the palpation with its unit, such as 5mm. Needed with a rig file. Default: the
         paper's depth for the cube.
@@ -105,8 +106,8 @@ def run(
         Excitation signal of the autonomous condition. Default: sine.
     frequency
         Frequency of the excitation signal, or of the sine that the operator follows in mimic
-        [Hz]. For a multisine, the lowest of five harmonics; for a chirp over two octaves, the
-        lowest frequency. Default: 1 in mimic, 2 otherwise.
+        [Hz]. For a multisine, it is the lowest of five harmonics; for a chirp over two octaves,
+        the lowest frequency. Default: 1 in mimic, 2 otherwise.
     coupling
         velocity: the slave follows the velocity of the master, as in the paper. position: the slave
         also follows the position of the master. Default: velocity.
@@ -118,9 +119,9 @@ def run(
         Communication channel between master and slave, such as delay=100ms,jitter=20ms,loss=5%.
         The delay is one-way, so the round trip is twice the delay. Default: none.
     conditioning
-        How velocity is computed from the encoder: by one state-variable filter on position and
-        force (matched), or on position only (svf); by first-order adaptive windowing (foaw); or
-        by a filtered difference (difference). Default: matched.
+        How velocity is computed from the encoder position: by a state-variable filter on position
+        and force (matched), or on position only (svf); by first-order adaptive windowing (foaw);
+        or by a filtered difference (difference). Default: matched.
     bandwidth
         Bandwidth of the conditioning filter [Hz]; not used by foaw. Default: 20.
     force_lag
@@ -129,7 +130,7 @@ def run(
     estimators
         Names of estimators, such as rls,kalman,rls_sift, or all. Default: rls,ai,me.
     model
-        Model of the environment for those of the estimators that can use any model. Default:
+        Model of the environment, for the estimators that support several models. Default:
         kelvin-voigt.
     realtime
         Real-time settings, used with --clock real: real-time scheduling, locked memory, no garbage
@@ -149,10 +150,11 @@ def run(
     plot_force
         Plot the measured and the predicted force to this .png, .svg or .pdf file.
     plot_tracking
-        In mimic, plot target, own position and error to this .png, .svg or .pdf file.
+        In mimic, plot the target, the position of the slave, and the difference between them, to
+        this .png, .svg or .pdf file.
     width
-        Width of the figures: for a screen, one (single) or two columns (double) of an IEEE paper,
-        or a page of A4.
+        Width of the figures: for a screen (screen), one column (single) or two columns (double) of
+        an IEEE paper, or an A4 page (a4).
     json
         Print one JSON document instead of tables.
     """

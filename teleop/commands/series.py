@@ -37,7 +37,7 @@ def series(
     """Run the trials of a plan in random or balanced order, and write a table of the results.
 
     To resume a series that was interrupted or killed, enter the same command again. A trial that
-    was stopped for safety or interrupted is repeated; its recording is kept.
+    ended by a safety stop or was interrupted is run again; its first recording is kept.
 
     Example: `teleop series paper --out paper-series`
 
@@ -53,11 +53,11 @@ def series(
         the plan.
     out
         Folder for the recordings, the table trials.csv with a row for each trial and estimator,
-        and the journal journal.jsonl. Default: series-NAME, where NAME is the name in the plan.
+        and the journal journal.jsonl. Default: series-NAME, where NAME is the name of the plan.
     ask
         Ask before each trial: Enter runs it, s skips it, r returns to the previous trial to repeat
         it, q quits. Text after s, r or q is stored as a note. After each trial, ask for a note.
-        Default: ask if a trial has a hardware rig and the command runs in a terminal.
+        Default: ask if a trial uses a hardware rig and the command runs in a terminal.
     yes
         Arm the drives of a hardware rig without asking.
     dry_run
@@ -134,7 +134,7 @@ def series(
 
 
 def run(settings: TrialSettings, path: Path, link: LiveLink | None = None) -> Trial:
-    """Run and record a trial, with a progress line, the stop key, and the live page."""
+    """Run and record a trial, with a progress line, the emergency stop key, and the live page."""
     from teleop.trial.run import run_trial
     from teleop.trial.stop_switch import StopSwitch
 
@@ -149,7 +149,7 @@ def run(settings: TrialSettings, path: Path, link: LiveLink | None = None) -> Tr
 def person(trial: PlannedTrial, prompt: str) -> tuple[Answer, str]:
     """Ask the person at the terminal whether to run, skip or repeat a trial, or to quit.
 
-    At the end of the input the answer is "quit".
+    If the input is closed, the answer is "quit".
     """
     answers: dict[str, Answer] = {"": "run", "s": "skip", "r": "repeat", "q": "quit"}
     from teleop.trial.arming import arming_text, discard_typed_ahead
@@ -169,6 +169,6 @@ def person(trial: PlannedTrial, prompt: str) -> tuple[Answer, str]:
 
 
 def note_of_person(trial: PlannedTrial) -> str:
-    """Ask the person at the terminal for a note on a trial; empty at the end of the input."""
+    """Return the note on a trial that a person types; empty if the input is closed."""
     print(f"Note on trial {trial.number}, {trial.label}; Enter for none.", file=sys.stderr)
     return sys.stdin.readline().strip()

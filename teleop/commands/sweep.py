@@ -31,38 +31,40 @@ def sweep(
     """Run trials with many settings and seeds, in parallel, and write one table of the results.
 
     The settings vary over a grid, a list, random points or a Latin hypercube. Instead of trials on
-    the simulated rig, the estimates of a recording can be computed with different settings. A
-    point that fails has an error instead of results. To resume a sweep that was interrupted or
-    killed, enter the same command again.
+    the simulated rig, the estimates of a recording can be computed with different settings. If a
+    point fails, its row of the table has an error instead of results. To resume a sweep that was
+    interrupted or killed, enter the same command again.
 
     Example: `teleop sweep paper --seeds 20 --out paper-sweep`
 
     Parameters
     ----------
     plan
-        File with the plan of the sweep (TOML), or paper for the nine trials of the paper.
+        File with the plan of the sweep (TOML), or the word `paper` for the paper's nine trials.
     out
         Folder for the tables results.csv and results.parquet, with a row for each point and
-        estimator, and for the journal. Default: sweep-NAME, with the name in the plan.
+        estimator, and for the journal. Default: sweep-NAME, where NAME is the name of the plan.
     seeds
-        Repetitions of each point with different seeds. Default: those of the plan.
+        Number of times that each point is run, each time with another seed. Default: the number in
+        the plan.
     workers
         Number of processes. Default: one per processor.
     dask
         Run on a Dask cluster: the address of its scheduler, such as tcp://10.0.0.1:8786, or local
         for a cluster on this machine. Needs the extra `sweep`.
     plot
-        Plot the mean result by the levels of each factor to a .png, .svg or .pdf file.
+        Plot the mean of the --response for each level of each factor to a .png, .svg or .pdf file.
     plot_map
-        Plot a map of the mean result over two factors to a .png, .svg or .pdf file.
+        Plot a map of the mean of the --response over two factors to a .png, .svg or .pdf file.
     map_factors
         The two factors of the map, separated by a comma. Default: the first two of the plan.
     response
-        Result in the figures: average stiffness (k) or damping (b), the same at the end (k_end,
-        b_end), force error (e_f), one-step force error (one_step_rms), or rise time.
+        Result that the figures show: average stiffness (k) or damping (b), stiffness or damping at
+        the end (k_end, b_end), force error (e_f), one-step force error (one_step_rms), or rise
+        time (rise_time_s).
     width
-        Width of the figures: for a screen, one (single) or two columns (double) of an IEEE paper,
-        or a page of A4.
+        Width of the figures: for a screen (screen), one column (single) or two columns (double) of
+        an IEEE paper, or an A4 page (a4).
     json
         Print one JSON document instead of lines.
     """
