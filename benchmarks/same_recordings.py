@@ -27,7 +27,7 @@ from estimation.registry import BUILT_IN
 from sim_backend import CUBES
 from sim_backend.channel import ChannelSettings
 from teleop.control.feedback.settings import FeedbackSettings
-from teleop.names import ConditionName, ConditioningName, FeedbackName
+from teleop.names import ConditioningName, ConditionName, FeedbackName
 from teleop.safety.tightened_limits import TightenedLimits
 from teleop.trial.run import run_trial
 from teleop.trial.settings import TrialSettings
