@@ -2,8 +2,8 @@
 
 PATH is the folder with the source of another version. Both versions run the same trials in virtual
 time: all conditions and cubes, all estimators, models, feedback laws with and without a channel,
-other bodies, conditioners, and a trial that a fault stops. Each trial whose recordings are not
-identical to the bit is printed, and the exit code is then 1.
+other bodies, conditioners, and trials that the supervisor limits or stops. Each trial whose
+recordings are not identical to the bit is printed, and the exit code is then 1.
 """
 
 from __future__ import annotations
@@ -53,7 +53,9 @@ def trials() -> Iterator[tuple[str, TrialSettings]]:
         yield f"body {name}", replace(plain, custom_setup=setup)
     for conditioning in get_args(ConditioningName):
         yield f"conditioning {conditioning}", replace(plain, conditioning=conditioning)
-    stopped = TightenedLimits(soft_force=4.0, hard_force=5.0)
+    limited = TightenedLimits(soft_force=4.0, hard_force=5.0)
+    yield "limited by the supervisor", replace(plain, tightened_limits=limited)
+    stopped = TightenedLimits(following_error=1e-4)
     yield "stopped by a fault", replace(plain, tightened_limits=stopped)
 
 

@@ -1,12 +1,12 @@
 """Kill tests of sweeps: SIGKILL of a worker or of the main process at random instants.
 
-    python benchmarks/sweep_kills.py             # 20 instants of each kind
+    python benchmarks/sweep_kills.py             # 20 of each kind
     python benchmarks/sweep_kills.py --times 5 --kind dask
 
-A sweep of short trials runs without interruption first. Then the sweep is run again and again, and
-each time one process is killed: a worker of the process pool, a worker of a local Dask cluster, or
-the main process, after which the same command resumes the sweep. The exit code is 1 if a table
-differs by a byte from that of the first sweep, or if a point that was done was run again.
+A sweep of short trials runs without interruption first. Then workers of its process pool are killed
+while it runs, then workers of a local Dask cluster, and then its main process, after which the same
+command resumes the sweep. The exit code is 1 if a table differs by a byte from that of the first
+sweep, or if a point that was done was run again.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ import psutil
 
 PLAN = """
 name = "kills"
-seeds = 4
+seeds = 20
 [factors]
 cube = ["soft", "medium", "hard"]
 condition = ["free", "autonomous"]
@@ -99,82 +99,86 @@ def kill_worker(process: psutil.Popen, rng: random.Random) -> bool:
     return True
 
 
-def worker_killed(
-    sweep: Sweep, rng: random.Random, expected: dict[str, bytes], longest: float
-) -> tuple[list[str], int] | None:
-    """Kill a worker of a sweep once; return the problems and the number of points done before.
-
-    None: the sweep had ended before.
-    """
-    process = sweep.start()
-    while not sweep.done and process.poll() is None:
-        time.sleep(0.01)
-    time.sleep(rng.uniform(0.0, longest))
-    before = len(sweep.done)
-    hit = process.poll() is None and kill_worker(process, rng)
-    code = process.wait()
-    if not hit or before == len(expected_points(expected)):
-        return None
-    return [*sweep.problems(expected), *([f"exit code {code}"] if code else [])], before
-
-
-def expected_points(expected: dict[str, bytes]) -> set[bytes]:
-    """Return the numbers of the points in results.csv."""
-    return {line.split(b",")[0] for line in expected["results.csv"].splitlines()[1:]}
-
-
 def kill_workers(
-    kind: str, times: int, folder: Path, expected: dict[str, bytes], longest: float
+    kind: str, times: int, folder: Path, expected: dict[str, bytes], gap: float
 ) -> int:
-    """Kill a worker in each of several sweeps, print the result, and return how many failed."""
-    rng, bad, done = random.Random(kind), 0, []
-    turn = 0
+    """Kill workers of sweeps until `times` are killed, and return how many sweeps differ.
+
+    Parameters
+    ----------
+    kind
+        `pool` or `dask`.
+    times
+        Number of workers that are killed.
+    folder
+        Folder for the folders of the sweeps.
+    expected
+        Tables of the uninterrupted sweep.
+    gap
+        Mean time between two kills [s].
+    """
+    rng, bad, done, sweeps = random.Random(kind), 0, [], 0
     while len(done) < times:
-        turn += 1
-        sweep = Sweep(folder / f"{kind}{turn}", kind == "dask")
-        found = worker_killed(sweep, rng, expected, longest)
-        if found is None:
-            continue
-        problems, before = found
-        done.append(before)
-        bad += bool(problems)
-        for problem in problems:
-            print(f"  {sweep.folder.name}: {problem}")
-    report(kind, done, len(expected_points(expected)), f"{len(done)} sweeps", bad)
+        sweep = Sweep(folder / f"{kind}{sweeps}", kind == "dask")
+        sweeps += 1
+        process = sweep.start()
+        while not sweep.done and process.poll() is None:
+            time.sleep(0.01)
+        while process.poll() is None and len(done) < times:
+            try:
+                process.wait(gap * rng.uniform(0.1, 1.9))
+            except psutil.TimeoutExpired:
+                if kill_worker(process, rng):
+                    done.append(len(sweep.done))
+        bad += differs(sweep, process.wait(), expected)
+    report(kind, done, sweeps, bad)
     return bad
 
 
-def kill_main(times: int, folder: Path, expected: dict[str, bytes], longest: float) -> int:
-    """Kill the main process of sweeps, resume them until they end, and report as `kill_workers`."""
-    rng, bad, done, finished = random.Random("main"), 0, [], 0
+def kill_main(
+    times: int, folder: Path, expected: dict[str, bytes], gap: float, start: float
+) -> int:
+    """Kill the main process of sweeps and resume them, as `kill_workers`.
+
+    `start` is the time from the start of the process to the first point [s].
+    """
+    rng, bad, done, sweeps = random.Random("main"), 0, [], 1
     sweep = Sweep(folder / "main0")
     while True:
         process = sweep.start()
         try:
-            process.wait(rng.uniform(0.0, longest) if len(done) < times else None)
+            wait = rng.uniform(0.0, start + 2.0 * gap) if len(done) < times else None
+            code = process.wait(wait)
         except psutil.TimeoutExpired:
             process.kill()
             process.wait()
             done.append(len(sweep.done))
             continue
-        finished += 1
-        problems = sweep.problems(expected)
-        problems += [f"exit code {process.returncode}"] if process.returncode else []
-        bad += bool(problems)
-        for problem in problems:
-            print(f"  {sweep.folder.name}: {problem}")
+        bad += differs(sweep, code, expected)
         if len(done) >= times:
             break
-        sweep = Sweep(folder / f"main{finished}")
-    report("main", done, len(expected_points(expected)), f"{finished} sweeps", bad)
+        sweep = Sweep(folder / f"main{sweeps}")
+        sweeps += 1
+    report("main", done, sweeps, bad)
     return bad
 
 
-def report(kind: str, done: list[int], total: int, sweeps: str, bad: int) -> None:
+def differs(sweep: Sweep, code: int, expected: dict[str, bytes]) -> bool:
+    """Print what differs in a sweep that has ended, and return whether anything does."""
+    problems = sweep.problems(expected)
+    if code:
+        problems.append(f"exit code {code}")
+    for problem in problems:
+        print(f"  {sweep.folder.name}: {problem}")
+    return bool(problems)
+
+
+def report(kind: str, done: list[int], sweeps: int, bad: int) -> None:
     """Print the result of a kind."""
     print(
-        f"{KINDS[kind]:13} killed {len(done)} times in {sweeps}, after {min(done)} to {max(done)} "
-        f"of {total} points; {bad} sweeps differ from the uninterrupted one",
+        f"{KINDS[kind]:13} killed {len(done)} times in {sweeps} sweeps, after "
+        f"{', '.join(map(str, done))} points;\n"
+        f"{'':13} {bad} sweeps differ from the uninterrupted one",
         flush=True,
     )
 
@@ -190,18 +194,19 @@ def main() -> int:
         whole = Sweep(folder / "whole")
         begin = time.monotonic()
         process = whole.start()
-        while not whole.done:
+        while not whole.done and process.poll() is None:
             time.sleep(0.01)
-        first = time.monotonic()
+        start = time.monotonic() - begin
         if process.wait():
             raise SystemExit("the uninterrupted sweep failed")
-        end = time.monotonic()
+        gap = (time.monotonic() - begin - start) / (options.times + 2)
         expected = whole.tables
+        print(f"a sweep of {len(whole.done)} points by two workers", flush=True)
         for kind in options.kind:
             if kind == "main":
-                bad += kill_main(options.times, folder, expected, end - begin)
+                bad += kill_main(options.times, folder, expected, gap, start)
             else:
-                bad += kill_workers(kind, options.times, folder, expected, end - first)
+                bad += kill_workers(kind, options.times, folder, expected, gap)
     return 1 if bad else 0
 
 
