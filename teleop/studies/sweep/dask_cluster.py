@@ -89,7 +89,7 @@ def cluster(address: str, count: int | None) -> Iterator[Any]:
             if address == LOCAL:
                 logging.getLogger("distributed").setLevel(logging.ERROR)
                 local = LocalCluster(
-                    n_workers=count or processors(), threads_per_worker=1, dashboard_address=None
+                    n_workers=count or processors(), threads_per_worker=1, dashboard_address=":0"
                 )  # type: ignore[no-untyped-call]
                 stack.enter_context(local)
                 client = stack.enter_context(Client(local))  # type: ignore[no-untyped-call]
