@@ -25,7 +25,7 @@ import psutil
 
 PLAN = """
 name = "kills"
-seeds = 20
+seeds = {seeds}
 [factors]
 cube = ["soft", "medium", "hard"]
 condition = ["free", "autonomous"]
@@ -36,7 +36,7 @@ KINDS = {"pool": "pool worker", "dask": "Dask worker", "main": "main process"}
 
 
 class Sweep:
-    """A sweep of the plan in a folder, run by two workers.
+    """A sweep in a folder, run by two workers, of the plan beside the folder.
 
     Parameters
     ----------
@@ -53,7 +53,6 @@ class Sweep:
     def start(self) -> psutil.Popen:
         """Start or resume the sweep."""
         plan = self.folder.parent / "plan.toml"
-        plan.write_text(PLAN)
         command = [sys.executable, "-m", "teleop", "sweep", plan, "--out", self.folder]
         return psutil.Popen(
             [*map(str, command), "--workers", "2", *self._options],
@@ -186,11 +185,13 @@ def report(kind: str, done: list[int], sweeps: int, bad: int) -> None:
 def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--times", type=int, default=20)
+    parser.add_argument("--seeds", type=int, default=20, help="for 6 points each")
     parser.add_argument("--kind", choices=KINDS, nargs="*", default=[*KINDS])
     options = parser.parse_args()
     bad = 0
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
+        (folder / "plan.toml").write_text(PLAN.format(seeds=options.seeds))
         whole = Sweep(folder / "whole")
         begin = time.monotonic()
         process = whole.start()

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import contextlib
+import os
+import signal
 import socket
 
 import pytest
 
 from teleop.cli import main
-from teleop.studies.sweep.dask_cluster import cluster
+from teleop.studies.sweep.dask_cluster import cluster, on_dask
+from teleop.studies.sweep.points import Point
 
 pytest.importorskip("distributed", reason="needs the `sweep` extra")
 
@@ -30,6 +33,26 @@ def test_a_local_cluster_gives_the_same_table_to_the_byte_as_processes(tmp_path)
         assert main(["sweep", str(plan), *options]) == 0
     for name in ("results.csv", "results.parquet"):
         assert (tmp_path / "dask" / name).read_bytes() == (tmp_path / "pool" / name).read_bytes()
+
+
+def test_a_point_that_kills_its_worker_has_an_error_and_no_other_point_is_lost():
+    import dask
+
+    class Deadly:  # a local class: Dask sends it by value
+        chunk = 1
+
+        def rows(self, point):
+            if point.number == 2:
+                os.kill(os.getpid(), signal.SIGKILL)
+            return [{"estimator": str(point.number)}]
+
+    points = [Point(number, (), 0) for number in range(5)]
+    with dask.config.set({"distributed.scheduler.allowed-failures": 0}):
+        found = {
+            one["point"]: one for chunk in on_dask("local", 1)(Deadly(), points) for one in chunk
+        }
+    assert sorted(found) == [*range(5)]
+    assert [number for number, one in found.items() if "error" in one] == [2]
 
 
 def test_a_second_cluster_on_the_same_machine_gives_no_warning(tmp_path, recwarn):
