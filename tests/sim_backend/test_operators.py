@@ -53,7 +53,7 @@ def test_palpates_again_from_the_start_when_the_drives_are_enabled_again(make):
     for t in times[:7000]:
         operator.intention(t)
     position = positions(operator)[:, 0]
-    assert -0.3e-3 < position.min()
+    assert position.min() > -0.3e-3
     assert 7e-3 < position.max() < 12e-3
     assert np.abs(np.diff(position)).max() < 0.2e-3
 

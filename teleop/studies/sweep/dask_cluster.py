@@ -114,10 +114,12 @@ def cluster(address: str, count: int | None) -> Iterator[Any]:
         try:
             if address == LOCAL:
                 logging.getLogger("distributed").setLevel(logging.ERROR)
-                local = LocalCluster(
-                    n_workers=count or processors(), threads_per_worker=1, dashboard_address=":0"
+                number = count or processors()
+                local: Any = LocalCluster(
+                    n_workers=number, threads_per_worker=1, dashboard_address=":0"
                 )  # type: ignore[no-untyped-call]
                 stack.enter_context(local)
+                local.adapt(minimum=number, maximum=number)  # replaces workers that have ended
                 client = stack.enter_context(Client(local))  # type: ignore[no-untyped-call]
             else:
                 client = stack.enter_context(Client(address, timeout=TIMEOUT))  # type: ignore[no-untyped-call]

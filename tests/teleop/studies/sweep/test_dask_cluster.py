@@ -13,6 +13,7 @@ from teleop.cli import main
 from teleop.studies.sweep.dask_cluster import cluster, on_dask
 from teleop.studies.sweep.points import Point
 
+dask = pytest.importorskip("dask", reason="needs the `sweep` extra")
 pytest.importorskip("distributed", reason="needs the `sweep` extra")
 
 PLAN = """
@@ -36,8 +37,6 @@ def test_a_local_cluster_gives_the_same_table_to_the_byte_as_processes(tmp_path)
 
 
 def test_a_point_that_kills_its_worker_has_an_error_and_no_other_point_is_lost():
-    import dask
-
     class Deadly:  # a local class: Dask sends it by value
         chunk = 1
 
@@ -53,6 +52,16 @@ def test_a_point_that_kills_its_worker_has_an_error_and_no_other_point_is_lost()
         }
     assert sorted(found) == [*range(5)]
     assert [number for number, one in found.items() if "error" in one] == [2]
+
+
+def test_a_worker_that_ended_is_replaced():
+    with (
+        dask.config.set({"distributed.deploy.lost-worker-timeout": "100ms"}),
+        cluster("local", 1) as client,
+    ):
+        (nanny,) = client.cluster.workers.values()
+        client.cluster.sync(nanny.close)
+        assert client.submit(os.getpid, pure=False).result(timeout=60) != os.getpid()
 
 
 def test_a_second_cluster_on_the_same_machine_gives_no_warning(tmp_path, recwarn):
