@@ -175,9 +175,8 @@ def differs(sweep: Sweep, code: int, expected: dict[str, bytes]) -> bool:
 def report(kind: str, done: list[int], sweeps: int, bad: int) -> None:
     """Print the result of a kind."""
     print(
-        f"{KINDS[kind]:13} killed {len(done)} times in {sweeps} sweeps, after "
-        f"{', '.join(map(str, done))} points;\n"
-        f"{'':13} {bad} sweeps differ from the uninterrupted one",
+        f"{KINDS[kind]:13} killed {len(done)} times, after {min(done)} to {max(done)} points; "
+        f"{bad} of {sweeps} sweeps differ",
         flush=True,
     )
 
