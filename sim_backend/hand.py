@@ -22,7 +22,8 @@ class Hand(ABC):
     def intention(self, t: float) -> Intention | None:
         """Return the intended motion at t [s] after the drives were enabled.
 
-        None if the hand does not hold the handle. t must not decrease from one call to the next.
+        None if the hand does not hold the handle. t increases from one call to the next, except
+        when the drives are enabled again.
         """
 
     def feel(self, t: float, position: float, force: float) -> None:  # noqa: B027

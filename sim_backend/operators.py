@@ -95,7 +95,7 @@ class Operator(Hand):
     def movement(self, t: float) -> Intention:
         """Return the voluntary motion at t [s] after the first movement began.
 
-        t must not decrease from one call to the next.
+        t increases from one call to the next, except when the drives are enabled again.
         """
 
     def intention(self, t: float) -> Intention | None:
@@ -138,6 +138,8 @@ class FreePalpation(Operator):
 
     def movement(self, t: float) -> Intention:
         """Return a minimum-jerk movement to the next turning point, followed by a short rest."""
+        if t < self._stroke.start:  # the drives were enabled again
+            self._to, self._inwards, self._end = 0.0, False, t
         while t >= self._end:
             self._next(self._end)
         travelled, velocity = self._stroke.at(t)

@@ -141,11 +141,12 @@ class SimulatedRig(Rig):
         ValueError
             A velocity is not finite; the previous command remains active.
         """
-        if not all(map(math.isfinite, command)):
+        master, slave = command
+        if not (math.isfinite(master) and math.isfinite(slave)):
             raise ValueError(f"a velocity command must be finite, got {command}")
         if self._enabled:
             most = self._max_velocity
-            self._applied = Command(*(min(max(v, -most), most) for v in command))
+            self._applied = Command(min(max(master, -most), most), min(max(slave, -most), most))
             self._commanded = self._time
         return self._applied
 

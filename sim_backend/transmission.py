@@ -62,7 +62,8 @@ class Transmission:
 
     def play(self, p: float, x: float) -> float:
         """Return the output of the play operator [m] for its last output p and its input x [m]."""
-        return min(max(p, x - self.lost_motion), x + self.lost_motion)
+        low, high = x - self.lost_motion, x + self.lost_motion
+        return low if p < low else high if p > high else p
 
 
 RIGID = Transmission()

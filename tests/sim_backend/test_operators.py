@@ -48,6 +48,16 @@ def test_starts_from_rest_after_the_reaction_time(make):
     assert (intended[times < REACTION] == 0.0).all()
 
 
+def test_palpates_again_from_the_start_when_the_drives_are_enabled_again(make):
+    operator = make(9e-3, 3)
+    for t in times[:7000]:
+        operator.intention(t)
+    position = positions(operator)[:, 0]
+    assert position.min() > -0.3e-3
+    assert 7e-3 < position.max() < 12e-3
+    assert np.abs(np.diff(position)).max() < 0.2e-3
+
+
 def test_the_motion_depends_only_on_the_seed(make):
     assert np.array_equal(positions(make(9e-3, 1)), positions(make(9e-3, 1)))
     assert not np.array_equal(positions(make(9e-3, 1)), positions(make(9e-3, 2)))

@@ -9,7 +9,15 @@ from importlib.metadata import version
 from typing import Any
 
 from teleop.errors import InputError
-from teleop.studies.sweep.executors import AHEAD, Execute, Results, chunks_of, killed, processors
+from teleop.studies.sweep.executors import (
+    AHEAD,
+    ATTEMPTS,
+    Execute,
+    Results,
+    chunks_of,
+    killed,
+    processors,
+)
 from teleop.studies.sweep.points import Point
 from teleop.studies.sweep.tasks import Task, results
 
@@ -21,6 +29,10 @@ TIMEOUT = 30.0
 
 def on_dask(address: str, count: int | None = None) -> Execute:
     """Return a function that runs points on a Dask cluster.
+
+    Dask gives up all points that wait at a worker when it has been killed several times. They are
+    run again one by one at the end. A point whose worker is killed again has an error as its
+    result.
 
     Parameters
     ----------
@@ -55,14 +67,17 @@ def on_dask(address: str, count: int | None = None) -> Execute:
 
             for _ in range(AHEAD * max(1, len(client.scheduler_info()["workers"]))):
                 submit()
+            suspects: list[Point] = []
             try:
                 for future in finished:
                     chunk = chunks.pop(future.key)
                     try:
                         yield future.result()
                     except distributed.KilledWorker:
-                        yield [killed(point) for point in chunk]
+                        suspects.extend(chunk)
                     submit()
+                for point in suspects:
+                    yield alone(client, task, point)
             except (OSError, distributed.CancelledError) as error:
                 raise InputError(
                     f"the connection to the Dask scheduler {address} was lost: {error}; to "
@@ -70,6 +85,17 @@ def on_dask(address: str, count: int | None = None) -> Execute:
                 ) from error
 
     return execute
+
+
+def alone(client: Any, task: Task, point: Point) -> Results:
+    """Run a point while no other point runs."""
+    from distributed import KilledWorker
+
+    for _ in range(ATTEMPTS):
+        with contextlib.suppress(KilledWorker):
+            found: Results = client.submit(results, task, [point], pure=False).result()
+            return found
+    return [killed(point)]
 
 
 @contextlib.contextmanager
@@ -88,10 +114,12 @@ def cluster(address: str, count: int | None) -> Iterator[Any]:
         try:
             if address == LOCAL:
                 logging.getLogger("distributed").setLevel(logging.ERROR)
-                local = LocalCluster(
-                    n_workers=count or processors(), threads_per_worker=1, dashboard_address=None
+                number = count or processors()
+                local: Any = LocalCluster(
+                    n_workers=number, threads_per_worker=1, dashboard_address=":0"
                 )  # type: ignore[no-untyped-call]
                 stack.enter_context(local)
+                local.adapt(minimum=number, maximum=number)  # replaces workers that have ended
                 client = stack.enter_context(Client(local))  # type: ignore[no-untyped-call]
             else:
                 client = stack.enter_context(Client(address, timeout=TIMEOUT))  # type: ignore[no-untyped-call]

@@ -2,10 +2,18 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
+import signal
+import socket
+
 import pytest
 
 from teleop.cli import main
+from teleop.studies.sweep.dask_cluster import cluster, on_dask
+from teleop.studies.sweep.points import Point
 
+dask = pytest.importorskip("dask", reason="needs the `sweep` extra")
 pytest.importorskip("distributed", reason="needs the `sweep` extra")
 
 PLAN = """
@@ -26,6 +34,44 @@ def test_a_local_cluster_gives_the_same_table_to_the_byte_as_processes(tmp_path)
         assert main(["sweep", str(plan), *options]) == 0
     for name in ("results.csv", "results.parquet"):
         assert (tmp_path / "dask" / name).read_bytes() == (tmp_path / "pool" / name).read_bytes()
+
+
+def test_a_point_that_kills_its_worker_has_an_error_and_no_other_point_is_lost():
+    class Deadly:  # a local class: Dask sends it by value
+        chunk = 1
+
+        def rows(self, point):
+            if point.number == 2:
+                os.kill(os.getpid(), signal.SIGKILL)
+            return [{"estimator": str(point.number)}]
+
+    points = [Point(number, (), 0) for number in range(5)]
+    with dask.config.set({"distributed.scheduler.allowed-failures": 0}):
+        found = {
+            one["point"]: one for chunk in on_dask("local", 1)(Deadly(), points) for one in chunk
+        }
+    assert sorted(found) == [*range(5)]
+    assert [number for number, one in found.items() if "error" in one] == [2]
+
+
+def test_a_worker_that_ended_is_replaced():
+    with (
+        dask.config.set({"distributed.deploy.lost-worker-timeout": "100ms"}),
+        cluster("local", 1) as client,
+    ):
+        (nanny,) = client.cluster.workers.values()
+        client.cluster.sync(nanny.close)
+        assert client.submit(os.getpid, pure=False).result(timeout=60) != os.getpid()
+
+
+def test_a_second_cluster_on_the_same_machine_gives_no_warning(tmp_path, recwarn):
+    with socket.socket() as other:
+        with contextlib.suppress(OSError):  # another program may have the port already
+            other.bind(("", 8787))
+            other.listen()
+        with cluster("local", 1):
+            pass
+    assert not [str(one.message) for one in recwarn if "Port" in str(one.message)]
 
 
 def test_a_scheduler_that_does_not_exist_is_named(tmp_path, capsys, monkeypatch):

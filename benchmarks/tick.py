@@ -1,0 +1,230 @@
+"""Time of each stage of a tick, in virtual time and live: `python benchmarks/tick.py`.
+
+Trials run in virtual time with the ticks stored in memory, live on the simulated rig with the
+recorder, and live on an emulated serial board with the recorder. Each is run twice: first only the
+whole tick is measured, and then its stages. `--against` is the folder with the source of another
+version, which is measured in the same run, in turn with this version. The rehearsal before a trial
+is left out, because it ends the trial if other programs keep the machine busy. The condition is
+free on the simulated rig, and autonomous on the board.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from emulated import emulated
+
+from drivers.rig_file import read_rig_file
+from sim_backend import DEPTH
+from teleop.control import controller as controller_module
+from teleop.safety import Mode
+from teleop.trial import run as run_module
+from teleop.trial.loop import Loop
+from teleop.trial.run import run_trial
+from teleop.trial.settings import TrialSettings
+
+CASES = ("virtual", "live, simulated", "live, board")
+WHOLE, REST = "whole tick", "rest, and the probes"
+STAGES = (
+    "requests of a person",
+    "read the rig",
+    "condition and link",
+    "supervision",
+    "command the drives",
+    "alignment, conditioning",
+    "estimation",
+    "misfit, excitation",
+    "packing",
+    "sinks",
+)
+RETURN = 2.0
+"""Time after a trial in which the emulated rig returns to its start [s]."""
+ATTEMPTS = 3
+"""Number of times that a measurement is tried, because a busy machine may stop a trial."""
+WARM = 1000
+"""Number of active ticks before the measured ones."""
+Durations = dict[str, list[float]]
+
+
+class Probes:
+    """Measures the durations of the stages of the active ticks of a loop.
+
+    Parameters
+    ----------
+    loop
+        The loop, before its first tick.
+    stages
+        Whether the stages are measured too, or only the whole tick.
+
+    Attributes
+    ----------
+    durations
+        Duration of each stage in each active tick [s].
+    """
+
+    def __init__(self, loop: Loop, stages: bool) -> None:
+        self.durations: Durations = {}
+        self._loop, self._step = loop, loop.step
+        self._spent = dict.fromkeys(("wait", *STAGES) if stages else ("wait",), 0.0)
+        self._probe(loop._clock, "wait", "wait")
+        loop.step = self.step  # type: ignore[method-assign]
+        if stages:
+            self._probe_stages(loop)
+
+    def _probe_stages(self, loop: Loop) -> None:
+        parts = loop.controller
+        self._probe(loop._switch, "request", "requests of a person")
+        self._probe(parts._rig, "read", "read the rig")
+        for name in ("drive_force", "target"):
+            self._probe(parts._condition, name, "condition and link")
+        for name in ("step", "follow", "observe", "stiffness"):
+            self._probe(parts._link, name, "condition and link")
+        self._probe(controller_module, "supervise", "supervision")
+        self._probe(parts._rig, "write", "command the drives")
+        self._probe(parts._alignment, "update", "alignment, conditioning")
+        self._probe(parts._conditioner, "update", "alignment, conditioning")
+        self._probe(parts._bank, "update", "estimation")
+        self._probe(parts._misfit, "update", "misfit, excitation")
+        self._probe(parts._excitation, "update", "misfit, excitation")
+        self._probe(loop._layout, "pack", "packing")
+        for sink in loop._sinks:
+            self._probe(sink, "push", "sinks")
+
+    def _probe(self, owner: Any, name: str, stage: str) -> None:
+        """Replace a function of an object or a module by one that measures its duration."""
+        original: Callable[..., Any] = getattr(owner, name)
+        original = getattr(original, "probed", original)
+        spent = self._spent
+
+        def probed(*arguments: Any) -> Any:
+            start = perf_counter()
+            result = original(*arguments)
+            spent[stage] += perf_counter() - start
+            return result
+
+        probed.probed = original  # type: ignore[attr-defined]
+        setattr(owner, name, probed)
+
+    def step(self) -> bool:
+        """Run one tick and store the durations of its stages."""
+        start = perf_counter()
+        goes_on = self._step()
+        spent = self._spent
+        whole = perf_counter() - start - spent.pop("wait")
+        if self._loop.controller.mode is Mode.ACTIVE:
+            rest = whole - sum(spent.values())
+            for stage, seconds in {**spent, REST: rest, WHOLE: whole}.items():
+                self.durations.setdefault(stage, []).append(seconds)
+        spent.update(dict.fromkeys(("wait", *spent), 0.0))
+        return goes_on
+
+
+def measure(case: str, seconds: float, rig: str) -> Durations:
+    """Return the duration of the whole tick and of its stages in each tick of two trials [s]."""
+    found: list[Probes] = []
+    run = Loop.run
+    run_module.check_rate = lambda settings: 0.0
+    run_module.check_wire = lambda rig, clock, cost: None
+    settings = TrialSettings(
+        condition="autonomous" if rig else "free",
+        duration=seconds + WARM / 1000.0,
+        clock="virtual" if case == "virtual" else "real",
+        rig=read_rig_file(Path(rig)) if rig else None,
+        specimen="soft" if rig else "",
+        depth=DEPTH["autonomous"]["soft"] if rig else None,
+    )
+    with tempfile.TemporaryDirectory() as folder:
+        for stages in (False, True):
+
+            def probed_run(loop: Loop, stages: bool = stages) -> None:
+                found.append(Probes(loop, stages))
+                run(loop)
+
+            Loop.run = probed_run  # type: ignore[method-assign]
+            path = Path(folder) / f"{stages}.mcap" if case != "virtual" else None
+            if rig:
+                time.sleep(RETURN)
+            trial = run_trial(settings, path, real="try" if path else "off")
+            if trial.fault:
+                raise SystemExit(f"{case}: stopped: {trial.fault['text']}")
+    plain, staged = (probes.durations for probes in found)
+    return {**staged, WHOLE: plain[WHOLE]}
+
+
+def in_process(tree: Path | None, case: str, seconds: float, rig: Path | None) -> Durations:
+    """Measure a version in a process of its own; empty if no trial was complete."""
+    environment = dict(os.environ, OPENBLAS_NUM_THREADS="1")
+    if tree:
+        environment["PYTHONPATH"] = str(tree)
+    command = [sys.executable, __file__, "--case", case, "--seconds", str(seconds)]
+    command += ["--rig", str(rig or "")]
+    for _ in range(ATTEMPTS):
+        done = subprocess.run(command, env=environment, cwd=tree, stdout=subprocess.PIPE)
+        if done.returncode == 0:
+            durations: Durations = json.loads(done.stdout)
+            return durations
+    return {}
+
+
+def table(title: str, of_cases: dict[str, Durations]) -> None:
+    """Print the percentiles of each stage in each case."""
+    print(f"\n{title}, p50 and p99 [us]")
+    print(f"{'':24}" + "".join(f"{case:>18}" for case in of_cases))
+    for stage in (*STAGES, REST, WHOLE):
+        cells = ""
+        for durations in of_cases.values():
+            middle, high = np.percentile(durations.get(stage, [np.nan]), (50, 99)) * 1e6
+            cells += f"{middle:10.1f}{high:8.1f}"
+        print(f"{stage:24}{cells}")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--seconds", type=float, default=3.0, help="of each measured trial")
+    parser.add_argument("--rounds", type=int, default=2)
+    parser.add_argument("--against", type=Path, help="folder with the source of another version")
+    parser.add_argument("--case", choices=CASES, help=argparse.SUPPRESS)
+    parser.add_argument("--rig", help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    if options.case:
+        print(json.dumps(measure(options.case, options.seconds, options.rig)))
+        return
+    versions: dict[str, Path | None] = {"this version": None}
+    if options.against:
+        versions["other version"] = options.against.absolute()
+    found: dict[str, dict[str, Durations]] = {
+        title: {case: {} for case in CASES} for title in versions
+    }
+    for case in CASES:
+        for _ in range(options.rounds):
+            for title, tree in versions.items():
+                run = partial(in_process, tree, case, options.seconds)
+                if case == "live, board":
+                    with emulated("serial-board") as rig:
+                        durations = run(rig)
+                else:
+                    durations = run(None)
+                for stage, measured in durations.items():
+                    found[title][case].setdefault(stage, []).extend(measured[WARM:])
+    print(
+        f"{options.rounds} times {options.seconds:g} s at 1 kHz in each case, "
+        f"load average {os.getloadavg()[0]:.1f}"
+    )
+    for title, of_cases in found.items():
+        table(title, of_cases)
+
+
+if __name__ == "__main__":
+    main()
