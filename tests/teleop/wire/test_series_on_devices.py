@@ -192,9 +192,12 @@ def test_a_killed_series_stops_the_devices_and_is_resumed_with_nothing_lost(serv
         assert all(path.read_bytes() == content for path, content in kept.items())
         recordings = (tmp_path / "study" / "recordings").glob("*.mcap")
         kept = {path: path.read_bytes() for path in recordings}
-    done = subprocess.run(
-        command, cwd=tmp_path, stdin=subprocess.DEVNULL, capture_output=True, text=True
-    )
+    for _ in range(5):  # a sample is stale, and the series stops, if the machine is busy for 20 ms
+        done = subprocess.run(
+            command, cwd=tmp_path, stdin=subprocess.DEVNULL, capture_output=True, text=True
+        )
+        if done.returncode != 3:
+            break
     assert done.returncode == 0, done.stderr
     assert all(path.read_bytes() == content for path, content in kept.items())
     journal = Journal(tmp_path / "study")
