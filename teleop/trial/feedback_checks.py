@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from scipy.optimize import brentq
 
 from sim_backend.channel import ChannelSettings
@@ -53,6 +55,13 @@ def lag(settings: TrialSettings) -> float:
     return settings.plant_parameters.contact_force_lag + LOOP_DELAY / settings.rate
 
 
+def arm_lag(settings: TrialSettings) -> float:
+    """Return the lag with which the arm acts on the virtual mass of the simulated rig [s]."""
+    plant = settings.plant_parameters
+    servo = 1.0 / (2.0 * math.pi * plant.handle_bandwidth)
+    return servo + plant.master_force_lag + LOOP_DELAY / settings.rate
+
+
 def round_trip(settings: TrialSettings) -> float:
     """Return the longest round trip of the channel [s]."""
     channel = settings.channel or ChannelSettings()
@@ -69,10 +78,12 @@ def delayed_loop(settings: TrialSettings) -> DelayedLoop:
     return DelayedLoop(
         settings.admittance.mass,
         settings.admittance.damping,
-        settings.admittance.stiffness + arm.stiffness,
+        arm.stiffness,
         arm.damping,
         settings.coupling.scale * (present_stiffness(settings) if k is None else k),
         gain=feedback.gain,
+        arm_lag=arm_lag(settings),
+        spring=settings.admittance.stiffness,
     )
 
 

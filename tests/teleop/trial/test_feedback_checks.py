@@ -67,6 +67,16 @@ def test_position_force_is_permitted_below_the_predicted_delay():
         check_feedback(replace(stable, channel=ChannelSettings(0.5 * loop.safe_delay)))
 
 
+def test_the_lag_of_the_handle_reduces_the_delay_that_a_stiff_arm_permits():
+    """With 3 ms, this loop oscillates at 18 Hz with 8 N from peak to peak."""
+    stiff = replace(
+        settings("position-force", ChannelSettings(1.5e-3), cube="medium"),
+        operator_model=OperatorModel(1500.0, aim_force=10.0),
+    )
+    with pytest.raises(InputError, match="unstable"):
+        check_feedback(stiff)
+
+
 def test_on_a_rig_the_stiffness_is_stated_or_there_is_a_warning():
     rig = load_rig_file(ROOT / "rigs" / "serial-board.toml")
     unknown = settings("position-force", rig=rig, depth=2e-3)
