@@ -34,15 +34,18 @@ def check_feedback(settings: TrialSettings) -> str:
         check_offered(settings, trip)
     if law != "position-force":
         return ""
-    if settings.rig and settings.feedback.stiffness is None:
-        return (
+    warning = ""
+    if unknown := unknown_values(settings):
+        warning = (
             "feedback position-force: whether it is stable is not known: expected "
-            "feedback.stiffness, the largest stiffness of the specimen, in the configuration"
+            f"{' and '.join(unknown)}"
         )
+    if settings.rig and settings.feedback.stiffness is None:
+        return warning
     loop = delayed_loop(settings)
     delay = trip + lag(settings)
     if delay < loop.safe_delay:
-        return ""
+        return warning
     raise InputError(
         f"feedback position-force: unstable with k = {loop.k:.0f} N/m and a delay of "
         f"{delay * 1e3:.1f} ms, of which {trip * 1e3:.1f} ms are the round trip: expected a delay "
@@ -50,9 +53,28 @@ def check_feedback(settings: TrialSettings) -> str:
     )
 
 
+def unknown_values(settings: TrialSettings) -> list[str]:
+    """Return the values that the check of position-force needs and a hardware rig does not state."""
+    if settings.rig is None:
+        return []
+    unknown = []
+    if settings.feedback.stiffness is None:
+        unknown.append("feedback.stiffness, the largest stiffness of the specimen")
+    if not sensor_lag(settings):
+        unknown.append("the lag of the contact force, force_lag or lag_ms in the rig file")
+    return unknown
+
+
 def lag(settings: TrialSettings) -> float:
     """Return the delay of the force at the master without the channel [s]."""
-    return settings.plant_parameters.contact_force_lag + LOOP_DELAY / settings.rate
+    return sensor_lag(settings) + LOOP_DELAY / settings.rate
+
+
+def sensor_lag(settings: TrialSettings) -> float:
+    """Return the lag of the contact force, on a hardware rig as far as it is stated [s]."""
+    if settings.rig is None:
+        return settings.plant_parameters.contact_force_lag
+    return settings.force_lag + settings.rig.sections.channels.contact_force.lag_ms * 1e-3
 
 
 def arm_lag(settings: TrialSettings) -> float:

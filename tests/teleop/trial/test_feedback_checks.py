@@ -16,7 +16,7 @@ from teleop.control.admittance import AdmittanceParameters
 from teleop.control.feedback.settings import FeedbackSettings
 from teleop.errors import InputError
 from teleop.trial.configuration import read_configuration, write_configuration
-from teleop.trial.feedback_checks import PASSIVITY_OFFERED, check_feedback, delayed_loop
+from teleop.trial.feedback_checks import PASSIVITY_OFFERED, check_feedback, delayed_loop, lag
 from teleop.trial.rehearsal import tick_cost
 from teleop.trial.rig_loading import load_rig_file
 from teleop.trial.settings import TrialSettings
@@ -79,7 +79,7 @@ def test_the_lag_of_the_handle_reduces_the_delay_that_a_stiff_arm_permits():
 
 def test_on_a_rig_the_stiffness_is_stated_or_there_is_a_warning():
     rig = load_rig_file(ROOT / "rigs" / "serial-board.toml")
-    unknown = settings("position-force", rig=rig, depth=2e-3)
+    unknown = settings("position-force", rig=rig, depth=2e-3, force_lag=1e-3)
     assert "feedback.stiffness" in check_feedback(replace(unknown, operator_model=OperatorModel()))
     stated = replace(unknown, feedback=FeedbackSettings("position-force", stiffness=500.0))
     assert check_feedback(stated) == ""
@@ -88,10 +88,34 @@ def test_on_a_rig_the_stiffness_is_stated_or_there_is_a_warning():
         check_feedback(stiff)
 
 
+def test_on_a_rig_the_delay_has_the_stated_lag_of_its_force_channel():
+    rig = load_rig_file(ROOT / "rigs" / "serial-board.toml")
+    known = FeedbackSettings("position-force", stiffness=3000.0)
+    slow = settings("position-force", rig=rig, depth=2e-3, force_lag=10e-3)
+    with pytest.raises(InputError, match=r"a delay of 11\.5 ms"):
+        check_feedback(replace(slow, feedback=known))
+    sections = rig.sections
+    channel = sections.channels.contact_force.model_copy(update={"lag_ms": 2.0})
+    channels = sections.channels.model_copy(update={"contact_force": channel})
+    late = replace(rig, sections=sections.model_copy(update={"channels": channels}))
+    assert lag(replace(slow, rig=late)) == pytest.approx(13.5e-3)
+
+
+def test_on_a_rig_a_lag_that_is_not_stated_is_a_warning():
+    rig = load_rig_file(ROOT / "rigs" / "serial-board.toml")
+    stated = FeedbackSettings("position-force", stiffness=500.0)
+    unknown = replace(settings("position-force", rig=rig, depth=2e-3), feedback=stated)
+    assert "lag_ms in the rig file" in check_feedback(unknown)
+    assert "feedback.stiffness" not in check_feedback(unknown)
+    assert check_feedback(replace(unknown, force_lag=1e-3)) == ""
+
+
 def test_the_rehearsal_does_not_refuse_a_delay_that_is_stable_on_the_specimen():
     rig = load_rig_file(ROOT / "rigs" / "serial-board.toml")
     soft = FeedbackSettings("position-force", stiffness=100.0)
-    delayed = TrialSettings(rig=rig, depth=2e-3, feedback=soft, channel=ChannelSettings(0.05))
+    delayed = TrialSettings(
+        rig=rig, depth=2e-3, feedback=soft, channel=ChannelSettings(0.05), force_lag=1e-3
+    )
     assert check_feedback(delayed) == ""
     assert tick_cost(delayed) > 0.0
 
