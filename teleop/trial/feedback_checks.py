@@ -7,6 +7,7 @@ import math
 from scipy.optimize import brentq
 
 from sim_backend.channel import ChannelSettings
+from sim_backend.plant import UNATTENDED
 from teleop.control.feedback.stability import DelayedLoop
 from teleop.errors import InputError
 from teleop.trial.settings import TrialSettings
@@ -54,7 +55,7 @@ def check_feedback(settings: TrialSettings) -> str:
 
 
 def unknown_values(settings: TrialSettings) -> list[str]:
-    """Return the values that the check of position-force needs and a hardware rig does not state."""
+    """Return what the check of position-force needs and is not stated, on a hardware rig."""
     if settings.rig is None:
         return []
     unknown = []
@@ -93,19 +94,22 @@ def round_trip(settings: TrialSettings) -> float:
 def delayed_loop(settings: TrialSettings) -> DelayedLoop:
     """Return the loop of hand, virtual mass and delayed environment.
 
-    On the simulated rig, the stiffness is the slope of the force where the operator ends a poke.
+    On the simulated rig, the stiffness is the slope of the force where the operator ends a poke. On
+    a hardware rig the arm is not known. The loop then has no arm, so that condition (2) is the one
+    for any passive hand.
     """
-    feedback, arm = settings.feedback, settings.operator_model.arm
+    admittance, feedback = settings.admittance, settings.feedback
+    arm = UNATTENDED if settings.rig else settings.operator_model.arm
     k = feedback.stiffness
     return DelayedLoop(
-        settings.admittance.mass,
-        settings.admittance.damping,
+        admittance.mass,
+        admittance.damping,
         arm.stiffness,
         arm.damping,
         settings.coupling.scale * (present_stiffness(settings) if k is None else k),
         gain=feedback.gain,
         arm_lag=arm_lag(settings),
-        spring=settings.admittance.stiffness,
+        spring=admittance.stiffness,
     )
 
 

@@ -110,6 +110,20 @@ def test_on_a_rig_a_lag_that_is_not_stated_is_a_warning():
     assert check_feedback(replace(unknown, force_lag=1e-3)) == ""
 
 
+def test_on_a_rig_the_arm_is_not_assumed_to_damp():
+    rig = load_rig_file(ROOT / "rigs" / "serial-board.toml")
+    for stiffness, refused in ((1e3, False), (1.5e3, True)):  # d / (1 kN/m) = 15 ms
+        known = FeedbackSettings("position-force", stiffness=stiffness)
+        trial = settings("position-force", rig=rig, depth=2e-3, force_lag=10e-3)
+        trial = replace(trial, feedback=known)
+        assert delayed_loop(trial).safe_delay == pytest.approx(15.0 / stiffness)
+        if refused:
+            with pytest.raises(InputError, match="unstable"):
+                check_feedback(trial)
+        else:
+            assert check_feedback(trial) == ""
+
+
 def test_the_rehearsal_does_not_refuse_a_delay_that_is_stable_on_the_specimen():
     rig = load_rig_file(ROOT / "rigs" / "serial-board.toml")
     soft = FeedbackSettings("position-force", stiffness=100.0)
