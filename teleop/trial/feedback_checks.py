@@ -8,6 +8,7 @@ from scipy.optimize import brentq
 
 from sim_backend.channel import ChannelSettings
 from sim_backend.plant import UNATTENDED
+from teleop.control.feedback.law import STIFF_PRIOR
 from teleop.control.feedback.stability import DelayedLoop
 from teleop.errors import InputError
 from teleop.trial.settings import TrialSettings
@@ -100,17 +101,27 @@ def delayed_loop(settings: TrialSettings) -> DelayedLoop:
     """
     admittance, feedback = settings.admittance, settings.feedback
     arm = UNATTENDED if settings.rig else settings.operator_model.arm
-    k = feedback.stiffness
     return DelayedLoop(
         admittance.mass,
         admittance.damping,
         arm.stiffness,
         arm.damping,
-        settings.coupling.scale * (present_stiffness(settings) if k is None else k),
+        settings.coupling.scale * expected_stiffness(settings),
         gain=feedback.gain,
         arm_lag=arm_lag(settings),
         spring=admittance.stiffness,
     )
+
+
+def expected_stiffness(settings: TrialSettings) -> float:
+    """Return the largest expected slope of the contact force [N/m].
+
+    It is that of the settings or, if they have none, that of the simulated rig. On a hardware rig
+    it is then the stiff prior.
+    """
+    if settings.feedback.stiffness is not None:
+        return settings.feedback.stiffness
+    return STIFF_PRIOR if settings.rig else present_stiffness(settings)
 
 
 def present_stiffness(settings: TrialSettings) -> float:

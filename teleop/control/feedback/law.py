@@ -105,10 +105,14 @@ class Slave:
     ----------
     coupling
         Maps the motion of the master to that of the slave.
+    stiffness
+        Expected slope of the contact force [N/m], by which the supervisor limits the speed of the
+        slave.
     """
 
-    def __init__(self, coupling: Coupling) -> None:
+    def __init__(self, coupling: Coupling, stiffness: float = STIFF_PRIOR) -> None:
         self._coupling = coupling
+        self._stiffness = stiffness
 
     def align(self) -> None:
         """Start anew, after the drives were armed."""
@@ -126,4 +130,4 @@ class Slave:
 
     def stiffness(self, position: float) -> float:
         """Return the expected slope of the contact force [N/m] at a position of the slave [m]."""
-        return STIFF_PRIOR
+        return self._stiffness

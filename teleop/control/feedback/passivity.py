@@ -21,7 +21,14 @@ from drivers import Measurement
 from teleop.control.admittance import Admittance, Environment
 from teleop.control.coupling import Coupling
 from teleop.control.feedback.energy_tank import TANK_MAX
-from teleop.control.feedback.law import Master, MasterState, Motion, Report, Slave
+from teleop.control.feedback.law import (
+    STIFF_PRIOR,
+    Master,
+    MasterState,
+    Motion,
+    Report,
+    Slave,
+)
 
 MOST_DAMPING = 2000.0
 """Greatest damping of the controller at the master [N s/m]. It is part of the admittance, whose
@@ -77,12 +84,16 @@ class PassivitySlave(Slave):
     ----------
     coupling
         Maps the motion of the master to that of the slave.
+    stiffness
+        Expected slope of the contact force [N/m].
     gain
         Ratio alpha of the displayed force to the contact force.
     """
 
-    def __init__(self, coupling: Coupling, gain: float = 1.0) -> None:
-        super().__init__(coupling)
+    def __init__(
+        self, coupling: Coupling, stiffness: float = STIFF_PRIOR, gain: float = 1.0
+    ) -> None:
+        super().__init__(coupling, stiffness)
         self._share = coupling.scale / gain if gain else 0.0
         self.align()
 

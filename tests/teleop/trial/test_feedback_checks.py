@@ -13,8 +13,10 @@ from sim_backend import OperatorModel
 from sim_backend.channel import ChannelSettings
 from teleop.cli import main
 from teleop.control.admittance import AdmittanceParameters
+from teleop.control.feedback.law import STIFF_PRIOR
 from teleop.control.feedback.settings import FeedbackSettings
 from teleop.errors import InputError
+from teleop.trial.assembly import make_link
 from teleop.trial.configuration import read_configuration, write_configuration
 from teleop.trial.feedback_checks import PASSIVITY_OFFERED, check_feedback, delayed_loop, lag
 from teleop.trial.rehearsal import tick_cost
@@ -122,6 +124,20 @@ def test_on_a_rig_the_arm_is_not_assumed_to_damp():
                 check_feedback(trial)
         else:
             assert check_feedback(trial) == ""
+
+
+@pytest.mark.parametrize("law", ["none", "position-force", "passivity"])
+def test_a_law_without_a_model_approaches_by_the_expected_stiffness_of_the_specimen(law):
+    simulated = settings(law, ChannelSettings(0.05))
+    at_aim = simulated.setup.cube.k1 + 3.0 * simulated.setup.cube.k3 * (4.6e-3) ** 2
+    assert make_link(simulated).stiffness(0.0) == pytest.approx(at_aim, rel=0.02)
+    stated = replace(simulated, feedback=FeedbackSettings(law, stiffness=900.0))
+    assert make_link(stated).stiffness(0.0) == 900.0
+    rig = load_rig_file(ROOT / "rigs" / "serial-board.toml")
+    unknown = TrialSettings(
+        rig=rig, depth=2e-3, feedback=FeedbackSettings(law), channel=ChannelSettings(0.05)
+    )
+    assert make_link(unknown).stiffness(0.0) == STIFF_PRIOR
 
 
 def test_the_rehearsal_does_not_refuse_a_delay_that_is_stable_on_the_specimen():
