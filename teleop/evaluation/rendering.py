@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimation.compiled import Floats
+from teleop.control.admittance import AdmittanceParameters
 from teleop.recording.recording import Recording
 
 SETTLING = 4.0
@@ -51,33 +52,37 @@ class Hand(NamedTuple):
     """Velocity of the virtual mass [m/s]."""
 
 
-def hand(recording: Recording, mass: float, damping: float, scale: float = 1.0) -> Hand:
+def hand(recording: Recording, admittance: AdmittanceParameters, scale: float = 1.0) -> Hand:
     """Return what the hand felt at each tick in mode active.
 
-    The force of the environment is the measured force of the hand minus m a + d v of the virtual
-    mass. Where a limit acted, it is the displayed force that the controller recorded.
+    The force of the environment is the measured force of the hand minus the force that the
+    admittance needs for its motion. The centre of its spring is the position at the start. Where a
+    limit acted, it is the displayed force that the controller recorded.
 
     Parameters
     ----------
     recording
         A trial with force feedback or a channel, in mode active.
-    mass, damping
-        Virtual mass [kg] and damping [N s/m] of the admittance.
+    admittance
+        Virtual mass, damping and stiffness.
     scale
         Ratio of slave motion to master motion.
     """
     v, dt = recording["commanded_master_velocity"], recording["dt"]
     before = np.concatenate(([0.0], v[:-1]))
     mean = 0.5 * (v + before)
-    force = recording["drive_force"] - mass * (v - before) / dt - damping * mean
+    moved = np.cumsum(mean * dt)
+    m, d, c = admittance.mass, admittance.damping, admittance.stiffness
+    force = recording["drive_force"] - m * (v - before) / dt - d * mean
+    force -= c * (moved - 0.5 * mean * dt)
     limited = recording["limited"] != 0
     force = np.where(limited, recording["displayed_force"], force)
     start = recording["slave_position"][0] / scale if len(v) else 0.0
-    return Hand(start + np.cumsum(mean * dt), force, mean)
+    return Hand(start + moved, force, mean)
 
 
 def rendering(
-    active: Recording, mass: float, damping: float, scale: float = 1.0, gain: float = 1.0
+    active: Recording, admittance: AdmittanceParameters, scale: float = 1.0, gain: float = 1.0
 ) -> Rendering:
     """Return what the hand felt in a trial with force feedback or a channel.
 
@@ -85,8 +90,8 @@ def rendering(
     ----------
     active
         The ticks of the trial in mode active, and its events.
-    mass, damping
-        Virtual mass [kg] and damping [N s/m] of the admittance.
+    admittance
+        Virtual mass, damping and stiffness.
     scale
         Ratio of slave motion to master motion.
     gain
@@ -95,7 +100,7 @@ def rendering(
     if not len(active):
         return Rendering(math.nan, math.nan, math.nan, math.nan, stable=False)
     t, x, f = active["time"], active["slave_position"], gain * active["contact_force"]
-    felt = hand(active, mass, damping, scale)
+    felt = hand(active, admittance, scale)
     energy = np.cumsum(felt.force * felt.velocity * active["dt"])
     settled = t > min(SETTLING, 0.5 * t[-1])
     fast = fast_share(felt.velocity[settled], active["dt"][settled])

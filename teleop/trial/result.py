@@ -194,11 +194,10 @@ class Trial(Presented):
         settings = self.settings
         if not settings.has_link:
             return None
-        admittance, feedback = settings.admittance, settings.feedback
+        feedback = settings.feedback
         found = rendering(
             self.recording.where(self.recording["mode"] == ACTIVE),
-            admittance.mass,
-            admittance.damping,
+            settings.admittance,
             settings.coupling.scale,
             feedback.gain,
         )
