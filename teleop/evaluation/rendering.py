@@ -21,7 +21,7 @@ FASTEST = 4.0
 """Frequency above which motion is not voluntary: tremor or an oscillation of the loop [Hz]."""
 MOST_FAST = 0.8
 """Greatest share of the power of the velocity above this frequency in a stable trial. The tremor of
-a stiff arm has up to 0.65."""
+a stiff arm on a soft specimen can have more: such a trial is counted as not stable."""
 
 
 class Rendering(NamedTuple):
@@ -35,10 +35,11 @@ class Rendering(NamedTuple):
     """Root mean square difference of the felt force to the contact force of the same motion,
     relative to the root mean square contact force."""
     energy_min_j: float
-    """Lowest energy that the hand had given to the environment; negative if it was generated [J].
-    The energy in the virtual damping and mass is not included."""
+    """Lowest energy that the hand had given to the displayed environment; negative if it gave out
+    energy [J]. The energy in the virtual damping and mass is not included."""
     stable: bool
-    """Whether the trial had no safety stop, and no oscillation above `FASTEST`."""
+    """Whether the trial had no safety stop, and no oscillation above `FASTEST`. A slow instability
+    that has not reached the threshold of a stop by the end of the trial is counted as stable."""
 
 
 class Hand(NamedTuple):

@@ -70,7 +70,7 @@ class Master:
     """
 
     allowance = PASSIVE
-    """Energy that the port of the hand may generate before the drives are stopped [J]."""
+    """Energy that the displayed environment may give out before the drives are stopped [J]."""
 
     def __init__(self, admittance: Admittance, scale: float = 1.0, gain: float = 1.0) -> None:
         self.admittance = admittance

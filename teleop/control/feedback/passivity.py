@@ -9,6 +9,16 @@ not exceed the energy that had entered at the other port, as far as is known the
 Otherwise the passivity controller dissipates the difference: at the master by a damping force
 proportional to the velocity, at the slave by a velocity proportional to the contact force.
 
+The energies are those of the outer ports, at the hand and at the environment: they contain what the
+controllers dissipate. Ryu et al. observe the port of the network and add the energy of the
+controller separately. Both are valid.
+
+The damping at the master is limited to `MOST_DAMPING`. At a speed below |f| / MOST_DAMPING, which
+is 5 mm/s with a force f of 10 N, it cannot dissipate the power |f v| that leaves the port. The law
+then exceeds its balance by some 10 mJ. A limit of 1e5 N s/m makes this smaller, but not all trials
+with it were stable. The felt stiffness is too low mainly because the slave yields, so that the
+positions of master and slave drift apart, as is known of this method.
+
 Source: J.-H. Ryu, J. Artigas, C. Preusche, "A passive bilateral control scheme for a teleoperator
 with time-varying communication delay", Mechatronics 20(7), 2010.
 """
@@ -45,8 +55,7 @@ class PassivityMaster(Master):
     """Master half: observes the energy at the hand's side, and damps."""
 
     allowance = TANK_MAX
-    """Lag of sensor and servo, and lost motion, make the port of the slave active: the observer
-    there counts more energy than the environment gives. So the law may generate some energy [J]."""
+    """The damping at the master is limited, so the law may generate some energy [J]."""
 
     def __init__(self, admittance: Admittance, scale: float = 1.0, gain: float = 1.0) -> None:
         super().__init__(admittance, scale, gain)

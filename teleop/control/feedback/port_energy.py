@@ -1,4 +1,4 @@
-"""Energy at the port of the hand, observed while a trial runs.
+"""Energy given out by the displayed environment, observed while a trial runs.
 
 The hand gives energy to the displayed dynamics: to the environment, to the damping d and to the
 virtual mass m. The sum is
@@ -18,6 +18,10 @@ The energy in the tank, which the damping has filled, may be given back by a cha
 For a passive system this E is never negative: by induction it is at least the stored energy. A
 negative value is energy that was generated.
 
+E contains the motion of the virtual mass and the displayed force only. It shows activity of the
+displayed environment, for example of a delayed force. It does not show activity between the virtual
+mass and the hand, for example of the servo of the handle or of its force sensor.
+
 Source of the observer: J.-H. Ryu, D.-S. Kwon, B. Hannaford, "Stable teleoperation with time-domain
 passivity control", IEEE Trans. Robotics and Automation 20(2), 2004.
 """
@@ -28,7 +32,7 @@ from teleop.control.admittance import Admittance
 
 
 class PortEnergy:
-    """Observer of the energy at the port of the hand.
+    """Observer of the energy that the hand gives to the displayed dynamics.
 
     Parameters
     ----------
