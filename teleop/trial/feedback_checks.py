@@ -15,10 +15,11 @@ from teleop.trial.settings import TrialSettings
 
 LOOP_DELAY = 1.5
 """Delay of the loop in periods: a command is computed from the last sample, and then held."""
-PASSIVITY_OFFERED = {"soft": (0.05, 0.5)}
+PASSIVITY_OFFERED = {"soft": (0.0, 0.5)}
 """Shortest and longest round trip [s] with which passivity control is offered, by cube.
 
-In between, 20 of 20 trials were stable (`benchmarks/results/feedback-passivity.csv`).
+At each round trip in between, 20 of 20 trials were stable
+(`benchmarks/results/feedback-passivity.csv`).
 """
 
 

@@ -169,7 +169,12 @@ def test_passivity_control_is_offered_only_where_all_trials_were_stable(refused)
         ]
         assert len(offered) >= 20
         assert all(row["stable"] == "True" for row in offered)
-        check_feedback(settings("passivity", ChannelSettings(0.5 * longest), cube=cube))
+        for trip in (shortest, longest):
+            check_feedback(settings("passivity", ChannelSettings(0.5 * trip), cube=cube))
+
+
+def test_passivity_control_is_offered_without_a_delay_on_the_soft_cube():
+    assert check_feedback(settings("passivity")) == ""
 
 
 @pytest.mark.parametrize(
