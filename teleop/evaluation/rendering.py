@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimation.compiled import Floats
-from teleop.control.admittance import AdmittanceParameters
 from teleop.recording.recording import Recording
 
 SETTLING = 4.0
@@ -53,7 +52,9 @@ class Hand(NamedTuple):
     """Velocity of the virtual mass [m/s]."""
 
 
-def hand(recording: Recording, admittance: AdmittanceParameters, scale: float = 1.0) -> Hand:
+def hand(
+    recording: Recording, mass: float, damping: float, stiffness: float, scale: float = 1.0
+) -> Hand:
     """Return what the hand felt at each tick in mode active.
 
     The force of the environment is the measured force of the hand minus the force that the
@@ -64,8 +65,8 @@ def hand(recording: Recording, admittance: AdmittanceParameters, scale: float = 
     ----------
     recording
         A trial with force feedback or a channel, in mode active.
-    admittance
-        Virtual mass, damping and stiffness.
+    mass, damping, stiffness
+        Virtual mass [kg], damping [N s/m] and stiffness [N/m] of the admittance.
     scale
         Ratio of slave motion to master motion.
     """
@@ -73,9 +74,8 @@ def hand(recording: Recording, admittance: AdmittanceParameters, scale: float = 
     before = np.concatenate(([0.0], v[:-1]))
     mean = 0.5 * (v + before)
     moved = np.cumsum(mean * dt)
-    m, d, c = admittance.mass, admittance.damping, admittance.stiffness
-    force = recording["drive_force"] - m * (v - before) / dt - d * mean
-    force -= c * (moved - 0.5 * mean * dt)
+    force = recording["drive_force"] - mass * (v - before) / dt - damping * mean
+    force -= stiffness * (moved - 0.5 * mean * dt)
     limited = recording["limited"] != 0
     force = np.where(limited, recording["displayed_force"], force)
     start = recording["slave_position"][0] / scale if len(v) else 0.0
@@ -83,7 +83,12 @@ def hand(recording: Recording, admittance: AdmittanceParameters, scale: float = 
 
 
 def rendering(
-    active: Recording, admittance: AdmittanceParameters, scale: float = 1.0, gain: float = 1.0
+    active: Recording,
+    mass: float,
+    damping: float,
+    stiffness: float,
+    scale: float = 1.0,
+    gain: float = 1.0,
 ) -> Rendering:
     """Return what the hand felt in a trial with force feedback or a channel.
 
@@ -91,8 +96,8 @@ def rendering(
     ----------
     active
         The ticks of the trial in mode active, and its events.
-    admittance
-        Virtual mass, damping and stiffness.
+    mass, damping, stiffness
+        Virtual mass [kg], damping [N s/m] and stiffness [N/m] of the admittance.
     scale
         Ratio of slave motion to master motion.
     gain
@@ -101,7 +106,7 @@ def rendering(
     if not len(active):
         return Rendering(math.nan, math.nan, math.nan, math.nan, stable=False)
     t, x, f = active["time"], active["slave_position"], gain * active["contact_force"]
-    felt = hand(active, admittance, scale)
+    felt = hand(active, mass, damping, stiffness, scale)
     energy = np.cumsum(felt.force * felt.velocity * active["dt"])
     settled = t > min(SETTLING, 0.5 * t[-1])
     fast = fast_share(felt.velocity[settled], active["dt"][settled])

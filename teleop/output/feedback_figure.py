@@ -5,7 +5,6 @@ from __future__ import annotations
 from matplotlib.figure import Figure
 
 from estimation.figure_style import BLUE, ORANGE, draw, new_figure, tidy
-from teleop.control.admittance import AdmittanceParameters
 from teleop.evaluation.rendering import hand
 from teleop.recording.recording import Recording
 from teleop.safety.events import ACTIVE
@@ -20,9 +19,10 @@ def feedback_figure(recording: Recording) -> Figure:
         A trial with force feedback or a channel, with its settings.
     """
     settings = recording.settings
-    admittance = AdmittanceParameters(**settings["admittance"])
+    admittance = settings["admittance"]
+    virtual = (admittance["mass"], admittance["damping"], admittance["stiffness"])
     active = recording.where(recording["mode"] == ACTIVE)
-    felt = hand(active, admittance, settings["coupling"]["scale"])
+    felt = hand(active, *virtual, settings["coupling"]["scale"])
     figure = new_figure(0.5)
     left, right = figure.subplots(1, 2, sharey=True)
     draw(left, felt.position * 1e3, felt.force, color=ORANGE, linewidth=0.7)

@@ -194,10 +194,12 @@ class Trial(Presented):
         settings = self.settings
         if not settings.has_link:
             return None
-        feedback = settings.feedback
+        admittance, feedback = settings.admittance, settings.feedback
         found = rendering(
             self.recording.where(self.recording["mode"] == ACTIVE),
-            settings.admittance,
+            admittance.mass,
+            admittance.damping,
+            admittance.stiffness,
             settings.coupling.scale,
             feedback.gain,
         )
