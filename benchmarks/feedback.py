@@ -1,9 +1,10 @@
 """Force feedback in virtual time: acceptance grid, bodies outside the model, and stability map.
 
-    python benchmarks/feedback.py --part acceptance --seeds 3 --out acceptance.csv
-    python benchmarks/feedback.py --part bodies --seeds 3 --out bodies.csv
-    python benchmarks/feedback.py --part map --seeds 1 --out map.csv
-    python benchmarks/feedback.py --part passivity --seeds 20 --out passivity.csv
+    python benchmarks/feedback.py --part acceptance --seeds 3 --rigid --out acceptance.csv
+    python benchmarks/feedback.py --part acceptance --seeds 1 --out lost-motion.csv
+    python benchmarks/feedback.py --part bodies --seeds 1 --rigid --out bodies.csv
+    python benchmarks/feedback.py --part map --seeds 3 --rigid --out map.csv
+    python benchmarks/feedback.py --part passivity --seeds 20 --cubes soft --out passivity.csv
 
 The acceptance grid is model-mediated feedback on three cubes, with round trips of 0 to 500 ms and
 three arms, a jitter of 20 ms and a loss of 5 %. The map finds, for position-force and each cube,
