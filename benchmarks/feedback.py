@@ -1,13 +1,14 @@
 """Force feedback in virtual time: acceptance grid, bodies outside the model, and stability map.
 
-    python benchmarks/feedback.py --part acceptance --seeds 3 --out acceptance.csv
-    python benchmarks/feedback.py --part bodies --seeds 3 --out bodies.csv
-    python benchmarks/feedback.py --part map --seeds 1 --out map.csv
-    python benchmarks/feedback.py --part passivity --seeds 20 --out passivity.csv
+    python benchmarks/feedback.py --part acceptance --seeds 3 --rigid --out acceptance.csv
+    python benchmarks/feedback.py --part acceptance --seeds 1 --out lost-motion.csv
+    python benchmarks/feedback.py --part bodies --seeds 1 --rigid --out bodies.csv
+    python benchmarks/feedback.py --part map --seeds 3 --rigid --out map.csv
+    python benchmarks/feedback.py --part passivity --seeds 20 --cubes soft --out passivity.csv
 
 The acceptance grid is model-mediated feedback on three cubes, with round trips of 0 to 500 ms and
-three arms, a jitter of 20 ms and a loss of 5 %. The map finds, for each law, cube and virtual
-damping, the largest round trip without a safety stop, beside the predicted one. One row per trial
+three arms, a jitter of 20 ms and a loss of 5 %. The map finds, for position-force and each cube,
+virtual damping and arm, the largest stable round trip beside the predicted one. One row per trial
 is written to a CSV file, and a summary is printed.
 """
 
@@ -22,11 +23,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from feedback_case import JITTER, LOSS, run_one
+from feedback_case import JITTER, LOSS, run_one, settings_of
+
+from teleop.trial.feedback_checks import delayed_loop, lag
 
 CUBES = ("soft", "medium", "hard")
 ROUND_TRIPS = (0.0, 0.05, 0.1, 0.2, 0.5)
-MAP_ROUND_TRIPS = (0.0, 0.005, 0.01, 0.02, 0.04, 0.06, 0.08, 0.1, 0.12, 0.16, 0.2, 0.3, 0.5)
+MAP_ROUND_TRIPS = tuple(
+    1e-3 * ms for ms in (0, 1, 3, 5, 10, 20, 40, 60, 80, 100, 120, 160, 200, 300, 500)
+)
 ARMS = (150.0, 400.0, 1500.0)
 DAMPINGS = (15.0, 50.0, 200.0)
 Row = dict[str, Any]
@@ -63,18 +68,36 @@ def bodies(seeds: int, rigid: bool) -> Iterator[Row]:
 
 
 def stability_map(seeds: int, rigid: bool) -> Iterator[Row]:
-    """Yield the trials of the map of position-force."""
-    for cube, damping, trip, seed in itertools.product(
-        CUBES, DAMPINGS, MAP_ROUND_TRIPS, range(seeds)
-    ):
-        yield {
-            "law": "position-force",
-            "cube": cube,
-            "round_trip": trip,
-            "damping": damping,
-            "seed": seed,
-            "rigid": rigid,
-        }
+    """Yield the cases of the map of position-force, with the round trip at which each begins.
+
+    It is the largest one that condition (2) permits.
+    """
+    for cube, damping, arm, seed in itertools.product(CUBES, DAMPINGS, ARMS, range(seeds)):
+        case = {"law": "position-force", "cube": cube, "damping": damping, "arm": arm}
+        settings = settings_of(**case, round_trip=0.0)
+        safe = delayed_loop(settings).safe_delay - lag(settings)
+        first = max(trip for trip in MAP_ROUND_TRIPS if trip <= max(safe, 0.0))
+        yield case | {"round_trip": first, "seed": seed, "rigid": rigid}
+
+
+def run_to_boundary(case: Row) -> list[Row]:
+    """Run trials with other round trips until one is stable and the next longer one is not."""
+    first = MAP_ROUND_TRIPS.index(case["round_trip"])
+    row = run_one(case)
+    rows = [row]
+    if row["stable"]:
+        trips, unstable = MAP_ROUND_TRIPS[first + 1 :], False
+    else:
+        trips, unstable = MAP_ROUND_TRIPS[:first][::-1], True
+    for trip in trips:
+        rows.append(run_one(case | {"round_trip": trip}))
+        if rows[-1]["stable"] == unstable:
+            break
+    return sorted(rows, key=lambda row: row["round_trip"])
+
+
+def run_single(case: Row) -> list[Row]:
+    return [run_one(case)]
 
 
 def passivity(seeds: int, rigid: bool) -> Iterator[Row]:
@@ -92,7 +115,7 @@ PARTS = {
 KEYS = {
     "acceptance": ("cube", "round_trip"),
     "bodies": ("body", "cube", "round_trip"),
-    "map": ("cube", "damping", "round_trip"),
+    "map": ("cube", "damping", "arm", "round_trip"),
     "passivity": ("cube", "round_trip"),
 }
 """Arguments by which the summary groups the trials of a part."""
@@ -125,20 +148,23 @@ def summarise(rows: list[Row], keys: Iterable[str]) -> None:
 
 
 def summarise_map(rows: list[Row]) -> None:
-    """Print the measured and the predicted largest round trip for each cube and damping."""
+    """Print the measured and the predicted largest round trip for each cube, damping and arm."""
+    seeds = len({row["seed"] for row in rows})
+    print(f"largest stable round trip, {len(rows)} trials, number of seeds: {seeds}")
     print(
-        f"{'cube':<10}{'d [N s/m]':>10}{'stable to [ms]':>16}{'unstable from':>15}"
+        f"{'cube':<8}{'d [N s/m]':>10}{'arm [N/m]':>11}{'stable to [ms]':>16}{'unstable from':>15}"
         f"{'condition (2)':>15}{'equation (1)':>14}"
     )
-    for cube, damping in dict.fromkeys((row["cube"], row["damping"]) for row in rows):
-        found = [row for row in rows if (row["cube"], row["damping"]) == (cube, damping)]
+    for case in dict.fromkeys((row["cube"], row["damping"], row["arm"]) for row in rows):
+        found = [row for row in rows if (row["cube"], row["damping"], row["arm"]) == case]
         bad = [row["round_trip"] for row in found if not row["stable"]]
         first = min(bad, default=float("inf"))
         good = [row["round_trip"] for row in found if row["round_trip"] < first]
         safe, largest = found[0]["safe_round_trip"], found[0]["largest_round_trip"]
         last = f"{max(good) * 1e3:.0f}" if good else "none"
+        cube, damping, arm = case
         print(
-            f"{cube:<10}{damping:>10g}{last:>16}{first * 1e3:>15.0f}"
+            f"{cube:<8}{damping:>10g}{arm:>11g}{last:>16}{first * 1e3:>15.0f}"
             f"{safe * 1e3:>15.1f}{largest * 1e3:>14.1f}"
         )
 
@@ -158,7 +184,8 @@ def main() -> None:
         if case["cube"] in options.cubes
     ]
     with ProcessPoolExecutor(options.processes) as pool:
-        rows = list(pool.map(run_one, cases, chunksize=1))
+        run = run_to_boundary if options.part == "map" else run_single
+        rows = [row for found in pool.map(run, cases, chunksize=1) for row in found]
     if options.out:
         with options.out.open("w", newline="") as file:
             writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")

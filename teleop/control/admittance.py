@@ -125,10 +125,13 @@ class Admittance:
     def step_against(self, force: float, environment: Environment, dt: float) -> float:
         """Apply a constant force [N] for dt [s] against a body, and return the velocity [m/s].
 
-        The equation of motion, m v' + (d + b) v + c (x - centre) + k x + k3 x^3 = force, is
-        linearised about the present position X, where k3 x^3 is about 3 k3 X^2 x - 2 k3 X^3. The
-        linearised equation is then solved exactly, as in `step`. A body that is not glued has no
-        effect at x < 0.
+        The equation m v' + (d + b) v + c (x - centre) + k x + k3 x^3 = force is linearised about
+        the present position X, where k3 x^3 is about 3 k3 X^2 x - 2 k3 X^3. The linear equation
+        is then solved exactly, as in `step`. A body that is not glued has no effect at x < 0.
+
+        Since X is the position at the start of the period, the hand gives less energy to the cubic
+        term than it stores, by up to k3 X (v dt)^2 per unit of travel while the body is loaded. The
+        damping d dissipates more than this if v < d / (k3 X dt^2).
         """
         d, c, x = self.parameters.damping, self.parameters.stiffness, self.position
         if x < 0.0 and not environment.glued:

@@ -138,14 +138,14 @@ class BilateralLink(Link):
         return self._slave.stiffness(position)
 
     def _detected(self, now: float, silence: float, energy: float) -> tuple[DetectedFault, ...]:
-        """Return the faults: a silent channel, or too much energy from the handle to the hand."""
+        """Return the faults of the channel and of the displayed environment."""
         faults = []
         if silence > (most := self._max_silence):
             source = f"silent for {silence * 1e3:.0f} ms, at most {most * 1e3:g} ms"
             faults.append(DetectedFault(Fault.CHANNEL_SILENT, source, silence, most, now - silence))
         if energy < -(allowed := self._master.allowance):
             source = (
-                f"the handle has given {-energy * 1e3:.1f} mJ to the hand, at most "
+                f"the displayed environment has given out {-energy * 1e3:.1f} mJ, at most "
                 f"{allowed * 1e3:g} mJ"
             )
             faults.append(DetectedFault(Fault.PORT_ENERGY, source, energy, -allowed, now))

@@ -19,8 +19,8 @@ LEAST_FORCE = 0.5
 FASTEST = 4.0
 """Frequency above which motion is not voluntary, but tremor or an oscillation of the loop [Hz]."""
 MOST_FAST = 0.8
-"""Greatest fraction of the power of the velocity above `FASTEST` in a stable trial. The tremor of a
-stiff arm causes up to 0.65."""
+"""Greatest share of the power of the velocity above this frequency in a stable trial. The tremor of
+a stiff arm on a soft specimen can have more: such a trial is counted as not stable."""
 
 
 class Rendering(NamedTuple):
@@ -35,10 +35,11 @@ class Rendering(NamedTuple):
     """Root mean square difference between the felt force and the contact force of the same motion,
     divided by the root mean square contact force."""
     energy_min_j: float
-    """Lowest value of the energy that the hand had given to the environment [J]; negative if energy
-    was generated. The energy in virtual damping and virtual mass is not included."""
+    """Lowest energy that the hand had given to the displayed environment; negative if it gave out
+    energy [J]. The energy in the virtual damping and mass is not included."""
     stable: bool
-    """Whether there was no safety stop in the trial, and no oscillation above `FASTEST`."""
+    """Whether the trial had no safety stop, and no oscillation above `FASTEST`. A slow instability
+    that has not reached the threshold of a stop by the end of the trial is counted as stable."""
 
 
 class Hand(NamedTuple):
@@ -52,34 +53,43 @@ class Hand(NamedTuple):
     """Velocity of the virtual mass [m/s]."""
 
 
-def hand(recording: Recording, mass: float, damping: float, scale: float = 1.0) -> Hand:
-    """Return motion and force at the hand, at each tick in mode active.
+def hand(
+    recording: Recording, mass: float, damping: float, stiffness: float, scale: float = 1.0
+) -> Hand:
+    """Return what the hand felt at each tick in mode active.
 
-    The force of the environment is the measured force of the hand minus m a + d v, with mass m,
-    damping d, acceleration a and velocity v of the virtual mass. At ticks at which a limit acted,
-    it is the displayed force that the controller recorded.
+    The force of the environment is the measured force of the hand minus the force that the
+    admittance needs for its motion. The centre of its spring is the position at the start. Where a
+    limit acted, it is the displayed force that the controller recorded.
 
     Parameters
     ----------
     recording
-        Ticks in mode active of a trial with force feedback or a channel.
-    mass, damping
-        Virtual mass [kg] and damping [N s/m] of the admittance.
+        A trial with force feedback or a channel, in mode active.
+    mass, damping, stiffness
+        Virtual mass [kg], damping [N s/m] and stiffness [N/m] of the admittance.
     scale
         Ratio of slave motion to master motion.
     """
     v, dt = recording["commanded_master_velocity"], recording["dt"]
     before = np.concatenate(([0.0], v[:-1]))
     mean = 0.5 * (v + before)
+    moved = np.cumsum(mean * dt)
     force = recording["drive_force"] - mass * (v - before) / dt - damping * mean
+    force -= stiffness * (moved - 0.5 * mean * dt)
     limited = recording["limited"] != 0
     force = np.where(limited, recording["displayed_force"], force)
     start = recording["slave_position"][0] / scale if len(v) else 0.0
-    return Hand(start + np.cumsum(mean * dt), force, mean)
+    return Hand(start + moved, force, mean)
 
 
 def rendering(
-    active: Recording, mass: float, damping: float, scale: float = 1.0, gain: float = 1.0
+    active: Recording,
+    mass: float,
+    damping: float,
+    stiffness: float,
+    scale: float = 1.0,
+    gain: float = 1.0,
 ) -> Rendering:
     """Return a summary of what the hand felt in a trial with force feedback or a channel.
 
@@ -87,8 +97,8 @@ def rendering(
     ----------
     active
         The ticks of the trial in mode active, and its events.
-    mass, damping
-        Virtual mass [kg] and damping [N s/m] of the admittance.
+    mass, damping, stiffness
+        Virtual mass [kg], damping [N s/m] and stiffness [N/m] of the admittance.
     scale
         Ratio of slave motion to master motion.
     gain
@@ -97,7 +107,7 @@ def rendering(
     if not len(active):
         return Rendering(math.nan, math.nan, math.nan, math.nan, stable=False)
     t, x, f = active["time"], active["slave_position"], gain * active["contact_force"]
-    felt = hand(active, mass, damping, scale)
+    felt = hand(active, mass, damping, stiffness, scale)
     energy = np.cumsum(felt.force * felt.velocity * active["dt"])
     settled = t > min(SETTLING, 0.5 * t[-1])
     fast = fast_share(felt.velocity[settled], active["dt"][settled])

@@ -19,9 +19,10 @@ def feedback_figure(recording: Recording) -> Figure:
         Recording of a trial with force feedback or a channel, with the settings of the trial.
     """
     settings = recording.settings
-    admittance, scale = settings["admittance"], settings["coupling"]["scale"]
+    admittance = settings["admittance"]
+    virtual = (admittance["mass"], admittance["damping"], admittance["stiffness"])
     active = recording.where(recording["mode"] == ACTIVE)
-    felt = hand(active, admittance["mass"], admittance["damping"], scale)
+    felt = hand(active, *virtual, settings["coupling"]["scale"])
     figure = new_figure(0.5)
     left, right = figure.subplots(1, 2, sharey=True)
     draw(left, felt.position * 1e3, felt.force, color=ORANGE, linewidth=0.7)

@@ -25,6 +25,7 @@ from teleop.control.injector import Injector
 from teleop.control.link import DirectLink, Link
 from teleop.recording.message import Layout
 from teleop.recording.tick_columns import FEEDBACK_COLUMNS
+from teleop.trial.feedback_checks import expected_stiffness
 from teleop.trial.settings import TrialSettings
 
 LINK_GAIN = 20.0
@@ -151,7 +152,8 @@ def make_link(settings: TrialSettings) -> Link:
     feedback, glued = settings.feedback, settings.feedback.glued
     if glued is None:
         glued = settings.setup.cube.glued if settings.rig is None else True
-    halves = feedback.halves(admittance, coupling, settings.force_lag, glued)
+    stiffness = expected_stiffness(settings)
+    halves = feedback.halves(admittance, coupling, settings.force_lag, glued, stiffness)
     channel = settings.channel or ChannelSettings()
     return BilateralLink(admittance, coupling, *halves, channel, settings.seed)
 

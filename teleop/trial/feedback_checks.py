@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import math
+
 from sim_backend.channel import ChannelSettings
+from sim_backend.plant import UNATTENDED
+from teleop.control.feedback.law import STIFF_PRIOR
 from teleop.control.feedback.stability import DelayedLoop
 from teleop.errors import InputError
 from teleop.trial.settings import TrialSettings
 
 LOOP_DELAY = 1.5
-"""Delay of the control loop, in periods: 1 from sample to command, and 0.5 for the hold."""
-PASSIVITY_OFFERED = {"soft": (0.05, 0.5)}
-"""Shortest and longest round trip [s] of the channel at which the law passivity is permitted, by
-cube.
+"""Delay of the loop in periods: a command is computed from the last sample, and then held."""
+PASSIVITY_OFFERED = {"soft": (0.0, 0.5)}
+"""Shortest and longest round trip [s] with which passivity control is offered, by cube.
 
-Within this range, 20 of 20 trials were stable (`benchmarks/results/feedback-passivity.csv`).
+At each round trip in between, 20 of 20 trials were stable
+(`benchmarks/results/feedback-passivity.csv`).
 """
 
 
@@ -31,15 +35,18 @@ def check_feedback(settings: TrialSettings) -> str:
         check_offered(settings, trip)
     if law != "position-force":
         return ""
-    if settings.rig and settings.feedback.stiffness is None:
-        return (
+    warning = ""
+    if unknown := unknown_values(settings):
+        warning = (
             "feedback position-force: whether it is stable is not known: expected "
-            "feedback.stiffness, the largest stiffness of the specimen, in the configuration"
+            f"{' and '.join(unknown)}"
         )
+    if settings.rig and settings.feedback.stiffness is None:
+        return warning
     loop = delayed_loop(settings)
     delay = trip + lag(settings)
     if delay < loop.safe_delay:
-        return ""
+        return warning
     raise InputError(
         f"feedback position-force: unstable with k = {loop.k:.0f} N/m and a delay of "
         f"{delay * 1e3:.1f} ms, of which {trip * 1e3:.1f} ms are the round trip: expected a delay "
@@ -47,9 +54,35 @@ def check_feedback(settings: TrialSettings) -> str:
     )
 
 
+def unknown_values(settings: TrialSettings) -> list[str]:
+    """Return what the check of position-force needs and is not stated, on a hardware rig."""
+    if settings.rig is None:
+        return []
+    unknown = []
+    if settings.feedback.stiffness is None:
+        unknown.append("feedback.stiffness, the largest stiffness of the specimen")
+    if not sensor_lag(settings):
+        unknown.append("the lag of the contact force, force_lag or lag_ms in the rig file")
+    return unknown
+
+
 def lag(settings: TrialSettings) -> float:
-    """Return the delay of the displayed force that force channel and loop cause [s]."""
-    return settings.plant_parameters.contact_force_lag + LOOP_DELAY / settings.rate
+    """Return the delay of the force at the master without the channel [s]."""
+    return sensor_lag(settings) + LOOP_DELAY / settings.rate
+
+
+def sensor_lag(settings: TrialSettings) -> float:
+    """Return the lag of the contact force, on a hardware rig as far as it is stated [s]."""
+    if settings.rig is None:
+        return settings.plant_parameters.contact_force_lag
+    return settings.force_lag + settings.rig.sections.channels.contact_force.lag_ms * 1e-3
+
+
+def arm_lag(settings: TrialSettings) -> float:
+    """Return the lag with which the arm acts on the virtual mass of the simulated rig [s]."""
+    plant = settings.plant_parameters
+    servo = 1.0 / (2.0 * math.pi * plant.handle_bandwidth)
+    return servo + plant.master_force_lag + LOOP_DELAY / settings.rate
 
 
 def round_trip(settings: TrialSettings) -> float:
@@ -61,19 +94,33 @@ def round_trip(settings: TrialSettings) -> float:
 def delayed_loop(settings: TrialSettings) -> DelayedLoop:
     """Return the loop of hand, virtual mass and delayed environment, to check its stability.
 
-    On the simulated rig, the stiffness of the environment is the slope of the contact force at the
-    deepest position of a poke of the operator.
+    On the simulated rig, the stiffness is the slope of the force where the operator ends a poke. On
+    a hardware rig the arm is not known. The loop then has no arm, so that condition (2) is the one
+    for any passive hand.
     """
-    feedback, arm = settings.feedback, settings.operator_model.arm
-    k = feedback.stiffness
+    admittance, feedback = settings.admittance, settings.feedback
+    arm = UNATTENDED if settings.rig else settings.operator_model.arm
     return DelayedLoop(
-        settings.admittance.mass,
-        settings.admittance.damping,
-        settings.admittance.stiffness + arm.stiffness,
+        admittance.mass,
+        admittance.damping,
+        arm.stiffness,
         arm.damping,
-        settings.coupling.scale * (present_stiffness(settings) if k is None else k),
+        settings.coupling.scale * expected_stiffness(settings),
         gain=feedback.gain,
+        arm_lag=arm_lag(settings),
+        spring=admittance.stiffness,
     )
+
+
+def expected_stiffness(settings: TrialSettings) -> float:
+    """Return the largest expected slope of the contact force [N/m].
+
+    It is that of the settings or, if they have none, that of the simulated rig. On a hardware rig
+    it is then the stiff prior.
+    """
+    if settings.feedback.stiffness is not None:
+        return settings.feedback.stiffness
+    return STIFF_PRIOR if settings.rig else present_stiffness(settings)
 
 
 def present_stiffness(settings: TrialSettings) -> float:

@@ -200,6 +200,7 @@ class Trial(Presented):
             self.recording.where(self.recording["mode"] == ACTIVE),
             admittance.mass,
             admittance.damping,
+            admittance.stiffness,
             settings.coupling.scale,
             feedback.gain,
         )

@@ -70,7 +70,7 @@ class Master:
     """
 
     allowance = PASSIVE
-    """Energy that the handle may give to the hand before the drives are stopped [J]."""
+    """Energy that the displayed environment may give out before the drives are stopped [J]."""
 
     def __init__(self, admittance: Admittance, scale: float = 1.0, gain: float = 1.0) -> None:
         self.admittance = admittance
@@ -104,11 +104,15 @@ class Slave:
     Parameters
     ----------
     coupling
-        Converts the motion of the master to the desired velocity of the slave.
+        Maps the motion of the master to that of the slave.
+    stiffness
+        Expected slope of the contact force [N/m], by which the supervisor limits the speed of the
+        slave.
     """
 
-    def __init__(self, coupling: Coupling) -> None:
+    def __init__(self, coupling: Coupling, stiffness: float = STIFF_PRIOR) -> None:
         self._coupling = coupling
+        self._stiffness = stiffness
 
     def align(self) -> None:
         """Return to the initial state; called each time the drives are armed."""
@@ -126,4 +130,4 @@ class Slave:
 
     def stiffness(self, position: float) -> float:
         """Return the expected slope of the contact force [N/m] at a position of the slave [m]."""
-        return STIFF_PRIOR
+        return self._stiffness

@@ -11,6 +11,16 @@ If this condition is violated, the passivity controller dissipates the differenc
 a damping force proportional to the velocity, at the slave by a velocity proportional to the contact
 force.
 
+The energies are those of the outer ports, at the hand and at the environment: they contain what the
+controllers dissipate. Ryu et al. observe the port of the network and add the energy of the
+controller separately. Both are valid.
+
+The damping at the master is limited to `MOST_DAMPING`. At a speed below |f| / MOST_DAMPING, which
+is 5 mm/s with a force f of 10 N, it cannot dissipate the power |f v| that leaves the port. The law
+then exceeds its balance by some 10 mJ. A limit of 1e5 N s/m makes this smaller, but not all trials
+with it were stable. The felt stiffness is too low mainly because the slave yields, so that the
+positions of master and slave drift apart, as is known of this method.
+
 Source: J.-H. Ryu, J. Artigas, C. Preusche, "A passive bilateral control scheme for a teleoperator
 with time-varying communication delay", Mechatronics 20(7), 2010.
 """
@@ -23,7 +33,14 @@ from drivers import Measurement
 from teleop.control.admittance import Admittance, Environment
 from teleop.control.coupling import Coupling
 from teleop.control.feedback.energy_tank import TANK_MAX
-from teleop.control.feedback.law import Master, MasterState, Motion, Report, Slave
+from teleop.control.feedback.law import (
+    STIFF_PRIOR,
+    Master,
+    MasterState,
+    Motion,
+    Report,
+    Slave,
+)
 
 MOST_DAMPING = 2000.0
 """Greatest damping of the passivity controller at the master [N s/m]. This damping is part of the
@@ -42,9 +59,7 @@ class PassivityMaster(Master):
     """Master half: observes the energy at the hand's port, and adds damping if it is too large."""
 
     allowance = TANK_MAX
-    """Energy that the handle may give to the hand before the drives are stopped [J]. It is not
-    zero, because the lag of sensor and servo, and lost motion, make the observer at the slave
-    measure more energy than the environment gives."""
+    """The damping at the master is limited, so the law may generate some energy [J]."""
 
     def __init__(self, admittance: Admittance, scale: float = 1.0, gain: float = 1.0) -> None:
         super().__init__(admittance, scale, gain)
@@ -81,13 +96,17 @@ class PassivitySlave(Slave):
     Parameters
     ----------
     coupling
-        Converts the motion of the master to the desired velocity of the slave.
+        Maps the motion of the master to that of the slave.
+    stiffness
+        Expected slope of the contact force [N/m].
     gain
         Ratio alpha of the displayed force to the contact force.
     """
 
-    def __init__(self, coupling: Coupling, gain: float = 1.0) -> None:
-        super().__init__(coupling)
+    def __init__(
+        self, coupling: Coupling, stiffness: float = STIFF_PRIOR, gain: float = 1.0
+    ) -> None:
+        super().__init__(coupling, stiffness)
         self._share = coupling.scale / gain if gain else 0.0
         self.align()
 

@@ -1,4 +1,4 @@
-"""Observer of the energy that the hand gives to the handle, the port of the hand.
+"""Energy given out by the displayed environment, observed while a trial runs.
 
 The hand gives energy to the displayed dynamics: to the environment, to the damping d and to the
 virtual mass m. With the displayed force f_d and the velocity v, the sum of these energies is
@@ -20,6 +20,10 @@ may give this energy to the hand.
 For passive dynamics, the limited E is never negative: by induction it is at least the stored
 energy. A negative E means that energy was generated.
 
+E contains the motion of the virtual mass and the displayed force only. It shows activity of the
+displayed environment, for example of a delayed force. It does not show activity between the virtual
+mass and the hand, for example of the servo of the handle or of its force sensor.
+
 Source of the observer: J.-H. Ryu, D.-S. Kwon, B. Hannaford, "Stable teleoperation with time-domain
 passivity control", IEEE Trans. Robotics and Automation 20(2), 2004.
 """
@@ -30,7 +34,7 @@ from teleop.control.admittance import Admittance
 
 
 class PortEnergy:
-    """Observer of the energy at the port of the hand.
+    """Observer of the energy that the hand gives to the displayed dynamics.
 
     Parameters
     ----------

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from drivers.rig_file import RigFile
 from teleop.control.admittance import Admittance
 from teleop.control.coupling import Coupling
-from teleop.control.feedback.law import Master, Slave
+from teleop.control.feedback.law import STIFF_PRIOR, Master, Slave
 from teleop.control.feedback.local_model import LocalModel, ModelMediatedSlave
 from teleop.control.feedback.model_mediated import ModelMediatedMaster
 from teleop.control.feedback.passivity import PassivityMaster, PassivitySlave
@@ -36,9 +36,9 @@ class FeedbackSettings:
     the body of the simulated rig; glued on a hardware rig."""
 
     stiffness: float | None = None
-    """Largest expected stiffness of the specimen [N/m], from which the stability of the law
-    position-force is computed. Default: the stiffness of the body of the simulated rig; unknown on
-    a hardware rig."""
+    """Largest expected stiffness of the specimen [N/m], for the estimate of the stability of
+    position-force, and for the approach speed of the slave with a law that has no model. Default:
+    that of the simulated rig; unknown on a hardware rig."""
 
     def __post_init__(self) -> None:
         if self.stiffness is not None and not 0.0 < self.stiffness < math.inf:
@@ -68,7 +68,12 @@ class FeedbackSettings:
             )
 
     def halves(
-        self, admittance: Admittance, coupling: Coupling, force_lag: float, glued: bool
+        self,
+        admittance: Admittance,
+        coupling: Coupling,
+        force_lag: float,
+        glued: bool,
+        stiffness: float = STIFF_PRIOR,
     ) -> tuple[Master, Slave]:
         """Return the master half and the slave half of the law.
 
@@ -81,15 +86,17 @@ class FeedbackSettings:
             Lag of the force channel that the estimator compensates [s].
         glued
             Whether the specimen is glued.
+        stiffness
+            Expected slope of the contact force [N/m], for a law without a model.
         """
         master = admittance, coupling.scale, self.gain
         match self.law:
             case "none":
-                return Master(*master), Slave(coupling)
+                return Master(*master), Slave(coupling, stiffness)
             case "position-force":
-                return PositionForceMaster(*master), Slave(coupling)
+                return PositionForceMaster(*master), Slave(coupling, stiffness)
             case "passivity":
-                return PassivityMaster(*master), PassivitySlave(coupling, self.gain)
+                return PassivityMaster(*master), PassivitySlave(coupling, stiffness, self.gain)
             case "model-mediated":
                 return (
                     ModelMediatedMaster(*master, glued),

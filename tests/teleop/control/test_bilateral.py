@@ -60,6 +60,13 @@ def test_position_force_without_delay_feels_like_the_specimen():
     assert abs(result["rendered_k_error"]) < 0.05
 
 
+def test_the_felt_force_does_not_contain_the_centring_spring():
+    """A spring of 500 N/m is a quarter of the stiffness of the specimen."""
+    sprung = AdmittanceParameters(damping=50.0, stiffness=500.0)
+    result = trial("model-mediated", admittance=sprung).feedback()
+    assert abs(result["rendered_k_error"]) < 0.02
+
+
 def test_position_force_with_a_long_delay_ends_in_a_named_stop_below_the_hard_limit():
     result = trial("position-force", ChannelSettings(0.05))
     assert result.fault["fault"] == Fault.PORT_ENERGY

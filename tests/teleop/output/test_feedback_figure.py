@@ -45,7 +45,7 @@ def test_both_panels_have_the_same_force_axis_and_the_recorded_curves(recorded):
 def test_the_felt_force_is_the_displayed_force(recorded):
     recording = load(recorded)
     active = recording.where(recording["mode"] == ACTIVE)
-    felt = hand(active, 0.5, 15.0).force
+    felt = hand(active, 0.5, 15.0, 0.0).force
     shown = active["displayed_force"]
     difference = (felt - shown)[10:]
     assert abs(difference).mean() < 0.02 * abs(shown[1:]).max()

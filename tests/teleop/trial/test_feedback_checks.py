@@ -13,10 +13,12 @@ from sim_backend import OperatorModel
 from sim_backend.channel import ChannelSettings
 from teleop.cli import main
 from teleop.control.admittance import AdmittanceParameters
+from teleop.control.feedback.law import STIFF_PRIOR
 from teleop.control.feedback.settings import FeedbackSettings
 from teleop.errors import InputError
+from teleop.trial.assembly import make_link
 from teleop.trial.configuration import read_configuration, write_configuration
-from teleop.trial.feedback_checks import PASSIVITY_OFFERED, check_feedback, delayed_loop
+from teleop.trial.feedback_checks import PASSIVITY_OFFERED, check_feedback, delayed_loop, lag
 from teleop.trial.rehearsal import tick_cost
 from teleop.trial.rig_loading import load_rig_file
 from teleop.trial.settings import TrialSettings
@@ -67,9 +69,19 @@ def test_position_force_is_permitted_below_the_predicted_delay():
         check_feedback(replace(stable, channel=ChannelSettings(0.5 * loop.safe_delay)))
 
 
+def test_the_lag_of_the_handle_reduces_the_delay_that_a_stiff_arm_permits():
+    """With 3 ms, this loop oscillates at 18 Hz with 8 N from peak to peak."""
+    stiff = replace(
+        settings("position-force", ChannelSettings(1.5e-3), cube="medium"),
+        operator_model=OperatorModel(1500.0, aim_force=10.0),
+    )
+    with pytest.raises(InputError, match="unstable"):
+        check_feedback(stiff)
+
+
 def test_on_a_rig_the_stiffness_is_stated_or_there_is_a_warning():
     rig = load_rig_file(ROOT / "rigs" / "serial-board.toml")
-    unknown = settings("position-force", rig=rig, depth=2e-3)
+    unknown = settings("position-force", rig=rig, depth=2e-3, force_lag=1e-3)
     assert "feedback.stiffness" in check_feedback(replace(unknown, operator_model=OperatorModel()))
     stated = replace(unknown, feedback=FeedbackSettings("position-force", stiffness=500.0))
     assert check_feedback(stated) == ""
@@ -78,10 +90,62 @@ def test_on_a_rig_the_stiffness_is_stated_or_there_is_a_warning():
         check_feedback(stiff)
 
 
+def test_on_a_rig_the_delay_has_the_stated_lag_of_its_force_channel():
+    rig = load_rig_file(ROOT / "rigs" / "serial-board.toml")
+    known = FeedbackSettings("position-force", stiffness=3000.0)
+    slow = settings("position-force", rig=rig, depth=2e-3, force_lag=10e-3)
+    with pytest.raises(InputError, match=r"a delay of 11\.5 ms"):
+        check_feedback(replace(slow, feedback=known))
+    sections = rig.sections
+    channel = sections.channels.contact_force.model_copy(update={"lag_ms": 2.0})
+    channels = sections.channels.model_copy(update={"contact_force": channel})
+    late = replace(rig, sections=sections.model_copy(update={"channels": channels}))
+    assert lag(replace(slow, rig=late)) == pytest.approx(13.5e-3)
+
+
+def test_on_a_rig_a_lag_that_is_not_stated_is_a_warning():
+    rig = load_rig_file(ROOT / "rigs" / "serial-board.toml")
+    stated = FeedbackSettings("position-force", stiffness=500.0)
+    unknown = replace(settings("position-force", rig=rig, depth=2e-3), feedback=stated)
+    assert "lag_ms in the rig file" in check_feedback(unknown)
+    assert "feedback.stiffness" not in check_feedback(unknown)
+    assert check_feedback(replace(unknown, force_lag=1e-3)) == ""
+
+
+def test_on_a_rig_the_arm_is_not_assumed_to_damp():
+    rig = load_rig_file(ROOT / "rigs" / "serial-board.toml")
+    for stiffness, refused in ((1e3, False), (1.5e3, True)):  # d / (1 kN/m) = 15 ms
+        known = FeedbackSettings("position-force", stiffness=stiffness)
+        trial = settings("position-force", rig=rig, depth=2e-3, force_lag=10e-3)
+        trial = replace(trial, feedback=known)
+        assert delayed_loop(trial).safe_delay == pytest.approx(15.0 / stiffness)
+        if refused:
+            with pytest.raises(InputError, match="unstable"):
+                check_feedback(trial)
+        else:
+            assert check_feedback(trial) == ""
+
+
+@pytest.mark.parametrize("law", ["none", "position-force", "passivity"])
+def test_a_law_without_a_model_approaches_by_the_expected_stiffness_of_the_specimen(law):
+    simulated = settings(law, ChannelSettings(0.05))
+    at_aim = simulated.setup.cube.k1 + 3.0 * simulated.setup.cube.k3 * (4.6e-3) ** 2
+    assert make_link(simulated).stiffness(0.0) == pytest.approx(at_aim, rel=0.02)
+    stated = replace(simulated, feedback=FeedbackSettings(law, stiffness=900.0))
+    assert make_link(stated).stiffness(0.0) == 900.0
+    rig = load_rig_file(ROOT / "rigs" / "serial-board.toml")
+    unknown = TrialSettings(
+        rig=rig, depth=2e-3, feedback=FeedbackSettings(law), channel=ChannelSettings(0.05)
+    )
+    assert make_link(unknown).stiffness(0.0) == STIFF_PRIOR
+
+
 def test_the_rehearsal_does_not_refuse_a_delay_that_is_stable_on_the_specimen():
     rig = load_rig_file(ROOT / "rigs" / "serial-board.toml")
     soft = FeedbackSettings("position-force", stiffness=100.0)
-    delayed = TrialSettings(rig=rig, depth=2e-3, feedback=soft, channel=ChannelSettings(0.05))
+    delayed = TrialSettings(
+        rig=rig, depth=2e-3, feedback=soft, channel=ChannelSettings(0.05), force_lag=1e-3
+    )
     assert check_feedback(delayed) == ""
     assert tick_cost(delayed) > 0.0
 
@@ -105,7 +169,12 @@ def test_passivity_control_is_offered_only_where_all_trials_were_stable(refused)
         ]
         assert len(offered) >= 20
         assert all(row["stable"] == "True" for row in offered)
-        check_feedback(settings("passivity", ChannelSettings(0.5 * longest), cube=cube))
+        for trip in (shortest, longest):
+            check_feedback(settings("passivity", ChannelSettings(0.5 * trip), cube=cube))
+
+
+def test_passivity_control_is_offered_without_a_delay_on_the_soft_cube():
+    assert check_feedback(settings("passivity")) == ""
 
 
 @pytest.mark.parametrize(

@@ -22,6 +22,8 @@ LOOPS = st.builds(
     k=st.floats(1600.0, 30_000.0),
     b=st.floats(0.0, 10.0),
     gain=st.floats(0.2, 2.0),
+    arm_lag=st.floats(0.0, 0.01),
+    spring=st.floats(0.0, 500.0),
 )
 
 
@@ -32,16 +34,16 @@ def amplitudes(loop, delay, periods=30):
     """
     step = min(2e-5, delay / 200.0)
     back = max(round(delay / step), 1)
-    rate = math.sqrt((loop.gain * loop.k + loop.arm_stiffness) / loop.mass)
+    rate = math.sqrt((loop.gain * loop.k + loop.arm_stiffness + loop.spring) / loop.mass)
     steps = round(max(periods / rate * 6.0, 20.0 * delay) / step)
     steps = min(steps, 400_000)
     x, v = 1.0, 0.0
     past = [0.0] * back
     largest = [0.0, 0.0, 0.0]
-    resistance = loop.damping + loop.arm_damping
+    resistance, stiffness = loop.resistance, loop.arm_stiffness + loop.spring
     for n in range(steps):
         delayed, past[n % back] = past[n % back], loop.gain * (loop.k * x + loop.b * v)
-        v += step / loop.mass * (-resistance * v - loop.arm_stiffness * x - delayed)
+        v += step / loop.mass * (-resistance * v - stiffness * x - delayed)
         x += step * v
         third = 3 * n // steps
         largest[third] = max(largest[third], abs(x))
@@ -55,6 +57,7 @@ def amplitudes(loop, delay, periods=30):
         DelayedLoop(0.5, 200.0, 400.0, 12.0, 4519.0, 6.0),
         DelayedLoop(0.5, 50.0, 1500.0, 23.0, 7461.0, 11.0, gain=0.5),
         DelayedLoop(1.0, 100.0, 0.0, 0.0, 20_000.0),
+        DelayedLoop(0.5, 30.0, 1500.0, 23.0, 2063.0, arm_lag=6.5e-3, spring=300.0),
     ],
 )
 def test_the_loop_is_stable_below_the_largest_delay_and_unstable_above(loop):
@@ -67,19 +70,20 @@ def test_the_loop_is_stable_below_the_largest_delay_and_unstable_above(loop):
 @given(LOOPS)
 def test_the_largest_delay_is_a_crossing_of_the_imaginary_axis(loop):
     delay = loop.largest_delay
-    assume(delay < math.inf)
-    resistance, k, b = loop.damping + loop.arm_damping, loop.gain * loop.k, loop.gain * loop.b
+    assume(0.0 < delay < math.inf)
+    resistance, k, b = loop.resistance, loop.gain * loop.k, loop.gain * loop.b
+    stiffness = loop.arm_stiffness + loop.spring
     squares = np.roots(
         [
             loop.mass**2,
-            resistance**2 - 2.0 * loop.mass * loop.arm_stiffness - b * b,
-            loop.arm_stiffness**2 - k * k,
+            resistance**2 - 2.0 * loop.mass * stiffness - b * b,
+            stiffness**2 - k * k,
         ]
     )
 
     def characteristic(w):
         s = 1j * w
-        free = loop.mass * s * s + resistance * s + loop.arm_stiffness
+        free = loop.mass * s * s + resistance * s + stiffness
         return abs(free + (k + b * s) * cmath.exp(-s * delay)) / k
 
     crossings = [math.sqrt(z.real) for z in squares if abs(z.imag) < 1e-6 * abs(z) and z.real > 0.0]
@@ -105,3 +109,42 @@ def test_the_safe_delay_is_sufficient_for_stability(loop):
 
 def test_an_arm_stiffer_than_the_environment_is_stable_with_any_delay():
     assert DelayedLoop(0.5, 100.0, 3000.0, 12.0, 2000.0).largest_delay == math.inf
+
+
+@given(LOOPS)
+def test_with_the_safe_delay_and_no_arm_the_delayed_environment_is_passive(loop):
+    no_arm = replace(loop, arm_stiffness=0.0, arm_damping=0.0, b=0.0)
+    delay, k = no_arm.safe_delay, no_arm.gain * no_arm.k
+    w = np.geomspace(1e-2, 1e5, 200)
+    assert np.all(no_arm.damping + (k * np.exp(-1j * w * delay) / (1j * w)).real > -1e-6)
+    longer = (no_arm.damping + (k * np.exp(-1j * 1e-2 * 1.1 * delay) / 1e-2j)).real
+    assert longer < 0.0
+
+
+@given(LOOPS, st.floats(1.01, 10.0))
+def test_a_loop_without_damping_is_unstable_with_any_delay(loop, factor):
+    none = loop.damping + loop.arm_damping + loop.gain * loop.b
+    stiff = replace(loop, arm_stiffness=factor * none / 5e-3, arm_lag=5e-3)
+    assert stiff.safe_delay == 0.0
+    assert stiff.largest_delay == 0.0
+
+
+def test_the_spring_does_not_reduce_the_safe_delay():
+    loop = DelayedLoop(0.5, 15.0, 400.0, 12.0, 2063.0, arm_lag=6.5e-3)
+    assert replace(loop, spring=500.0).safe_delay == loop.safe_delay
+
+
+@pytest.mark.parametrize(
+    ("k", "damping", "arm_stiffness", "arm_damping", "full"),
+    [
+        (2174.6, 15.0, 1500.0, 23.2, 10.4e-3),
+        (5074.5, 15.0, 400.0, 12.0, 0.7e-3),
+        (5074.5, 30.0, 1500.0, 23.2, 4.5e-3),
+    ],
+)
+def test_the_safe_delay_is_below_that_of_the_full_model_of_the_simulated_rig(
+    k, damping, arm_stiffness, arm_damping, full
+):
+    """`full` is the largest stable round trip of a model with servo, force channels and loop."""
+    loop = DelayedLoop(0.5, damping, arm_stiffness, arm_damping, k, arm_lag=6.48e-3)
+    assert loop.safe_delay - 4.16e-3 <= full + 0.1e-3
