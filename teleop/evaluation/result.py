@@ -22,6 +22,7 @@ from estimation.estimator import LEVEL_95
 from teleop.evaluation.local_stiffness import LocalStiffness
 from teleop.evaluation.phases import Phases
 from teleop.evaluation.prepared import Prepared
+from teleop.evaluation.unsuited import negative_force, too_few_per_cycle, unsuited
 
 WIDEST = 0.5
 """Half width of the interval of k, relative to k, above which k is not identifiable."""
@@ -155,6 +156,8 @@ def publishable(
 
 def reasons_before_fit(record: Prepared, phases: Phases) -> list[str]:
     """Return the reasons why no stiffness can be fitted to the record; empty if it can."""
+    if reason := unsuited(record, phases):
+        return [reason]
     found = []
     if phases.saturated:
         found.append(
@@ -170,9 +173,10 @@ def reasons_before_fit(record: Prepared, phases: Phases) -> list[str]:
         travel = float(np.ptp(inside))
         if travel < 2.5 * MOTION * record.x_noise:
             found.append(
-                f"in contact the position moves by {travel * 1e6:.3g} um, too little for its noise "
-                f"of {record.x_noise * 1e6:.2g} um: a rigid stop, or a position sensor that does "
-                "not resolve the indentation"
+                too_few_per_cycle(record)
+                or f"in contact the position moves by {travel * 1e6:.3g} um, too little for its "
+                f"noise of {record.x_noise * 1e6:.2g} um: a rigid stop, or a position sensor that "
+                "does not resolve the indentation"
             )
         elif phases.free_force is not None and travel < DEPTH * float(np.ptp(record.x)):
             found.append(
@@ -197,7 +201,7 @@ def reasons_after_fit(local: LocalStiffness, half_k: float, phases: Phases) -> l
     if local.k + half_k < 0.0:
         return [
             f"the stiffness is negative ({local.k:.4g} N/m): check that force and position are "
-            "both positive in compression, and that inertia does not dominate"
+            "both positive in compression (see --invert), and that inertia does not dominate"
         ]
     structural = phases.free_force is not None or local.best.degree >= STRUCTURAL
     if structural and local.r2 < EXPLAINED:
@@ -243,6 +247,11 @@ def remarks(record: Prepared, phases: Phases, local: LocalStiffness, half_b: flo
         found.append(
             f"Kelvin-Voigt is insufficient: {' and '.join(what)}; residual {plain.rms:.2g} N, "
             f"and {best.rms:.2g} N with that in the model"
+        )
+    if negative_force(record):
+        found.append(
+            "the force is negative: if it is negative in compression, k is that of unloading; see "
+            "--invert both"
         )
     if local.r2 < POOR:
         found.append(
