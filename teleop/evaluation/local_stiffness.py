@@ -11,7 +11,7 @@ The candidate models are
 - k is the slope of the elastic force over displacement at half of the force range, in loading. The
   elastic force includes its relaxing parts. For a Kelvin-Voigt body k is its stiffness; for a
   steady sine it is the storage modulus. It does not depend on the zero of position and force.
-- b is the coefficient of the velocity.
+- b is the coefficient of the velocity. Without relaxing parts it is k''/omega.
 
 Each candidate is fitted to the smoothed samples by linear least squares. The candidates are
 weighted by the Bayesian information criterion; one that does not determine k is left out. With
@@ -76,6 +76,8 @@ class LocalStiffness:
     """Number of nearly independent samples that were fitted."""
     r2: float
     """R^2 of the best candidate, for the force minus its baseline."""
+    frequency: float
+    """Frequency at which b is k''/omega [Hz]; NaN if b is the damping besides relaxing parts."""
 
 
 def local_stiffness(
@@ -95,7 +97,7 @@ def local_stiffness(
     if not found:
         return None
     plain = found[0]
-    if rows.order == 0:
+    if rows.relaxation:
         found += with_relaxation(rows, rows.normalised(record.raw_x), DEGREES[:3])
         best = min(found, key=lambda one: one.bic)
         if best.degree > 1 and best.times:
@@ -118,6 +120,7 @@ def local_stiffness(
         float(np.ptp(slow)) if rows.order else 0.0,
         len(rows.f),
         1.0 - best.rms**2 / max(float(np.mean(rows.fits.rest**2)), 1e-300),
+        math.nan if rows.relaxation else record.frequency,
     )
 
 

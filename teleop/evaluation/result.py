@@ -81,6 +81,8 @@ class Result:
     """Relaxation time constants of the best model [s]."""
     depth_from: str = "lowest position"
     """Position at which `depth` is zero: the contact point or the lowest position in contact."""
+    damping_at_hz: float | None = None
+    """Frequency at which b is k''/omega [Hz]; None if b is the damping besides relaxing parts."""
 
     def summary(self) -> dict[str, Any]:
         """Return the result as a dictionary for JSON."""
@@ -151,6 +153,7 @@ def publishable(
         change,
         local.best.times,
         "contact point" if phases.contact_point else "lowest position",
+        local.frequency if math.isfinite(local.frequency) else None,
     )
 
 

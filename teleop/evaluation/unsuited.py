@@ -16,6 +16,8 @@ SMOOTHED = 9
 """Number of samples of the median filter before a fall of the force is searched."""
 FALL = 0.25
 """Fall of the force in loading, relative to its range, that is a puncture."""
+FALL_NOISE = 12.0
+"""Least fall, in standard deviations of the noise of the force."""
 FALL_TRAVEL = 0.02
 """Largest travel during that fall, relative to the travel of the record."""
 CREEP = 0.3
@@ -107,11 +109,12 @@ def puncture(record: Prepared) -> tuple[float, float, float] | None:
     f = median_filter(record.raw_f, SMOOTHED, mode="nearest")
     x, v = record.x, record.v
     fast = v > 0.3 * float(np.percentile(np.abs(v), 95))
+    least = max(FALL * float(np.ptp(f)), FALL_NOISE * record.f_noise)
     for start, end in runs(fast):
         if end - start < 4 * SMOOTHED:
             continue
         before, after = largest_fall(x[start:end], f[start:end], FALL_TRAVEL * float(np.ptp(x)))
-        if f[start + before] - f[start + after] > FALL * float(np.ptp(f)):
+        if f[start + before] - f[start + after] > least:
             return float(f[start + before]), float(f[start + after]), float(x[start + before])
     return None
 

@@ -49,6 +49,8 @@ def result_lines(summary: Mapping[str, Any]) -> list[str]:
         values = [result[f"{symbol}{end}"] for end in ("_low", "", "_high")]
         low, value, high = (significant(each, values[2] - values[0]) for each in values)
         lines.append(f"{what:9} {symbol} = {value} {unit} (95 % interval {low} to {high})")
+    if (frequency := result["damping_at_hz"]) is not None:
+        lines.append(f'b is the equivalent viscous damping k"/omega at {frequency:.3g} Hz')
     return lines
 
 
