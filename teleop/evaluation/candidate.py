@@ -46,7 +46,7 @@ class Candidate(NamedTuple):
     position: float
     """Position at which the stiffness is taken [m]."""
     force: float
-    """Half of the force range [N]."""
+    """Half of the force range, with the mean of the baseline [N]."""
     theta: Floats
     """Parameters: baseline, b, powers of the normalised position, relaxing parts."""
 
@@ -76,7 +76,7 @@ def evaluate(
     without = rows.fine_powers[:, :degree] @ coefficients
     for c, z in zip(theta[first + degree :], relaxing, strict=True):
         without = without + c * z[index]
-    constant = float(theta[0])
+    constant = float(rows.basis.mean(axis=0) @ theta[: rows.v_column])
     low, high = float(without.min()), float(without.max())
     top, bottom = int(np.argmax(without)), int(np.argmin(without))
 
@@ -87,7 +87,7 @@ def evaluate(
         return found
 
     force_effect = 0.5 * (effect(top) + effect(bottom))
-    if rows.phases.free_force is not None:
+    if rows.phases.free_force is not None and rows.order == 0:
         low = min(rows.phases.free_force - constant, high)
         force_effect = 0.5 * effect(top)
         force_effect[0] = -0.5

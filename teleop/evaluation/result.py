@@ -130,8 +130,10 @@ def publishable(
         return Result(reasons=tuple(against))
     inside = phases.usable
     lowest = float(record.x[inside].min())
-    zero = phases.contact_point.value if phases.contact_point else lowest
-    level = phases.free_force if phases.free_force is not None else None
+    point, level = phases.contact_point, phases.free_force
+    if local.baseline_size > 0.0:  # neither is constant
+        point = level = None
+    zero = point.value if point else lowest
     force = local.best.force
     depth = local.best.position - zero
     secant = change = None
@@ -152,7 +154,7 @@ def publishable(
         secant,
         change,
         local.best.times,
-        "contact point" if phases.contact_point else "lowest position",
+        "contact point" if point else "lowest position",
         local.frequency if math.isfinite(local.frequency) else None,
     )
 
