@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from estimation.estimator import LEVEL_95
+from teleop.evaluation.constancy import Change, change_over_cycles
 from teleop.evaluation.local_stiffness import LocalStiffness
 from teleop.evaluation.phases import Phases
 from teleop.evaluation.prepared import Prepared
@@ -125,7 +126,10 @@ def publishable(
         change_k, change_b = 0.5 * (local.k - other.k), 0.5 * (local.b - other.b)
     half_k = LEVEL_95 * math.hypot(local.k_std, change_k)
     half_b = LEVEL_95 * math.hypot(local.b_std, change_b)
+    change = change_over_cycles(record, phases)
     against = reasons_after_fit(local, half_k, phases)
+    if change and change.with_frequency:
+        against = [change.text]
     if against:
         return Result(reasons=tuple(against))
     inside = phases.usable
@@ -136,10 +140,10 @@ def publishable(
     zero = point.value if point else lowest
     force = local.best.force
     depth = local.best.position - zero
-    secant = change = None
+    secant = secant_change = None
     if level is not None and depth > 0.0:
         secant = (force - level) / depth
-        change = DATUM_ERROR / depth
+        secant_change = DATUM_ERROR / depth
     return Result(
         local.k,
         local.k - half_k,
@@ -148,11 +152,11 @@ def publishable(
         local.b - half_b,
         local.b + half_b,
         True,
-        tuple(remarks(record, phases, local, half_b)),
+        tuple(remarks(record, phases, local, half_b, change)),
         force if level is None else force - level,
         depth,
         secant,
-        change,
+        secant_change,
         local.best.times,
         "contact point" if point else "lowest position",
         local.frequency if math.isfinite(local.frequency) else None,
@@ -226,7 +230,9 @@ def reasons_after_fit(local: LocalStiffness, half_k: float, phases: Phases) -> l
     return []
 
 
-def remarks(record: Prepared, phases: Phases, local: LocalStiffness, half_b: float) -> list[str]:
+def remarks(
+    record: Prepared, phases: Phases, local: LocalStiffness, half_b: float, change: Change | None
+) -> list[str]:
     """Return the remarks that are reported with an identifiable stiffness.
 
     Parameters
@@ -235,12 +241,16 @@ def remarks(record: Prepared, phases: Phases, local: LocalStiffness, half_b: flo
         The prepared record, its phases, and the fit.
     half_b
         Half width of the 95 % interval of b [N s/m].
+    change
+        Change of the stiffness over the cycles; None for none.
     """
     found = []
     best, plain = local.best, local.kelvin_voigt
     size = float(np.ptp(record.f[phases.usable]))
     slight = plain.rms < SLIGHT * 0.35 * size
-    if (
+    if change:
+        found.append(change.text)
+    elif (
         best is not plain
         and not slight
         and best.bic < plain.bic - 10.0

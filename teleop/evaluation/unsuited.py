@@ -6,6 +6,7 @@ import numpy as np
 from scipy.ndimage import median_filter
 
 from estimation.compiled import Floats
+from teleop.evaluation.constancy import rise_at_rest
 from teleop.evaluation.masks import runs
 from teleop.evaluation.phases import Phases
 from teleop.evaluation.prepared import Prepared
@@ -52,6 +53,11 @@ def unsuited(record: Prepared, phases: Phases) -> str | None:
             f"the force falls from {before:.3g} to {after:.3g} N in loading, at a position of "
             f"{position * 1e3:.4g} mm: the specimen is punctured or slips. Expected a recording "
             "that ends before"
+        )
+    if rise := rise_at_rest(record):
+        return (
+            f"the force drifts: it rises by {rise[0]:.3g} N in {rise[1]:.3g} s at rest, where that "
+            "of a passive body does not"
         )
     return None
 
