@@ -212,7 +212,7 @@ def relaxing_body(rng: Generator) -> TrueRecord:
 
     The motion is one ramp and hold, a series of three, or a sine. The true stiffness of ramps is
     the slope of force over displacement where the force first exceeds half of its maximum. The
-    true stiffness of a sine is the storage modulus.
+    true stiffness of a sine is the storage stiffness.
     """
     rate = rng.choice([100.0, 500.0])
     depth = 10.0 ** rng.uniform(-3.3, -2.3)

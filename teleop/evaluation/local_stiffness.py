@@ -10,7 +10,7 @@ The candidate models are
 - z_j are up to two relaxing parts of the elastic force (quasi-linear viscoelasticity).
 - k is the slope of the elastic force over displacement at half of the force range, in loading. The
   elastic force includes its relaxing parts. For a Kelvin-Voigt body k is its stiffness; for a
-  steady sine it is the storage modulus. It does not depend on the zero of position and force.
+  steady sine it is the storage stiffness. It does not depend on the zero of position and force.
 - b is the coefficient of the velocity. Without relaxing parts it is k''/omega.
 
 Each candidate is fitted to the smoothed samples by linear least squares. The candidates are
@@ -50,6 +50,8 @@ REFINEMENTS = 3
 """Number of times that the step of log tau is halved about the best time constant."""
 LARGEST_SCORE = 10.0
 """Distance from its mean beyond which a normal distribution is 0, in standard deviations."""
+SAME_TIME = 1.5
+"""Ratio of two time constants below which they are reported as one."""
 HALVINGS = 60
 """Number of bisections; the result is accurate to rounding errors."""
 
@@ -168,6 +170,13 @@ def with_relaxation(rows: Rows, y: Floats, degrees: tuple[int, ...]) -> list[Can
             found += trials
             chosen = best.times
     return found
+
+
+def merged(times: tuple[float, ...]) -> tuple[float, ...]:
+    """Return the time constants [s], with two that are nearly equal replaced by their mean."""
+    if len(times) == 2 and max(times) < SAME_TIME * min(times):
+        return (math.sqrt(times[0] * times[1]),)
+    return times
 
 
 def model_weights(found: list[Candidate]) -> Floats:

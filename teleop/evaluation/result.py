@@ -20,7 +20,7 @@ import numpy as np
 
 from estimation.estimator import LEVEL_95
 from teleop.evaluation.constancy import Change, change_over_cycles
-from teleop.evaluation.local_stiffness import LocalStiffness
+from teleop.evaluation.local_stiffness import LocalStiffness, merged
 from teleop.evaluation.phases import Phases
 from teleop.evaluation.prepared import Prepared
 from teleop.evaluation.unsuited import negative_force, too_few_per_cycle, unsuited
@@ -85,10 +85,16 @@ class Result:
     damping_at_hz: float | None = None
     """Frequency at which b is k''/omega [Hz]; None if b is the damping besides relaxing parts."""
 
+    @property
+    def b_change_per_ms(self) -> float | None:
+        """Change of b for 1 ms of lag of the force that is not compensated [N s/m]."""
+        return None if self.k is None else 1e-3 * self.k
+
     def summary(self) -> dict[str, Any]:
         """Return the result as a dictionary for JSON."""
         document = asdict(self)
         document["reasons"] = list(self.reasons)
+        document["b_change_per_ms_of_lag"] = self.b_change_per_ms
         document["tangent"] = {
             "force_n": document.pop("force"),
             "depth_m": document.pop("depth"),
@@ -157,7 +163,7 @@ def publishable(
         depth,
         secant,
         secant_change,
-        local.best.times,
+        merged(local.best.times),
         "contact point" if point else "lowest position",
         local.frequency if math.isfinite(local.frequency) else None,
     )
@@ -258,7 +264,9 @@ def remarks(
     ):
         what = [f"the stiffness depends on depth (degree {best.degree})"] if best.degree > 1 else []
         if best.times:
-            what.append(f"force relaxes ({', '.join(f'{tau:.2g} s' for tau in best.times)})")
+            what.append(
+                f"force relaxes ({', '.join(f'{tau:.2g} s' for tau in merged(best.times))})"
+            )
         found.append(
             f"Kelvin-Voigt is insufficient: {' and '.join(what)}; residual {plain.rms:.2g} N, "
             f"and {best.rms:.2g} N with that in the model"
@@ -283,7 +291,7 @@ def remarks(
             f"{FEWEST_INDEPENDENT}: expected a longer record or a faster rate"
         )
     if half_b > abs(local.b):
-        found.append("damping is not different from zero")
+        found.append("damping is not resolved: its interval contains zero")
     elif local.b < 0.0:
         found.append(
             "damping is negative: the force lags behind the position (see --force-lag and teleop "

@@ -139,7 +139,7 @@ def draw_fit(
 def modulus_figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
     """Return a figure of the complex modulus over frequency, with 95 % intervals.
 
-    The panels are the storage modulus k', the loss modulus k'', and tan delta = k'' / k'.
+    The panels are the storage stiffness k', the loss stiffness k'', and tan delta = k'' / k'.
 
     Parameters
     ----------

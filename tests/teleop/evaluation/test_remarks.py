@@ -1,0 +1,62 @@
+"""Terms and digits of the printed result, and the effect of a lag on b."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from teleop.evaluation.analysis import analyse
+from teleop.evaluation.estimate_settings import EstimateSettings
+from teleop.evaluation.evaluation import evaluate
+from teleop.evaluation.local_stiffness import merged
+from teleop.evaluation.signals import Signals, periods
+from teleop.output.result_tables import parameter_text, result_lines, significant
+
+
+def signals(t, x, f, noise=5e-3):
+    f = f + np.random.default_rng(0).normal(0.0, noise, len(t))
+    return Signals(t, x, f, periods(t), "position")
+
+
+def sine(lag=0.0, k=1000.0, b=10.0):
+    t = np.arange(0.0, 10.0, 5e-3)
+    w = 2.0 * np.pi
+    x = 1e-3 * np.sin(w * t)
+    response = (k + 1j * w * b) * np.exp(-1j * w * lag)
+    return signals(t, x, 1e-3 * np.imag(response * np.exp(1j * w * t)))
+
+
+def test_the_change_of_b_for_a_lag_is_stated():
+    prompt, late = (analyse(sine(lag)).result for lag in (0.0, 1e-3))
+    assert prompt.b - late.b == pytest.approx(prompt.b_change_per_ms, rel=0.1)
+    lines = result_lines(evaluate(sine(), EstimateSettings()).batch_summary())
+    assert "1 ms of lag of the force changes b by 1 N s/m (0.1 times b)" in lines
+
+
+def test_damping_that_is_not_resolved_is_called_so():
+    reasons = analyse(sine(b=0.0)).result.reasons
+    assert any("damping is not resolved" in reason for reason in reasons)
+
+
+def test_two_nearly_equal_time_constants_are_one():
+    assert merged((6.3, 6.6)) == (pytest.approx(6.45, rel=1e-3),)
+    assert merged((0.3, 6.0)) == (0.3, 6.0)
+
+
+def test_offset_and_drift_of_a_short_contact_are_not_identifiable():
+    t = np.arange(0.0, 1.0, 1e-4)
+    late = t - 0.5
+    x = np.maximum(np.where(late < 0.0, 0.157 * late, -0.157 * (late - 0.02)), -5e-3)
+    inside = (late > 0.0) & (late < 0.02)
+    x[inside] = 1e-3 * np.sin(np.pi * late[inside] / 0.02)
+    f = np.maximum(2000.0 * x + 5.0 * np.gradient(x, t), 0.0) * (x > 0.0)
+    models = analyse(signals(t, x, f, 0.01)).models(0.0, 0.0)
+    assert models
+    for fit in models:
+        for name, one in fit.parameters.items():
+            assert len(parameter_text(name, one._asdict())) < 60
+            assert not one.identifiable or not name.startswith("f") or one.high - one.low < 10.0
+
+
+def test_a_value_has_a_limited_number_of_decimals():
+    assert len(significant(1.0, 1e-100)) < 20
