@@ -148,7 +148,7 @@ def with_intervals(
     fit = RobustFit(np.array([one.value for one in fitted]), residual, inverse, jacobian)
     parameters = {}
     span = float(np.ptp(data.f[data.rows]))
-    sizes = np.maximum(np.sqrt(np.mean(jacobian**2, axis=0)), 1e-300)
+    sizes = np.maximum(np.sqrt(np.mean(jacobian**2, axis=0)), 1e-300).tolist()
     for i, one in enumerate(fitted):
         half = LEVEL_95 * fit.deviation(np.eye(len(fitted))[i])
         low, high = one.plausible
