@@ -50,6 +50,8 @@ REFINEMENTS = 3
 """Number of times that the step of log tau is halved about the best time constant."""
 LARGEST_SCORE = 10.0
 """Distance from its mean beyond which a normal distribution is 0, in standard deviations."""
+FRICTION = 0.5
+"""Residual with Coulomb friction, relative to that of the best candidate, that is friction."""
 SAME_TIME = 1.5
 """Ratio of two time constants below which they are reported as one."""
 HALVINGS = 60
@@ -78,6 +80,8 @@ class LocalStiffness:
     """Number of nearly independent samples that were fitted."""
     r2: float
     """R^2 of the best candidate, for the force minus its baseline."""
+    friction: bool
+    """Whether a force of constant size against the motion describes the loss better than b v."""
     frequency: float
     """Frequency at which b is k''/omega [Hz]; NaN if b is the damping besides relaxing parts."""
 
@@ -122,8 +126,17 @@ def local_stiffness(
         float(np.ptp(slow)) if rows.order else 0.0,
         len(rows.f),
         1.0 - best.rms**2 / max(float(np.mean(rows.fits.rest**2)), 1e-300),
+        has_friction(rows, best),
         math.nan if rows.relaxation else record.frequency,
     )
+
+
+def has_friction(rows: Rows, best: Candidate) -> bool:
+    """Return whether Coulomb friction instead of b v reduces the residual to less than half."""
+    record = rows.record
+    sign = record.smoothed(np.sign(record.v))[rows.rows]
+    columns = np.column_stack([sign, *rows.powers[: best.degree]])
+    return bool(np.std(rows.fits.fit(columns).residual) < FRICTION * best.rms)
 
 
 def with_relaxation(rows: Rows, y: Floats, degrees: tuple[int, ...]) -> list[Candidate]:

@@ -20,10 +20,11 @@ import numpy as np
 
 from estimation.estimator import LEVEL_95
 from teleop.evaluation.constancy import Change, change_over_cycles
+from teleop.evaluation.contact_remarks import contact_remarks
 from teleop.evaluation.local_stiffness import LocalStiffness, merged
 from teleop.evaluation.phases import Phases
 from teleop.evaluation.prepared import Prepared
-from teleop.evaluation.unsuited import negative_force, too_few_per_cycle, unsuited
+from teleop.evaluation.unsuited import too_few_per_cycle, unsuited
 
 WIDEST = 0.5
 """Half width of the interval of k, relative to k, above which k is not identifiable."""
@@ -127,11 +128,9 @@ def publishable(
         against.append("too few samples in contact: expected a longer record or a faster rate")
     if local is None or against:
         return Result(reasons=tuple(against))
-    change_k = change_b = 0.0
-    if other is not None:
-        change_k, change_b = 0.5 * (local.k - other.k), 0.5 * (local.b - other.b)
-    half_k = LEVEL_95 * math.hypot(local.k_std, change_k)
-    half_b = LEVEL_95 * math.hypot(local.b_std, change_b)
+    second = other or local
+    half_k = LEVEL_95 * math.hypot(local.k_std, 0.5 * (local.k - second.k))
+    half_b = LEVEL_95 * math.hypot(local.b_std, 0.5 * (local.b - second.b))
     change = change_over_cycles(record, phases)
     against = reasons_after_fit(local, half_k, phases)
     if change and change.with_frequency:
@@ -271,19 +270,15 @@ def remarks(
             f"Kelvin-Voigt is insufficient: {' and '.join(what)}; residual {plain.rms:.2g} N, "
             f"and {best.rms:.2g} N with that in the model"
         )
-    if negative_force(record):
-        found.append(
-            "the force is negative: if it is negative in compression, k is that of unloading; see "
-            "--invert both"
-        )
+    found += contact_remarks(record, local)
     if local.r2 < POOR:
         found.append(
             f"bad fit: {1.0 - local.r2:.0%} of the force variance in contact is not explained"
         )
     if local.baseline_size > SMALL_BASELINE * size:
         found.append(
-            f"drift removed: a baseline of {local.baseline_size:.3g} N peak to peak below "
-            f"{0.6 * record.band.low:.2g} Hz"
+            f"a baseline of {local.baseline_size:.3g} N peak to peak below "
+            f"{0.6 * record.band.low:.2g} Hz is removed: drift, or relaxation"
         )
     if local.samples < FEWEST_INDEPENDENT:
         found.append(

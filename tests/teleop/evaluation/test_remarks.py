@@ -60,3 +60,22 @@ def test_offset_and_drift_of_a_short_contact_are_not_identifiable():
 
 def test_a_value_has_a_limited_number_of_decimals():
     assert len(significant(1.0, 1e-100)) < 20
+
+
+def test_coulomb_friction_is_a_remark_and_viscous_damping_is_none():
+    t = np.arange(0.0, 20.0, 5e-3)
+    x = 2e-3 * (1.0 - np.cos(np.pi * t))
+    v = np.gradient(x, t)
+    for f, friction in ((400.0 * x + 0.3 * np.tanh(v / 2e-4), True), (400.0 * x + 60.0 * v, False)):
+        reasons = analyse(signals(t, x, f)).result.reasons
+        assert any("friction" in reason for reason in reasons) is friction
+
+
+@pytest.mark.parametrize("pull", [0.0, 0.02])
+def test_a_pull_at_release_is_called_adhesion(pull):
+    t = np.arange(0.0, 30.0, 0.01)
+    x = np.interp(t, [0, 5, 12, 14, 21, 30], [-2e-3, -1e-4, 2e-3, 2e-3, -1.5e-3, -2e-3])
+    held = (t > 14.0) & (x > -8e-4)
+    f = 100.0 * np.maximum(x, 0.0) - pull * held * np.clip((t - 14.0) / 2.0, 0.0, 1.0)
+    reasons = analyse(signals(t, x, f, 5e-4)).result.reasons
+    assert any("adhesion" in reason for reason in reasons) is (pull > 0.0)
