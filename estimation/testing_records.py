@@ -212,7 +212,7 @@ def relaxing_body(rng: Generator) -> TrueRecord:
 
     The motion is one ramp and hold, three ramps with holds, or a sine. For ramps, the true
     stiffness is the slope of force over displacement where the force first exceeds half of its
-    maximum. For a sine, the true stiffness is the storage modulus.
+    maximum. For a sine, the true stiffness is the storage stiffness.
     """
     rate = rng.choice([100.0, 500.0])
     depth = 10.0 ** rng.uniform(-3.3, -2.3)

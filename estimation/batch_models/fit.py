@@ -118,7 +118,10 @@ class FittedParameter(NamedTuple):
     plausible: tuple[float, float] = (-math.inf, math.inf)
     """Range in which the value must be for the parameter to be identifiable."""
     may_vanish: bool = False
-    """Whether the parameter is also identifiable if its confidence interval contains zero."""
+    """Whether the parameter is also identifiable if its confidence interval contains zero.
+
+    The interval must then change the force by less than the range of the force.
+    """
 
 
 def with_intervals(
@@ -144,11 +147,13 @@ def with_intervals(
     inverse = np.linalg.pinv(jacobian / scale, rcond=1e-9) / scale[:, None]
     fit = RobustFit(np.array([one.value for one in fitted]), residual, inverse, jacobian)
     parameters = {}
+    span = float(np.ptp(data.f[data.rows]))
+    sizes = np.maximum(np.sqrt(np.mean(jacobian**2, axis=0)), 1e-300).tolist()
     for i, one in enumerate(fitted):
         half = LEVEL_95 * fit.deviation(np.eye(len(fitted))[i])
         low, high = one.plausible
         known = low < one.value < high and math.isfinite(half)
-        known = known and (one.may_vanish or half < abs(one.value))
+        known = known and half < (span / sizes[i] if one.may_vanish else abs(one.value))
         parameters[one.name] = Parameter(
             one.value, one.value - half, one.value + half, one.unit, known
         )

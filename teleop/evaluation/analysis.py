@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -166,7 +167,7 @@ class Analysis:
         result is None if the motion has no cycles or k is not identifiable.
         """
         result, record = self.result, self.record
-        if record.order == 0 or result.k is None or result.b is None:
+        if not math.isfinite(record.frequency) or result.k is None or result.b is None:
             return None
         assert result.k_low is not None
         assert result.b_low is not None

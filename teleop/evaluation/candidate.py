@@ -48,7 +48,7 @@ class Candidate(NamedTuple):
     position: float
     """Position at which the stiffness is evaluated [m]."""
     force: float
-    """Force at half of the force range [N]."""
+    """Half of the force range, with the mean of the baseline [N]."""
     theta: Floats
     """Parameters, in the order: baseline, b, powers of the normalised position, relaxing parts."""
 
@@ -78,7 +78,7 @@ def evaluate(
     without = rows.fine_powers[:, :degree] @ coefficients
     for c, z in zip(theta[first + degree :], relaxing, strict=True):
         without = without + c * z[index]
-    constant = float(theta[0])
+    constant = float(rows.basis.mean(axis=0) @ theta[: rows.v_column])
     low, high = float(without.min()), float(without.max())
     top, bottom = int(np.argmax(without)), int(np.argmin(without))
 
@@ -89,7 +89,7 @@ def evaluate(
         return found
 
     force_effect = 0.5 * (effect(top) + effect(bottom))
-    if rows.phases.free_force is not None:
+    if rows.phases.free_force is not None and rows.order == 0:
         low = min(rows.phases.free_force - constant, high)
         force_effect = 0.5 * effect(top)
         force_effect[0] = -0.5

@@ -102,8 +102,18 @@ class Rows:
     @property
     def cycles(self) -> float:
         """Number of cycles of the palpation; infinite for a motion without cycles."""
-        frequency = self.record.frequency
-        return math.inf if math.isnan(frequency) else frequency * float(self.record.clock[-1])
+        record = self.record
+        return record.frequency * float(record.clock[-1]) if record.order else math.inf
+
+    @property
+    def relaxation(self) -> bool:
+        """Whether the candidates may have relaxing parts.
+
+        They have none with a baseline, nor for a sine in contact throughout: then elastic force
+        and velocity describe any linear body, and k and b are k' and k''/omega.
+        """
+        steady = self.record.sinusoidal and self.phases.free_force is None
+        return self.order == 0 and not steady
 
     @cached_property
     def scaled_powers(self) -> Floats:

@@ -19,8 +19,9 @@ TRAVEL = 4.0
 """Travel at one force level that counts as free motion, as a multiple of the travel that the
 stiffness permits."""
 LAG = 1.5
-"""Safety factor for the travel near a peak of the force, because the peak of the position is
-later."""
+"""Safety factor on the travel at a peak of the force, which precedes the peak of the position."""
+PEAKED = 0.3
+"""Height of a smooth peak within the level, relative to its width; less is a force at rest."""
 SHORTEST, FEWEST = 3, 8
 """Smallest numbers of samples at exactly the highest force that indicate saturation: in one cycle,
 and in total."""
@@ -70,7 +71,8 @@ def levels(
         allowed = TRAVEL * width / max(stiffness, 1e-300) + LAG * lag
         resting = np.zeros(len(f), dtype=np.bool_)
         for start, end in runs(level):
-            if continued(x, start, end, not bottom) > allowed:
+            peak = not bottom and peak_height(f[start:end]) > PEAKED * width
+            if not peak and continued(x, start, end, not bottom) > allowed:
                 resting[start:end] = True
         if resting.any():
             if bottom:
@@ -78,6 +80,17 @@ def levels(
             else:
                 saturated = True
     return free, saturated
+
+
+def peak_height(f: Floats) -> float:
+    """Return the mean of the middle third of a force minus that of the other thirds [N].
+
+    It is 4/9 of the height of a parabola, and nearly zero for a constant force.
+    """
+    third = len(f) // 3
+    if third == 0:
+        return 0.0
+    return float(f[third:-third].mean() - np.concatenate([f[:third], f[-third:]]).mean())
 
 
 def continued(x: Floats, start: int, end: int, inwards: bool) -> float:

@@ -10,9 +10,9 @@ The candidate models are
 - z_j are the relaxing parts of the elastic force (quasi-linear viscoelasticity), at most two.
 - k is the slope of the elastic force against displacement at half of the force range, in loading.
   The elastic force includes the relaxing parts. For a Kelvin-Voigt body, k is the stiffness of the
-  body; in a steady sine, k is the storage modulus. k does not depend on the zero of position and
+  body; in a steady sine, k is the storage stiffness. k does not depend on the zero of position and
   force.
-- b is the coefficient of the velocity.
+- b is the coefficient of the velocity. Without relaxing parts, b is k''/omega.
 
 Each candidate is fitted to the smoothed samples by linear least squares. The candidates are
 weighted by the Bayesian information criterion. A candidate that does not determine k is omitted.
@@ -53,8 +53,11 @@ REFINEMENTS = 3
 """Number of times that the step of log tau is halved in the search around the best time
 constant."""
 LARGEST_SCORE = 10.0
-"""Distance from the mean beyond which a normal distribution is treated as 0, in standard
-deviations."""
+"""Distance from its mean beyond which a normal distribution is 0, in standard deviations."""
+FRICTION = 0.5
+"""Residual with Coulomb friction, relative to that of the best candidate, that is friction."""
+SAME_TIME = 1.5
+"""Ratio of two time constants below which they are reported as one."""
 HALVINGS = 60
 """Number of bisections, with which the result is accurate to rounding errors."""
 
@@ -82,6 +85,10 @@ class LocalStiffness:
     """Number of nearly independent samples that were fitted."""
     r2: float
     """R^2 of the best candidate, for the force minus its baseline."""
+    friction: bool
+    """Whether a force of constant size against the motion describes the loss better than b v."""
+    frequency: float
+    """Frequency at which b is k''/omega [Hz]; NaN if b is the damping besides relaxing parts."""
 
 
 def local_stiffness(
@@ -101,7 +108,7 @@ def local_stiffness(
     if not found:
         return None
     plain = found[0]
-    if rows.order == 0:
+    if rows.relaxation:
         found += with_relaxation(rows, rows.normalised(record.raw_x), DEGREES[:3])
         best = min(found, key=lambda one: one.bic)
         if best.degree > 1 and best.times:
@@ -124,7 +131,17 @@ def local_stiffness(
         float(np.ptp(slow)) if rows.order else 0.0,
         len(rows.f),
         1.0 - best.rms**2 / max(float(np.mean(rows.fits.rest**2)), 1e-300),
+        has_friction(rows, best),
+        math.nan if rows.relaxation else record.frequency,
     )
+
+
+def has_friction(rows: Rows, best: Candidate) -> bool:
+    """Return whether Coulomb friction instead of b v reduces the residual to less than half."""
+    record = rows.record
+    sign = record.smoothed(np.sign(record.v))[rows.rows]
+    columns = np.column_stack([sign, *rows.powers[: best.degree]])
+    return bool(np.std(rows.fits.fit(columns).residual) < FRICTION * best.rms)
 
 
 def with_relaxation(rows: Rows, y: Floats, degrees: tuple[int, ...]) -> list[Candidate]:
@@ -171,6 +188,13 @@ def with_relaxation(rows: Rows, y: Floats, degrees: tuple[int, ...]) -> list[Can
             found += trials
             chosen = best.times
     return found
+
+
+def merged(times: tuple[float, ...]) -> tuple[float, ...]:
+    """Return the time constants [s], with two that are nearly equal replaced by their mean."""
+    if len(times) == 2 and max(times) < SAME_TIME * min(times):
+        return (math.sqrt(times[0] * times[1]),)
+    return times
 
 
 def model_weights(found: list[Candidate]) -> Floats:

@@ -31,8 +31,11 @@ from teleop.evaluation.turning_points import turning_points
 CORNER = 5.0
 """Corner frequency of the kernel, as a multiple of the upper end of the coherent band."""
 FINENESS = 4.0
-"""Smallest number of grid points per standard deviation of the kernel, if the sampling rate
-permits."""
+"""Least number of grid points per standard deviation of the kernel, if the record has as many."""
+FEWEST_INNER = 5
+"""Number of zero crossings above which the first and the last are not used."""
+LARGEST_SHAPE = 1.2
+"""Shape of a motion below which it is a sine: 1 for a sine, about 1.4 for a triangle wave."""
 FEWEST = 16
 """Smallest number of samples in a piece between two gaps. Shorter pieces are not used."""
 
@@ -91,15 +94,33 @@ class Prepared:
         return order if len(turns) - 2 >= 2 * FEWEST_CYCLES else 0
 
     @cached_property
+    def sinusoidal(self) -> bool:
+        """Whether the motion is a sine of three cycles or more.
+
+        For a sine, (std of v)^2 = (std of x) (std of the acceleration). The ratio is larger for
+        a triangle wave, for holds, and if the frequency varies.
+        """
+        x = self.palpation - self.palpation.mean()
+        spread = float(np.std(x))
+        if len(turning_points(x, spread)) - 2 < 2 * FEWEST_CYCLES - 1:
+            return False
+        v = np.gradient(x, self.period)
+        shape = spread * float(np.std(np.gradient(v, self.period))) / float(np.var(v))
+        return shape < LARGEST_SHAPE
+
+    @cached_property
     def frequency(self) -> float:
         """Frequency of the palpation [Hz]; NaN for a motion without cycles."""
-        if self.order == 0:
+        if self.order == 0 and not self.sinusoidal:
             return float("nan")
-        crossings = np.flatnonzero((self.palpation[:-1] < 0.0) & (self.palpation[1:] >= 0.0))
-        if len(crossings) < 2:
+        x = self.palpation - self.palpation.mean()
+        before = np.flatnonzero((x[:-1] < 0.0) & (x[1:] >= 0.0))
+        if len(before) < 2:
             return self.band.centre
-        seconds = float(self.clock[crossings[-1]] - self.clock[crossings[0]])
-        return (len(crossings) - 1) / seconds
+        crossings = before + x[before] / (x[before] - x[before + 1])
+        if len(crossings) > FEWEST_INNER:  # the baseline moves those at the ends
+            crossings = crossings[1:-1]
+        return (len(crossings) - 1) / float((crossings[-1] - crossings[0]) * self.period)
 
     @cached_property
     def palpation(self) -> Floats:

@@ -19,9 +19,12 @@ from typing import Any
 import numpy as np
 
 from estimation.estimator import LEVEL_95
-from teleop.evaluation.local_stiffness import LocalStiffness
+from teleop.evaluation.constancy import Change, change_over_cycles
+from teleop.evaluation.contact_remarks import contact_remarks
+from teleop.evaluation.local_stiffness import LocalStiffness, merged
 from teleop.evaluation.phases import Phases
 from teleop.evaluation.prepared import Prepared
+from teleop.evaluation.unsuited import too_few_per_cycle, unsuited
 
 WIDEST = 0.5
 """Half width of the interval of k, as a fraction of k, above which k is not identifiable."""
@@ -41,8 +44,7 @@ SLIGHT = 0.02
 """Residual of the Kelvin-Voigt model, as a fraction of the force, below which this model is
 sufficient."""
 SMALL_BASELINE = 0.05
-"""Size of the baseline, as a fraction of the force range, below which the baseline is not
-reported."""
+"""Size of the baseline below which it is not reported, as a fraction of the force range."""
 FEWEST_INDEPENDENT = 35
 """Smallest number of independent samples for which intervals are reported.
 
@@ -85,11 +87,19 @@ class Result:
     """Relaxation time constants of the best model [s]."""
     depth_from: str = "lowest position"
     """Position at which `depth` is zero: the contact point or the lowest position in contact."""
+    damping_at_hz: float | None = None
+    """Frequency at which b is k''/omega [Hz]; None if b is the damping besides relaxing parts."""
+
+    @property
+    def b_change_per_ms(self) -> float | None:
+        """Change of b for 1 ms of lag of the force that is not compensated [N s/m]."""
+        return None if self.k is None else 1e-3 * self.k
 
     def summary(self) -> dict[str, Any]:
         """Return the result as a dictionary for JSON."""
         document = asdict(self)
         document["reasons"] = list(self.reasons)
+        document["b_change_per_ms_of_lag"] = self.b_change_per_ms
         document["tangent"] = {
             "force_n": document.pop("force"),
             "depth_m": document.pop("depth"),
@@ -123,24 +133,27 @@ def publishable(
         against.append("too few samples in contact: expected a longer record or a faster rate")
     if local is None or against:
         return Result(reasons=tuple(against))
-    change_k = change_b = 0.0
-    if other is not None:
-        change_k, change_b = 0.5 * (local.k - other.k), 0.5 * (local.b - other.b)
-    half_k = LEVEL_95 * math.hypot(local.k_std, change_k)
-    half_b = LEVEL_95 * math.hypot(local.b_std, change_b)
+    second = other or local
+    half_k = LEVEL_95 * math.hypot(local.k_std, 0.5 * (local.k - second.k))
+    half_b = LEVEL_95 * math.hypot(local.b_std, 0.5 * (local.b - second.b))
+    change = change_over_cycles(record, phases)
     against = reasons_after_fit(local, half_k, phases)
+    if change and change.with_frequency:
+        against = [change.text]
     if against:
         return Result(reasons=tuple(against))
     inside = phases.usable
     lowest = float(record.x[inside].min())
-    zero = phases.contact_point.value if phases.contact_point else lowest
-    level = phases.free_force if phases.free_force is not None else None
+    point, level = phases.contact_point, phases.free_force
+    if local.baseline_size > 0.0:  # neither is constant
+        point = level = None
+    zero = point.value if point else lowest
     force = local.best.force
     depth = local.best.position - zero
-    secant = change = None
+    secant = secant_change = None
     if level is not None and depth > 0.0:
         secant = (force - level) / depth
-        change = DATUM_ERROR / depth
+        secant_change = DATUM_ERROR / depth
     return Result(
         local.k,
         local.k - half_k,
@@ -149,18 +162,21 @@ def publishable(
         local.b - half_b,
         local.b + half_b,
         True,
-        tuple(remarks(record, phases, local, half_b)),
+        tuple(remarks(record, phases, local, half_b, change)),
         force if level is None else force - level,
         depth,
         secant,
-        change,
-        local.best.times,
-        "contact point" if phases.contact_point else "lowest position",
+        secant_change,
+        merged(local.best.times),
+        "contact point" if point else "lowest position",
+        local.frequency if math.isfinite(local.frequency) else None,
     )
 
 
 def reasons_before_fit(record: Prepared, phases: Phases) -> list[str]:
-    """Return the reasons why no stiffness can be fitted to a record; empty if it can be fitted."""
+    """Return the reasons why no stiffness can be fitted to the record; empty if it can."""
+    if reason := unsuited(record, phases):
+        return [reason]
     found = []
     if phases.saturated:
         found.append(
@@ -176,9 +192,10 @@ def reasons_before_fit(record: Prepared, phases: Phases) -> list[str]:
         travel = float(np.ptp(inside))
         if travel < 2.5 * MOTION * record.x_noise:
             found.append(
-                f"in contact the position moves by {travel * 1e6:.3g} um, too little for its noise "
-                f"of {record.x_noise * 1e6:.2g} um: a rigid stop, or a position sensor that does "
-                "not resolve the indentation"
+                too_few_per_cycle(record)
+                or f"in contact the position moves by {travel * 1e6:.3g} um, too little for its "
+                f"noise of {record.x_noise * 1e6:.2g} um: a rigid stop, or a position sensor that "
+                "does not resolve the indentation"
             )
         elif phases.free_force is not None and travel < DEPTH * float(np.ptp(record.x)):
             found.append(
@@ -203,7 +220,7 @@ def reasons_after_fit(local: LocalStiffness, half_k: float, phases: Phases) -> l
     if local.k + half_k < 0.0:
         return [
             f"the stiffness is negative ({local.k:.4g} N/m): check that force and position are "
-            "both positive in compression, and that inertia does not dominate"
+            "both positive in compression (see --invert), and that inertia does not dominate"
         ]
     structural = phases.free_force is not None or local.best.degree >= STRUCTURAL
     if structural and local.r2 < EXPLAINED:
@@ -223,7 +240,9 @@ def reasons_after_fit(local: LocalStiffness, half_k: float, phases: Phases) -> l
     return []
 
 
-def remarks(record: Prepared, phases: Phases, local: LocalStiffness, half_b: float) -> list[str]:
+def remarks(
+    record: Prepared, phases: Phases, local: LocalStiffness, half_b: float, change: Change | None
+) -> list[str]:
     """Return the remarks that are reported with an identifiable stiffness.
 
     Parameters
@@ -232,12 +251,16 @@ def remarks(record: Prepared, phases: Phases, local: LocalStiffness, half_b: flo
         The prepared record, its phases, and the fitted stiffness and damping.
     half_b
         Half width of the 95 % interval of b [N s/m].
+    change
+        Change of the stiffness over the cycles; None for none.
     """
     found = []
     best, plain = local.best, local.kelvin_voigt
     size = float(np.ptp(record.f[phases.usable]))
     slight = plain.rms < SLIGHT * 0.35 * size
-    if (
+    if change:
+        found.append(change.text)
+    elif (
         best is not plain
         and not slight
         and best.bic < plain.bic - 10.0
@@ -245,19 +268,22 @@ def remarks(record: Prepared, phases: Phases, local: LocalStiffness, half_b: flo
     ):
         what = [f"the stiffness depends on depth (degree {best.degree})"] if best.degree > 1 else []
         if best.times:
-            what.append(f"force relaxes ({', '.join(f'{tau:.2g} s' for tau in best.times)})")
+            what.append(
+                f"force relaxes ({', '.join(f'{tau:.2g} s' for tau in merged(best.times))})"
+            )
         found.append(
             f"Kelvin-Voigt is insufficient: {' and '.join(what)}; residual {plain.rms:.2g} N, "
             f"and {best.rms:.2g} N with that in the model"
         )
+    found += contact_remarks(record, local)
     if local.r2 < POOR:
         found.append(
             f"bad fit: {1.0 - local.r2:.0%} of the force variance in contact is not explained"
         )
     if local.baseline_size > SMALL_BASELINE * size:
         found.append(
-            f"drift removed: a baseline of {local.baseline_size:.3g} N peak to peak below "
-            f"{0.6 * record.band.low:.2g} Hz"
+            f"a baseline of {local.baseline_size:.3g} N peak to peak below "
+            f"{0.6 * record.band.low:.2g} Hz is removed: drift, or relaxation"
         )
     if local.samples < FEWEST_INDEPENDENT:
         found.append(
@@ -265,7 +291,7 @@ def remarks(record: Prepared, phases: Phases, local: LocalStiffness, half_b: flo
             f"{FEWEST_INDEPENDENT}: expected a longer record or a faster rate"
         )
     if half_b > abs(local.b):
-        found.append("damping is not different from zero")
+        found.append("damping is not resolved: its interval contains zero")
     elif local.b < 0.0:
         found.append(
             "damping is negative: the force lags behind the position (see --force-lag and teleop "

@@ -74,8 +74,8 @@ def fit_figure(title: str, evaluation: Evaluation) -> Figure:
         residual.set_yticks([])
     over_x.set_title(plain(title), loc="left")
     over_x.set_xlabel("displacement from the datum [mm]")
-    over_x.set_ylabel("force [N]")
-    over_t.set_ylabel("force [N]")
+    over_x.set_ylabel("force from the datum [N]")
+    over_t.set_ylabel("force from the datum [N]")
     over_t.tick_params(labelbottom=False)
     residual.set_ylabel("residual [N]")
     residual.set_xlabel("time [s]")
@@ -140,7 +140,7 @@ def draw_fit(
 def modulus_figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
     """Return a figure of the complex modulus against frequency, with 95 % intervals.
 
-    The panels are the storage modulus k', the loss modulus k'', and tan delta = k'' / k'.
+    The panels are the storage stiffness k', the loss stiffness k'', and tan delta = k'' / k'.
 
     Parameters
     ----------

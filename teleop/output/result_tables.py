@@ -10,6 +10,9 @@ from typing import Any
 
 from teleop.output.console import number, plain_console, print_table, small
 
+MOST_DECIMALS = 12
+"""Largest number of decimals of a printed value."""
+
 
 def print_result(summary: Mapping[str, Any], name: str) -> None:
     """Print the result of the evaluation of a file: k and b, or the reasons why there are none."""
@@ -49,6 +52,13 @@ def result_lines(summary: Mapping[str, Any]) -> list[str]:
         values = [result[f"{symbol}{end}"] for end in ("_low", "", "_high")]
         low, value, high = (significant(each, values[2] - values[0]) for each in values)
         lines.append(f"{what:9} {symbol} = {value} {unit} (95 % interval {low} to {high})")
+    if (frequency := result["damping_at_hz"]) is not None:
+        lines.append(f'b is the equivalent viscous damping k"/omega at {frequency:.3g} Hz')
+    change = result["b_change_per_ms_of_lag"]
+    lines.append(
+        f"1 ms of lag of the force changes b by {change:.3g} N s/m "
+        f"({change / max(abs(result['b']), 1e-300):.2g} times b)"
+    )
     return lines
 
 
@@ -112,9 +122,7 @@ def print_models(summary: Mapping[str, Any]) -> None:
             for fit in models
         ),
     )
-    console.print(
-        "  rms: error of the recorded force; a correct model has at most the noise of the sensor"
-    )
+    console.print("  rms: error of the predicted force, which includes the noise of the sensor")
     for fit in models:
         cells = [parameter_text(name, one) for name, one in fit["parameters"].items()]
         console.print(f"  {fit['name']}: {', '.join(cells)}")
@@ -136,8 +144,10 @@ def with_half(value: float, half: float) -> str:
 
 
 def significant(value: float, width: float) -> str:
-    """Return a value as text, rounded to two significant digits of its uncertainty `width`."""
-    decimals = 1 - math.floor(math.log10(width)) if width > 0.0 else 3
+    """Return a value as text, rounded to two significant digits of `width`, its uncertainty."""
+    decimals = 3
+    if width > 0.0:
+        decimals = min(1 - math.floor(math.log10(width)), MOST_DECIMALS)
     return number(round(value, decimals), max(decimals, 0))
 
 

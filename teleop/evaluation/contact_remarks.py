@@ -1,0 +1,45 @@
+"""Remarks on the contact: adhesion at release, friction, and inverted signs."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from teleop.evaluation.local_stiffness import LocalStiffness
+from teleop.evaluation.prepared import Prepared
+from teleop.evaluation.unsuited import negative_force
+
+LOWEST = 0.1
+"""Share of the travel, from the lowest position, that is taken to be out of contact."""
+CONSTANT = 0.02
+"""Largest standard deviation of the force there, relative to the force range."""
+PULL = 0.05
+"""Least pull that is reported, relative to the force range."""
+
+
+def adhesion(record: Prepared) -> float | None:
+    """Return how far the force falls below its level out of contact [N]; None if it does not."""
+    x, f = record.x, record.f
+    span = float(np.ptp(f))
+    out = f[x < x.min() + LOWEST * float(np.ptp(x))]
+    if span == 0.0 or float(np.std(out)) > CONSTANT * span:
+        return None
+    pull = float(np.median(out) - f.min())
+    return pull if pull > PULL * span else None
+
+
+def contact_remarks(record: Prepared, local: LocalStiffness) -> list[str]:
+    """Return the remarks on the contact of a record whose stiffness is identifiable."""
+    found = []
+    if pull := adhesion(record):
+        found.append(f"adhesion: the force falls by {pull:.3g} N below its level out of contact")
+    if local.friction:
+        found.append(
+            "friction: the loss does not depend on the speed; b holds for this frequency and "
+            "amplitude only"
+        )
+    if negative_force(record):
+        found.append(
+            "the force is negative: if it is negative in compression, k is that of unloading; see "
+            "--invert both"
+        )
+    return found

@@ -1,0 +1,140 @@
+"""Recordings of tests from which no tangent stiffness follows, whatever model is fitted."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.ndimage import median_filter
+
+from estimation.compiled import Floats
+from teleop.evaluation.constancy import rise_at_rest
+from teleop.evaluation.masks import runs
+from teleop.evaluation.phases import Phases
+from teleop.evaluation.prepared import Prepared
+
+FEWEST_PER_CYCLE = 8.0
+"""Least number of samples per cycle of the motion."""
+SMOOTHED = 9
+"""Number of samples of the median filter before a fall of the force is searched."""
+FALL = 0.25
+"""Fall of the force in loading, relative to its range, that is a puncture."""
+FALL_NOISE = 12.0
+"""Least fall, in standard deviations of the noise of the force."""
+FALL_TRAVEL = 0.02
+"""Largest travel during that fall, relative to the travel of the record."""
+CREEP = 0.3
+"""Shortest time at a constant force, relative to the record, that is a creep test."""
+CREPT = 0.1
+"""Least travel during that time, relative to the travel of the record."""
+ZERO = 0.1
+"""Largest force at rest, relative to the force range, that is a force without contact."""
+
+
+def unsuited(record: Prepared, phases: Phases) -> str | None:
+    """Return why no tangent stiffness follows from the kind of test; None if one may.
+
+    Parameters
+    ----------
+    record, phases
+        The prepared record and its phases.
+    """
+    if phases.saturated and rests_at_zero(record):
+        return (
+            "the force rests near zero at the highest positions, and is negative at the lowest: "
+            "expected force and position positive in compression, see --invert both"
+        )
+    if (level := creep_force(record, phases)) is not None:
+        return (
+            f"the force is constant at {level:.3g} N while the position creeps: a creep test has "
+            "no tangent stiffness"
+        )
+    if (fall := puncture(record)) is not None:
+        before, after, position = fall
+        return (
+            f"the force falls from {before:.3g} to {after:.3g} N in loading, at a position of "
+            f"{position * 1e3:.4g} mm: the specimen is punctured or slips. Expected a recording "
+            "that ends before"
+        )
+    if rise := rise_at_rest(record):
+        return (
+            f"the force drifts: it rises by {rise[0]:.3g} N in {rise[1]:.3g} s at rest, where that "
+            "of a passive body does not"
+        )
+    return None
+
+
+def rests_at_zero(record: Prepared) -> bool:
+    """Return whether the highest force is nearly zero, relative to the force range."""
+    low, high = np.percentile(record.f, [0.5, 99.5])
+    return bool(abs(high) < ZERO * (high - low))
+
+
+def negative_force(record: Prepared) -> bool:
+    """Return whether the lowest force is negative, and at least three times the highest."""
+    low, high = np.percentile(record.f, [0.5, 99.5])
+    return bool(low < 0.0 and high < -low / 3.0)
+
+
+def too_few_per_cycle(record: Prepared) -> str | None:
+    """Return that the sampling rate is too low for the frequency of the motion; None if not."""
+    each = 1.0 / (record.band.centre * record.period)
+    if record.band.coherence == 0.0 or each >= FEWEST_PER_CYCLE:
+        return None
+    return (
+        f"{each:.2g} samples per cycle of {record.band.centre:.3g} Hz: expected a sampling rate of "
+        f"{FEWEST_PER_CYCLE * record.band.centre:.3g} Hz or more"
+    )
+
+
+def creep_force(record: Prepared, phases: Phases) -> float | None:
+    """Return the constant force of a creep test [N]; None for another test.
+
+    In a creep test the force is constant, and the position continues in one direction at a rate
+    that decreases.
+    """
+    f, noise = record.f, record.f_noise_smoothed
+    level = float(np.median(f[len(f) // 2 :]))
+    width = max(6.0 * noise, 0.015 * float(np.ptp(f)))
+    for start, end in runs((np.abs(f - level) < width) & phases.contact):
+        if end - start < CREEP * len(f):
+            continue
+        travels = np.diff(record.x[np.linspace(start, end - 1, 5).astype(np.int_)])
+        if (
+            (np.diff(travels) < 0.0).all()
+            and travels[-1] > 3.0 * record.x_noise
+            and travels.sum() > CREPT * float(np.ptp(record.x))
+        ):
+            return level
+    return None
+
+
+def puncture(record: Prepared) -> tuple[float, float, float] | None:
+    """Return the force before and after a puncture [N], and its position [m]; None for none.
+
+    The force falls suddenly while the position continues to increase.
+    """
+    f = median_filter(record.raw_f, SMOOTHED, mode="nearest")
+    x, v = record.x, record.v
+    fast = v > 0.3 * float(np.percentile(np.abs(v), 95))
+    least = max(FALL * float(np.ptp(f)), FALL_NOISE * record.f_noise)
+    for start, end in runs(fast):
+        if end - start < 4 * SMOOTHED:
+            continue
+        before, after = largest_fall(x[start:end], f[start:end], FALL_TRAVEL * float(np.ptp(x)))
+        if f[start + before] - f[start + after] > least:
+            return float(f[start + before]), float(f[start + after]), float(x[start + before])
+    return None
+
+
+def largest_fall(x: Floats, f: Floats, travel: float) -> tuple[int, int]:
+    """Return the indices between which the force falls most within a travel [m] of the position.
+
+    Parameters
+    ----------
+    x, f
+        Position [m], which increases, and force [N], shape (n,).
+    travel
+        Largest travel [m].
+    """
+    ends = np.searchsorted(np.maximum.accumulate(x), x + travel, side="right") - 1
+    before = int(np.argmax(f - f[ends]))
+    return before, int(ends[before])

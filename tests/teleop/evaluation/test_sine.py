@@ -1,0 +1,64 @@
+"""For a sine, k and b are k' and k''/omega, whatever the number of cycles."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+from estimation.testing_records import relaxed
+from teleop.cli import main
+from teleop.evaluation.analysis import analyse
+from teleop.evaluation.signals import Signals, periods
+
+FREQUENCY = 0.5
+OMEGA = 2.0 * math.pi * FREQUENCY
+TIMES = ((200.0, 0.3), (150.0, 5.0))
+STORAGE = 300.0 + sum(k * (OMEGA * tau) ** 2 / (1.0 + (OMEGA * tau) ** 2) for k, tau in TIMES)
+DAMPING = 2.0 + sum(k * tau / (1.0 + (OMEGA * tau) ** 2) for k, tau in TIMES)
+
+
+def relaxing_sine(cycles: int) -> Signals:
+    t = np.arange(round(cycles / FREQUENCY * 1000.0)) / 1000.0
+    x = 6e-3 + 2e-3 * np.sin(OMEGA * t)
+    f = 300.0 * x + 4e-3 * OMEGA * np.cos(OMEGA * t)
+    f += sum(k * relaxed(x, 1000.0, tau) for k, tau in TIMES)
+    t, x, f = t[::20], x[::20], f[::20]
+    f = f + np.random.default_rng(cycles).normal(0.0, 5e-3, len(f))
+    return Signals(t, x, f, periods(t), "position")
+
+
+@pytest.mark.parametrize("cycles", [3, 5, 8, 15])
+def test_b_of_a_relaxing_body_is_the_equivalent_viscous_damping(cycles):
+    found = analyse(relaxing_sine(cycles))
+    result = found.result
+    assert result.b == pytest.approx(DAMPING, rel=0.05)
+    assert result.b_low <= DAMPING <= result.b_high
+    assert result.k == pytest.approx(STORAGE, rel=0.02)
+    assert result.k_low <= STORAGE <= result.k_high
+    assert result.damping_at_hz == pytest.approx(FREQUENCY, rel=0.01)
+    assert found.modulus()["loss"] == pytest.approx(DAMPING * OMEGA, rel=0.05)
+
+
+def test_b_of_a_ramp_and_hold_has_no_frequency():
+    t = np.arange(0.0, 30.0, 0.01)
+    x = np.interp(t, [0.0, 2.0, 4.0], [0.0, 0.0, 4e-3])
+    f = 300.0 * x + 200.0 * relaxed(x, 100.0, 2.0)
+    f += np.random.default_rng(0).normal(0.0, 2e-3, len(t))
+    result = analyse(Signals(t, x, f, periods(t), "position")).result
+    assert result.k is not None
+    assert result.damping_at_hz is None
+
+
+def test_the_command_states_the_frequency_of_the_damping(tmp_path, capsys):
+    signals = relaxing_sine(5)
+    path = tmp_path / "sine.csv"
+    columns = np.column_stack([signals.t, signals.x * 1e3, signals.f])
+    np.savetxt(path, columns, delimiter=",", header="Time [s],Position [mm],Force [N]", comments="")
+    assert main(["estimate", str(path)]) == 0
+    assert "equivalent viscous damping" in capsys.readouterr().out
+    assert main(["estimate", str(path), "--json"]) == 0
+    result = json.loads(capsys.readouterr().out)["result"]
+    assert result["damping_at_hz"] == pytest.approx(FREQUENCY, rel=0.01)
