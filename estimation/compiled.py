@@ -167,7 +167,7 @@ def compiled(step: Step, regressors: int) -> Callable[..., None]:
 def looped(
     loop: Callable[..., None],
     constants: tuple[float, ...],
-    inputs: tuple[Floats, ...],
+    inputs: tuple[NDArray[Any], ...],
     outputs: tuple[Floats, ...],
 ) -> None:
     """Call a loop over n samples, interpreted or compiled, with identical results to the bit.
@@ -179,7 +179,9 @@ def looped(
         the rules of a step (`estimation.step`).
     constants
         Numbers that are the same for all samples.
-    inputs, outputs
+    inputs
+        Arrays.
+    outputs
         Arrays, each of shape (n,).
     """
     if choice.is_compiled(len(outputs[0])):

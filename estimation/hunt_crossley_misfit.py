@@ -10,6 +10,11 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterable, Sequence
 
+import numpy as np
+from numpy.typing import NDArray
+
+from estimation.compiled import Floats, looped
+
 
 class RecentBlocks:
     """Means of force, velocity and displacement over the recent blocks.
@@ -41,6 +46,37 @@ class RecentBlocks:
         f, v, x, *_ = means
         self._blocks.append((f, v, x, share))
 
+    @property
+    def blocks(self) -> list[tuple[float, float, float, float]]:
+        """Means of force, velocity and displacement, and weight of the product, of each block."""
+        return list(self._blocks)
+
+    @property
+    def last(self) -> tuple[float, float, float, float]:
+        """The last block, as in `blocks`."""
+        return self._blocks[-1]
+
+    def autocovariances(
+        self, history: Floats, positions: NDArray[np.intp], parameters: Sequence[Floats]
+    ) -> Floats:
+        """Return the result of `autocovariance` at the ends of several blocks, shape (ends,).
+
+        Parameters
+        ----------
+        history
+            All blocks, shape (blocks, 4), see `blocks`.
+        positions
+            Number of blocks in `history` up to each end, shape (ends,).
+        parameters
+            K, B and n of the model at each end, each of shape (ends,).
+        """
+        first = np.maximum(positions - (self._blocks.maxlen or 0), 0)
+        found = np.empty(len(positions))
+        f, v, x, share = history.T.copy()
+        inputs = (f, v, x, share, *parameters[:3], first, positions)
+        looped(window_autocovariances, (), inputs, (found,))
+        return found
+
     def autocovariance(self, parameters: Sequence[float]) -> float:
         """Return the weighted mean product of successive force errors [N^2].
 
@@ -57,3 +93,29 @@ class RecentBlocks:
                 covariance += share * (error * last - covariance)
             last = error
         return covariance
+
+
+def window_autocovariances(
+    f: Sequence[float],
+    v: Sequence[float],
+    x: Sequence[float],
+    share: Sequence[float],
+    stiffness: Sequence[float],
+    damping: Sequence[float],
+    n: Sequence[float],
+    first: Sequence[int],
+    end: Sequence[int],
+    found: list[float],
+) -> None:
+    """Compute the autocovariance of the blocks `first` to `end` with the parameters at each end."""
+    for j in range(len(found)):
+        covariance = 0.0
+        last = 0.0
+        for i in range(first[j], end[j]):
+            error = f[i]
+            if x[i] > 0.0:
+                error = f[i] - (stiffness[j] + damping[j] * v[i]) * x[i] ** n[j]
+            if share[i] > 0.0:
+                covariance += share[i] * (error * last - covariance)
+            last = error
+        found[j] = covariance

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -12,33 +13,66 @@ from estimation.conditioning import Regression
 from estimation.estimator import LEVEL_95, UNKNOWN, Estimates
 from estimation.model import SIZES
 
+MOST_EXTREMES = 1 << 15
+"""Largest number of samples that `RisingValue` stores. Of more samples, every second is dropped."""
 ACTIVE_STATE = "p"
 """Name of the disturbance force [N] that the active observer estimates besides the model."""
 
 
 def estimated_force(regression: Regression, estimates: Estimates) -> Floats:
     """Return f_hat = phi' theta_hat [N], (5) of the paper, with the estimate after each sample."""
-    return _force(regression, estimates, lambda series: series)
+    return _force(regression, estimates, lambda of: of(estimates))
 
 
-def predicted_force(regression: Regression, estimates: Estimates) -> Floats:
-    """Return the one-step prediction of the force [N]; zero for the first sample.
+def predicted_force(
+    regression: Regression, estimates: Estimates, before: Estimates | None = None
+) -> Floats:
+    """Return the one-step prediction of the force [N]; zero for the first sample of a record.
 
     The force of each sample is predicted with the estimate after the previous sample. An
     estimator that follows the noise has a small error of (5), but not of this prediction.
+
+    Parameters
+    ----------
+    regression
+        The n samples.
+    estimates
+        The estimates after each sample.
+    before
+        The estimate after the sample before these samples; None at the start of a record.
     """
-    return _force(regression, estimates, lambda series: np.concatenate(([0.0], series[:-1])))
+
+    def delayed(of: Callable[[Estimates], Floats]) -> Floats:
+        first = of(before)[-1:] if before else np.zeros(1)
+        return np.concatenate((first, of(estimates)[:-1]))
+
+    return _force(regression, estimates, delayed)
 
 
 def _force(
-    regression: Regression, estimates: Estimates, of_sample: Callable[[Floats], Floats]
+    regression: Regression,
+    estimates: Estimates,
+    at_samples: Callable[[Callable[[Estimates], Floats]], Floats],
 ) -> Floats:
-    force: Floats = of_sample(estimates.b) * regression.v + of_sample(estimates.k) * regression.x
+    """Return the force of the model, phi' theta.
+
+    Parameters
+    ----------
+    regression
+        The samples.
+    estimates
+        The estimates after each sample.
+    at_samples
+        Function that takes the selection of a parameter from estimates, and returns the values of
+        this parameter that are used at the samples.
+    """
+    force: Floats = at_samples(lambda e: e.b) * regression.v
+    force = force + at_samples(lambda e: e.k) * regression.x
     if ACTIVE_STATE in estimates.further:
-        force += of_sample(estimates.further[ACTIVE_STATE].value)
+        force += at_samples(lambda e: e.further[ACTIVE_STATE].value)
     columns = [name for name in estimates.further if name in SIZES]
     for name, regressor in zip(columns, regression.further.T, strict=False):
-        force += of_sample(estimates.further[name].value) * regressor
+        force += at_samples(lambda e: e.further[name].value) * regressor  # noqa: B023
     return force
 
 
@@ -87,12 +121,46 @@ def rise_time(t: ArrayLike, estimate: ArrayLike) -> float:
     t, estimate
         Time [s] and estimate, each of shape (n,).
     """
-    t = np.asarray(t, dtype=np.float64)
-    share = np.asarray(estimate, dtype=np.float64)
-    average = share.mean() if len(share) else 0.0
-    if average == 0.0:
-        return float("nan")
-    share = share / average
-    first = int(np.argmax(share >= 0.1))
-    last = first + int(np.argmax(share[first:] >= 0.9))
-    return float(t[last] - t[first]) if share[last] >= 0.9 else float("nan")
+    rising = RisingValue()
+    rising.add(np.asarray(t, dtype=np.float64), np.asarray(estimate, dtype=np.float64))
+    return rising.time
+
+
+class RisingValue:
+    """Computes the rise time (`rise_time`) of an estimate that is processed in blocks.
+
+    The average is known only at the end. Therefore the samples at which the estimate is larger, or
+    smaller, than at all samples before are stored: an estimate reaches a level for the first time
+    at such a sample.
+    """
+
+    def __init__(self) -> None:
+        self._count, self._sum = 0, 0.0
+        self._extremes = [np.empty((2, 0)), np.empty((2, 0))]
+
+    def add(self, t: Floats, estimate: Floats) -> None:
+        """Process the next samples: time [s] and estimate, each of shape (n,)."""
+        self._count += len(t)
+        self._sum += float(np.sum(estimate))
+        for i, sign in enumerate((1.0, -1.0)):
+            stored = self._extremes[i]
+            before = stored[1, -1] if stored.size else -np.inf
+            highest = np.fmax.accumulate(np.concatenate(([before], sign * estimate)))
+            new = highest[1:] > highest[:-1]
+            stored = np.concatenate([stored, [t[new], sign * estimate[new]]], axis=1)
+            if stored.shape[1] > MOST_EXTREMES:
+                stored = np.concatenate([stored[:, :-1:2], stored[:, -1:]], axis=1)
+            self._extremes[i] = stored
+
+    @property
+    def time(self) -> float:
+        """The rise time of the estimate so far [s]; NaN if it is not defined."""
+        average = self._sum / self._count if self._count else 0.0
+        if average == 0.0:
+            return math.nan
+        t, value = self._extremes[0 if average > 0.0 else 1]
+        share = value / abs(average)
+        if not (len(share) and share[-1] >= 0.9):
+            return math.nan
+        first, last = (int(np.argmax(share >= level)) for level in (0.1, 0.9))
+        return float(t[last] - t[first])

@@ -29,11 +29,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from estimation.compiled import Floats
+from estimation.compiled import Floats, looped
 from estimation.conditioning import Regression
 from estimation.estimator import Estimate, Estimates, Estimator
 from estimation.hunt_crossley_misfit import RecentBlocks
@@ -48,6 +49,48 @@ LARGEST_MISFIT = 0.05
 A cubic body whose stiffness doubles over the indentation has a misfit of 0.07 or more. A linear
 body with noise of a tenth of the force has less than 0.03.
 """
+
+
+class BlockEnds(NamedTuple):
+    """Sums of products at the ends of the blocks of a number of samples, see `Misfit.ends`."""
+
+    at: NDArray[np.intp]
+    """Index of the last sample of each block that has a block before it, shape (blocks,)."""
+    samples: int
+    """Number of samples."""
+    products: Floats
+    """Weighted mean products of successive block means, shape (blocks, size, size)."""
+    square: Floats
+    """Weighted mean square of the force [N^2], shape (blocks,)."""
+    history: Floats
+    """Blocks of `RecentBlocks`, shape (stored, 4); empty without the model of Hunt and Crossley."""
+    positions: NDArray[np.intp]
+    """Number of blocks in `history` up to the end of each block, shape (blocks,)."""
+
+
+def block_sums(
+    block: float,
+    span: float,
+    total: float,
+    dt: Sequence[float],
+    is_open: Sequence[bool],
+    values: Sequence[float],
+    spans: list[float],
+    totals: list[float],
+) -> None:
+    """Compute duration and integral of values since the beginning of the block at each sample."""
+    for n in range(len(dt)):
+        if is_open[n]:
+            total += values[n] * dt[n]
+            span += dt[n]
+        else:
+            span = 0.0
+            total = 0.0
+        spans[n] = span
+        totals[n] = total
+        if span >= block:
+            span = 0.0
+            total = 0.0
 
 
 class Misfit:
@@ -79,7 +122,7 @@ class Misfit:
     def reset(self) -> None:
         """Discard all samples."""
         size = self._size
-        self._begin_block()
+        self._sums, self._span = [0.0] * size, 0.0
         self._before: list[float] | None = None
         if self._recent is not None:
             self._recent.clear()
@@ -142,20 +185,82 @@ class Misfit:
         -------
         The misfit of each estimator, arrays of shape (n,).
         """
-        series = [(e.b, e.k, [s.value for s in e.further.values()]) for e in estimates.values()]
-        x, v, f, dt, further = (column.tolist() for column in regression)
-        samples = zip(x, v, f, dt, further, is_open.tolist(), strict=True)
-        changes, values = [0], [self.values]
-        for i, sample in enumerate(samples):
-            if self._add(*sample):
-                self.values = tuple(
-                    self._misfit(float(b[i]), float(k[i]), [float(s[i]) for s in more], count)
-                    for (b, k, more), count in zip(series, self._further, strict=True)
-                )
-                changes.append(i)
-                values.append(self.values)
-        table = np.repeat(np.array(values), np.diff([*changes, len(regression.f)]), axis=0)
-        return dict(zip(estimates, table.T.copy(), strict=True))
+        ends = self.ends(regression, is_open)
+        return {name: self.series(i, ends, e) for i, (name, e) in enumerate(estimates.items())}
+
+    def ends(self, regression: Regression, is_open: NDArray[np.bool_]) -> BlockEnds:
+        """Process n samples, and return what `series` needs at the ends of the blocks.
+
+        The arguments are those of `run`.
+        """
+        sums = list(self._sums)
+        channels = (regression.f, regression.v, regression.x, *regression.further.T)
+        span, totals = np.empty(len(is_open)), np.zeros((self._size, len(is_open)))
+        for start, channel, total in zip(sums, channels, totals, strict=False):
+            constants = (self._block, self._span, start)
+            looped(block_sums, constants, (regression.dt, is_open, channel), (span, total))
+        closed = np.concatenate(([0], np.cumsum(~is_open)))
+        history = [] if self._recent is None else self._recent.blocks
+        at, products, squares, positions = [], [], [], []
+        before = 0
+        for i in np.flatnonzero(span >= self._block).tolist():
+            if closed[i + 1] > closed[before]:
+                self._before = None
+            self._span, self._sums = float(span[i]), totals[:, i].tolist()
+            is_known = self._end_block()
+            before = i + 1
+            if self._recent is not None:
+                history.append(self._recent.last)
+            if is_known:
+                at.append(i)
+                products.append([list(row) for row in self._products])
+                squares.append(self._square)
+                positions.append(len(history))
+        if closed[-1] > closed[before]:
+            self._before = None
+        if before < len(span):
+            self._span, self._sums = float(span[-1]), totals[:, -1].tolist()
+        size = self._size
+        return BlockEnds(
+            np.array(at, dtype=np.intp),
+            len(span),
+            np.reshape(products, (len(at), size, size)),
+            np.array(squares),
+            np.reshape(history, (-1, 4)),
+            np.array(positions, dtype=np.intp),
+        )
+
+    def series(self, i: int, ends: BlockEnds, estimates: Estimates) -> Floats:
+        """Return the misfit of one estimator after each sample, shape (n,).
+
+        Parameters
+        ----------
+        i
+            Index of the estimator in the bank.
+        ends
+            Result of `ends` for the samples.
+        estimates
+            The estimates after each sample.
+        """
+        at, samples, products, square, history, positions = ends
+        count = self._further[i]
+        b, k = estimates.b[at], estimates.k[at]
+        further = [series.value[at] for series in estimates.further.values()]
+        if count < 0 and self._recent is not None:
+            covariance = self._recent.autocovariances(history, positions, further)
+        else:
+            weights = (np.ones(len(at)), -b, -k, *[-values for values in further[:count]])
+            covariance = np.zeros(len(at))
+            for row, weight in enumerate(weights):
+                part = np.zeros(len(at))
+                for column, other in enumerate(weights):
+                    part += products[:, row, column] * other
+                covariance += weight * part
+        positive = square > 0.0
+        ratio = np.maximum(covariance, 0.0) / np.where(positive, square, 1.0)
+        values = [self.values[i], *np.where(positive, np.sqrt(ratio), math.nan).tolist()]
+        self.values = (*self.values[:i], values[-1], *self.values[i + 1 :])
+        return np.repeat(np.array(values), np.diff([0, *at, samples]))
 
     def _add(
         self, x: float, v: float, f: float, dt: float, further: Sequence[float], is_open: bool

@@ -10,7 +10,7 @@ import numpy as np
 from estimation.compiled import Floats
 from estimation.conditioning import Regression
 from estimation.estimator import LEVEL_95, UNKNOWN, Estimates, Estimator
-from estimation.metrics import estimated_force, force_error, predicted_force, rise_time
+from estimation.metrics import RisingValue, estimated_force, predicted_force
 
 
 class EstimatorSummary(NamedTuple):
@@ -77,42 +77,85 @@ def summarise(
     misfit
         Its misfit after each sample, shape (n,).
     """
-    f = regression.f
-    one_step = f - predicted_force(regression, estimates)
-    known = ~np.logical_and.accumulate(estimates.held)
-    some = bool(known.any())
-    fitted = estimated_force(regression, estimates)
-    units = dict(zip(estimator.names, estimator.units, strict=True))
-    return EstimatorSummary(
-        b=float(np.mean(estimates.b[known])) if some else math.nan,
-        k=float(np.mean(estimates.k[known])) if some else math.nan,
-        e_f=force_error(f[known], fitted[known]) if some else math.nan,
-        one_step_rms=float(np.sqrt(np.mean(one_step[known] ** 2))) if some else math.nan,
-        rise_time_s=rise_time(t, estimates.k),
-        b_end=float(estimates.b[-1]) if some else math.nan,
-        k_end=float(estimates.k[-1]) if some else math.nan,
-        b_interval=interval_at_end(estimates, estimates.b_std),
-        k_interval=interval_at_end(estimates, estimates.k_std),
-        held=float(np.mean(estimates.held)),
-        further={
-            name: float(series.value[-1]) if some else math.nan
-            for name, series in estimates.further.items()
-        },
-        further_interval={
-            name: interval_at_end(estimates, series.std)
-            for name, series in estimates.further.items()
-        },
-        further_unit={name: units[name] for name in estimates.further},
-        misfit=float(misfit[-1]) if some else math.nan,
-        note=estimator.note(estimates) if some else None,
-    )
+    running = RunningSummary(estimator)
+    running.add(t, regression, estimates, misfit)
+    return running.summary(estimates)
 
 
-def interval_at_end(estimates: Estimates, std: Floats) -> float:
-    """Return the half width of the 95 % confidence interval after the last sample.
+class RunningSummary:
+    """Summary of one estimator over a record that is processed in blocks of samples.
 
-    The result is NaN if the estimator has no estimate, or no standard deviation below `UNKNOWN`.
-    `std` are the standard deviations of one parameter, shape (n,).
+    Parameters
+    ----------
+    estimator
+        The estimator.
     """
-    known = not estimates.held.all() and std[-1] < UNKNOWN
-    return LEVEL_95 * float(std[-1]) if known else math.nan
+
+    def __init__(self, estimator: Estimator) -> None:
+        self._estimator = estimator
+        self._before: Estimates | None = None
+        self._rise = RisingValue()
+        self._samples = self._held = self._known = 0
+        self._misfit = math.nan
+        self._sums = np.zeros(4)
+
+    def add(self, t: Floats, regression: Regression, estimates: Estimates, misfit: Floats) -> None:
+        """Process the next samples. The arguments are those of `summarise`."""
+        f = regression.f
+        one_step = f - predicted_force(regression, estimates, self._before)
+        held = np.logical_and.accumulate(estimates.held)
+        known = np.ones(len(f), dtype=np.bool_) if self._known else ~held
+        error = np.abs(f[known] - estimated_force(regression, estimates)[known])
+        sums = (estimates.b[known], estimates.k[known], error, one_step[known] ** 2)
+        self._sums += [np.sum(values) for values in sums]
+        self._samples += len(f)
+        self._held += int(np.sum(estimates.held))
+        self._known += int(np.sum(known))
+        self._rise.add(t, estimates.k)
+        self._before = estimates.part(slice(-1, None))
+        self._misfit = float(misfit[-1])
+
+    def summary(self, estimates: Estimates) -> EstimatorSummary:
+        """Return the summary of all samples so far.
+
+        Parameters
+        ----------
+        estimates
+            The estimates after each sample, or after evenly spaced samples, for the note of the
+            estimator.
+        """
+        estimator, some = self._estimator, self._known > 0
+        end = self._before or estimates
+        b, k, e_f, square = (self._sums / self._known).tolist() if some else [math.nan] * 4
+        units = dict(zip(estimator.names, estimator.units, strict=True))
+        return EstimatorSummary(
+            b=b,
+            k=k,
+            e_f=e_f,
+            one_step_rms=math.sqrt(square),
+            rise_time_s=self._rise.time,
+            b_end=float(end.b[-1]) if some else math.nan,
+            k_end=float(end.k[-1]) if some else math.nan,
+            b_interval=self._interval(end.b_std),
+            k_interval=self._interval(end.k_std),
+            held=self._held / self._samples,
+            further={
+                name: float(series.value[-1]) if some else math.nan
+                for name, series in end.further.items()
+            },
+            further_interval={
+                name: self._interval(series.std) for name, series in end.further.items()
+            },
+            further_unit={name: units[name] for name in end.further},
+            misfit=self._misfit if some else math.nan,
+            note=estimator.note(estimates) if some else None,
+        )
+
+    def _interval(self, std: Floats) -> float:
+        """Return the half width of the 95 % confidence interval after the last sample.
+
+        The result is NaN if the estimator has no estimate, or no standard deviation below
+        `UNKNOWN`. `std` are standard deviations of one parameter; the last one is used.
+        """
+        is_known = self._held < self._samples and std[-1] < UNKNOWN
+        return LEVEL_95 * float(std[-1]) if is_known else math.nan
