@@ -106,14 +106,26 @@ class Bank(Mapping[str, Estimator]):
 
         Arguments and errors are those of `Estimator.run`.
         """
+        return dict(self.each(x, v, f, dt, further))
+
+    def each(
+        self,
+        x: ArrayLike,
+        v: ArrayLike,
+        f: ArrayLike,
+        dt: ArrayLike,
+        further: ArrayLike | None = None,
+    ) -> Iterator[tuple[str, Estimates]]:
+        """Process n samples with one estimator after another; yield name and estimates of each.
+
+        Arguments and errors are those of `Estimator.run`. All estimators must be used.
+        """
         samples = checked_samples(x, v, f, dt, further)
         self._check_further(samples.phi.shape[1] - 2)
         plain = samples._replace(phi=np.ascontiguousarray(samples.phi[:, :2]))
         self.opened = is_open = self._open_samples(plain)
-        return {
-            name: e.advance_all(self._samples_of(e, samples, plain, is_open))
-            for name, e in self._estimators.items()
-        }
+        for name, e in self._estimators.items():
+            yield name, e.advance_all(self._samples_of(e, samples, plain, is_open))
 
     def _open_samples(self, samples: Samples) -> NDArray[np.bool_]:
         return self.gate.run(samples) if self.gate else samples.open

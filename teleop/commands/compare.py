@@ -95,7 +95,7 @@ def compare(
     from teleop.commands.estimate import chosen
     from teleop.errors import InputError
     from teleop.evaluation.comparison import check_factors, compared, grouped, tidy_rows
-    from teleop.evaluation.evaluation import evaluate
+    from teleop.evaluation.evaluation import KEPT, evaluate
     from teleop.evaluation.replay import is_replayed
     from teleop.files import check_outputs
     from teleop.output.comparison_tables import (
@@ -131,17 +131,18 @@ def compare(
     skipped = []
     for source in found:
         try:
-            signals, recording = columns.read(source.path, is_replayed)
-            evaluation = evaluate(signals, chosen(recording, columns.datum, cube, given))
+            samples, recording = columns.read(source.path, is_replayed)
+            settings = chosen(recording, columns.datum, cube, given)
+            evaluation = evaluate(samples, settings, KEPT)
         except InputError as error:
             text = str(error).removeprefix(f"{source.path}: ").replace("\n", "; ")
             skipped.append({"file": str(source.path), "problem": text})
             print_error(f"{source.path}: left out: {text}")
             continue
-        settings = recording.settings | {"rig": recording.session.get("rig")} if recording else {}
+        known = recording.settings | {"rig": recording.session.get("rig")} if recording else {}
         tracking = recorded_tracking(recording) if recording else None
-        known = known_factors(source, settings)
-        rows.append(compared(str(source.path), known, evaluation, tracking))
+        factors_known = known_factors(source, known)
+        rows.append(compared(str(source.path), factors_known, evaluation, tracking))
     if not rows:
         raise InputError("no file can be evaluated")
     factors = usual_factors(found) if by is None else [name.strip() for name in by.split(",")]

@@ -125,18 +125,20 @@ def estimate(
     json
         Print one JSON document instead of tables.
     """
+    from contextlib import nullcontext
+
     from teleop.commands.choices import choose_estimators, choose_model
     from teleop.errors import InputError
-    from teleop.evaluation.evaluation import Evaluation, evaluate
+    from teleop.evaluation.evaluation import KEPT, Evaluation, evaluate
     from teleop.evaluation.material import Indenter, elastic_modulus
     from teleop.evaluation.pooled import evaluate_together
-    from teleop.evaluation.replay import agrees, is_replayed
+    from teleop.evaluation.replay import is_replayed
     from teleop.evaluation.settings_summary import settings_summary
     from teleop.files import check_outputs, new_file
     from teleop.output import console
     from teleop.output.estimate_tables import print_evaluation
     from teleop.output.result_tables import print_together
-    from teleop.recording.export_formats import write_table
+    from teleop.recording.export_formats import TableFile
     from teleop.recording.gaps import gap_rows
 
     if more and (out or plot or plot_force):
@@ -163,10 +165,13 @@ def estimate(
     evaluations: dict[str, Evaluation] = {}
     summaries = []
     for path in (file, *more):
-        signals, recording = columns.read(path, is_replayed)
+        samples, recording = columns.read(path, is_replayed)
+        signals = samples.signals
         settings = chosen(recording, columns.datum, cube, given)
         try:
-            evaluation = evaluate(signals, settings)
+            with new_file(out, overwrite) if out else nullcontext() as table:
+                write = TableFile(table).write if table else None
+                evaluation = evaluate(samples, settings, KEPT, write)
         except InputError as error:
             raise InputError(f"{path}: {error}" if more else str(error)) from error
         summary = {
@@ -182,7 +187,7 @@ def estimate(
             if result.identifiable:
                 summary["material"] = elastic_modulus(result, tip, known)
         if recording:
-            summary["as_online"] = agrees(evaluation, recording)
+            summary["as_online"] = evaluation.online.as_recorded and not recording.gaps
             summary["missing_ticks"] = gap_rows(recording.gaps)
             summary["estimated_channels"] = recording.estimated_channels
         if not json:
@@ -195,9 +200,8 @@ def estimate(
         console.print_json(document)
     elif together:
         print_together(together)
-    if out:
-        with new_file(out, overwrite) as table:
-            write_table(table, *evaluation.columns())
+    if not any(pictures):
+        return 0
     from estimation.figure_style import figure_style
     from teleop.output.figure_files import plain, save
 

@@ -46,8 +46,10 @@ def lag(
     """
     from teleop.errors import InputError
     from teleop.evaluation.datum import find_datum
+    from teleop.evaluation.replay import recorded_signals
     from teleop.output import console
     from teleop.output.rig_tables import print_lag
+    from teleop.recording.recording import load
     from teleop.rig.force_lag import measure_lag
     from teleop.rig.reference_spring import measure_simulated_lag
 
@@ -60,7 +62,8 @@ def lag(
             "true_lost_motion_m": setup.transmission.lost_motion,
         }
     else:
-        signals, recording = columns.read(file)
+        samples, recording = columns.read(file)
+        signals = samples.signals if samples.is_whole else recorded_signals(load(file))
         if signals.gaps:
             end = signals.gaps[0]
             raise InputError(

@@ -13,7 +13,7 @@ from teleop.commands.quantities import Hertz, Length
 
 if TYPE_CHECKING:
     from teleop.evaluation.formats.columns import Wanted
-    from teleop.evaluation.signals import Signals
+    from teleop.evaluation.samples import Samples
     from teleop.recording.recording import Recording
 
 
@@ -50,7 +50,7 @@ class Columns:
 
     def read(
         self, file: Path, is_wanted: Callable[[str], bool] = bool
-    ) -> tuple[Signals, Recording | None]:
+    ) -> tuple[Samples, Recording | None]:
         """Read position, force and time from a file.
 
         Parameters
@@ -59,14 +59,15 @@ class Columns:
             A recording of `teleop run`, or a file of another program.
         is_wanted
             Function that takes the name of a column of a recording, and returns whether the column
-            is read. By default, all columns are read.
+            is in the returned recording. By default, all columns.
 
         Returns
         -------
-        signals
+        samples
             Position, force and time.
         recording
-            The recorded trial; None for a file of another program.
+            The recorded trial; None for a file of another program. A long recording has only its
+            last ticks, see `RecordedSamples`.
 
         Raises
         ------
@@ -77,24 +78,26 @@ class Columns:
         from teleop.evaluation import exported
         from teleop.evaluation.formats.mcap import is_foreign
         from teleop.evaluation.replay import recorded_signals
+        from teleop.evaluation.samples import RecordedSamples, Samples
         from teleop.evaluation.signals import chosen_table, signals_of
         from teleop.files import RECORDING
-        from teleop.recording.recording import load
 
         if file.suffix.lower() != RECORDING or is_foreign(file):
             wanted = self.wanted()
             table = chosen_table(file, wanted, () if any(wanted) else exported.COLUMNS)
             recording = exported.exported_recording(table)
             if recording is None:
-                return signals_of(table, wanted), None
-            return recorded_signals(recording), recording if recording.settings else None
+                return Samples(signals_of(table, wanted)), None
+            recorded = recording.estimated().estimates()
+            samples = Samples(recorded_signals(recording), recorded)
+            return samples, recording if recording.settings else None
         for option in OF_TABLES:
             if getattr(self, option) is not None:
                 raise InputError(
                     f"{file}: --{option} is for a table; a recorded trial has its own columns"
                 )
-        recording = load(file, is_wanted)
-        return recorded_signals(recording), recording
+        recorded_samples = RecordedSamples(file, is_wanted)
+        return recorded_samples, recorded_samples.recording
 
     def wanted(self) -> Wanted:
         """Return the columns, units and signs that the options select in a table.

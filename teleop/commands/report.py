@@ -64,7 +64,7 @@ def report(
     from teleop.commands.estimate import chosen
     from teleop.commands.figures import truth_of
     from teleop.evaluation.conditioned import FEWEST
-    from teleop.evaluation.evaluation import evaluate
+    from teleop.evaluation.evaluation import KEPT, evaluate
     from teleop.evaluation.settings_summary import settings_summary
     from teleop.files import check_ending, check_outputs, write_text
     from teleop.output import console
@@ -80,11 +80,11 @@ def report(
         "estimators": None if estimators is None else choose_estimators(estimators),
         "model": choose_model(model) if model else None,
     }
-    signals, recording = columns.read(file)
+    samples, recording = columns.read(file)
     evaluation = summary = None
-    if not (recording and recording.fault and len(signals.t) < FEWEST):
+    if not (recording and recording.fault and samples.count < FEWEST):
         settings = chosen(recording, columns.datum, cube, given)
-        evaluation = evaluate(signals, settings)
+        evaluation = evaluate(samples, settings, KEPT)
         summary = {**settings_summary(settings), **evaluation.summary()}
     link = os.path.relpath(file.resolve(), page.resolve().parent)
     truth = truth_of(recording)

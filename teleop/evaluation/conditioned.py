@@ -11,7 +11,7 @@ from estimation import Conditioner, Regression
 from estimation.compiled import Floats
 from teleop.errors import InputError
 from teleop.evaluation.datum import Datum
-from teleop.evaluation.sampling_gaps import condition
+from teleop.evaluation.sampling_gaps import PiecewiseConditioner
 from teleop.evaluation.signals import Signals
 
 FEWEST = 10
@@ -53,18 +53,43 @@ def conditioned(
     InputError
         Too few samples remain between the gaps.
     """
-    t = signals.t
-    whole, settled = condition(
-        conditioner, t, signals.x - datum.x, signals.f - datum.f, signals.dt, signals.gaps
-    )
-    moving = np.arange(len(t))[motion]
-    used = moving[settled[moving]]
-    if len(used) < FEWEST:
+    found = ConditionedBlocks(conditioner, datum, motion).add(signals)
+    if len(found.used) < FEWEST:
         raise InputError(
-            f"only {len(used)} samples are far enough from a gap for the filters to settle: "
+            f"only {len(found.used)} samples are far enough from a gap for the filters to settle: "
             f"expected at least {FEWEST}"
         )
-    regression = whole.part(used)
-    apart = 1 + np.flatnonzero(np.diff(used) > 1)
-    regression.dt[apart] = t[used][apart] - t[used][apart - 1]
-    return Conditioned(t[used], regression, used, apart)
+    return found
+
+
+class ConditionedBlocks:
+    """Conditions a record that is read in blocks, see `conditioned`."""
+
+    def __init__(self, conditioner: Conditioner, datum: Datum, motion: slice = slice(None)) -> None:
+        self._pieces = PiecewiseConditioner(conditioner)
+        self._datum, self._motion = datum, motion
+        self._count = 0
+        self._last: tuple[int, float] | None = None
+
+    def add(self, signals: Signals) -> Conditioned:
+        """Condition the next samples. `used` and `apart` are indices in these samples."""
+        t, datum = signals.t, self._datum
+        whole, settled = self._pieces.run(
+            t, signals.x - datum.x, signals.f - datum.f, signals.dt, signals.gaps
+        )
+        start, stop, _ = self._motion.indices(self._count + len(t))
+        moving = np.arange(max(start - self._count, 0), max(stop - self._count, 0))
+        used = moving[settled[moving]]
+        regression = whole.part(used)
+        times, places = t[used], used + self._count
+        if self._last:
+            places = np.concatenate([self._last[:1], places])
+            times = np.concatenate([self._last[1:], times])
+        apart = 1 + np.flatnonzero(np.diff(places) > 1)
+        periods = times[apart] - times[apart - 1]
+        apart -= 1 if self._last else 0
+        regression.dt[apart] = periods
+        self._count += len(t)
+        if len(used):
+            self._last = int(places[-1]), float(times[-1])
+        return Conditioned(t[used], regression, used, apart)

@@ -9,22 +9,26 @@ from estimation import Bank
 from estimation.compiled import Floats, Samples
 from estimation.estimator import Estimator
 from teleop.evaluation.analysis import Analysis
+from teleop.evaluation.masks import hysteresis
+from teleop.evaluation.phases import level_width
+
+FARTHEST = 1.0
+"""Time [s] to the next sample of the analysis above which a sample is between two sections."""
 
 
 class ContactBank(Bank):
-    """A bank for one record, whose estimators hold their estimates while there is no contact.
+    """A bank whose estimators hold their estimates while there is no contact.
 
     Parameters
     ----------
     bank
         Bank from which the estimators and the contact gate are taken.
-    contact
-        Whether there is contact at each sample of the record, shape (n,).
     """
 
-    def __init__(self, bank: Bank, contact: NDArray[np.bool_]) -> None:
+    def __init__(self, bank: Bank) -> None:
         super().__init__(bank, bank.gate)
-        self.contact = contact
+        self.contact = np.zeros(0, dtype=np.bool_)
+        """Whether there is contact at each of the samples that are processed next, shape (n,)."""
 
     def _open_samples(self, samples: Samples) -> NDArray[np.bool_]:
         return super()._open_samples(samples) & self.contact
@@ -36,8 +40,11 @@ class ContactBank(Bank):
         return chosen._replace(open=chosen.open & self.contact)
 
 
-def contact_at(analysis: Analysis, t: Floats) -> NDArray[np.bool_]:
+def contact_at(analysis: Analysis, t: Floats, f: Floats) -> NDArray[np.bool_]:
     """Return whether there is contact at each time.
+
+    Between the sections of a long record, which the analysis does not contain, there is contact if
+    the force differs from its level out of contact.
 
     Parameters
     ----------
@@ -45,6 +52,8 @@ def contact_at(analysis: Analysis, t: Floats) -> NDArray[np.bool_]:
         Batch evaluation of the record.
     t
         Times [s], shape (n,).
+    f
+        Force at these times [N], shape (n,), with the zero of the file.
 
     Returns
     -------
@@ -54,4 +63,13 @@ def contact_at(analysis: Analysis, t: Floats) -> NDArray[np.bool_]:
     if record.band.coherence == 0.0:
         return np.zeros(len(t), dtype=np.bool_)
     nearest = np.clip(np.searchsorted(record.t, t), 0, len(record.t) - 1)
-    return np.asarray(phases.contact[nearest])
+    contact = np.asarray(phases.contact[nearest])
+    width = level_width(record)
+    away = np.abs(record.t[nearest] - t) > FARTHEST
+    if away.any():
+        level = phases.free_force
+        above = np.ones(len(t), dtype=np.bool_)
+        if level is not None:
+            above = hysteresis(f - level, 0.5 * width, width)
+        contact[away] = above[away]
+    return contact

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -24,30 +26,32 @@ from estimation.batch_models import BatchFit
 from estimation.compiled import Floats
 from estimation.conditioner_choice import make_conditioner
 from estimation.conditioning import BANDWIDTH
-from estimation.estimate_columns import estimate_arrays, estimate_columns, misfit_columns
 from estimation.excitation import dominant_frequency
 from estimation.least_squares import no_fit
 from estimation.model import KELVIN_VOIGT
 from estimation.presentation import Presented
 from estimation.registry import PAPER
-from estimation.summary import EstimatorSummary, summarise
+from estimation.summary import EstimatorSummary
 from teleop.errors import InputError, as_input_error
 from teleop.evaluation.analysis import Analysis, analyse
-from teleop.evaluation.conditioned import FEWEST, conditioned
+from teleop.evaluation.conditioned import FEWEST, ConditionedBlocks, conditioned
 from teleop.evaluation.contact_bank import ContactBank, contact_at
 from teleop.evaluation.datum import Datum, find_datum, moving_part
 from teleop.evaluation.estimate_settings import EstimateSettings
 from teleop.evaluation.force_filter import without_filter_delay
-from teleop.evaluation.in_blocks import excitation_of, misfit_of
 from teleop.evaluation.kept_variance import kept_variance
-from teleop.evaluation.model_comparison import compare
+from teleop.evaluation.model_comparison import RunningComparison
 from teleop.evaluation.model_comparison import cost as sample_cost
+from teleop.evaluation.online import Kept, OnlineResult, OnlineRun, Table, table
+from teleop.evaluation.samples import Samples
 from teleop.evaluation.sampling_gaps import closed_up
 from teleop.evaluation.signals import Signals
 from teleop.evaluation.smallest_step import smallest_step
 
 FEWEST_KEPT = 0.9
 """A message is reported if the conditioning keeps less than this fraction of the force variance."""
+KEPT = 1 << 18
+"""Number of samples, multiplied by the number of estimators, whose estimates the commands keep."""
 LEAST_EXCITATION = 0.01
 """Excitation below which the b of an online estimator is reported with a remark.
 
@@ -58,15 +62,19 @@ known to 10 %, a loss tangent b omega / k below one can then not be measured.
 
 @dataclass(frozen=True, repr=False)
 class Evaluation(Presented):
-    """Online estimates and batch evaluation of one recording. Arrays have shape (n,)."""
+    """Online estimates and batch evaluation of one recording.
 
-    t: Floats
-    regression: Regression
-    """The conditioned samples, which are the input of the estimators."""
-    estimates: dict[str, Estimates]
+    Arrays have shape (n,): the n samples that the estimators processed, or evenly spaced samples of
+    these (see `evaluate`). The summaries are those of all samples.
+    """
+
+    online: OnlineResult
+    """The online estimates."""
+    conditioned: Regression
+    """The conditioned samples of `Samples.signals`: all samples, or sections of a long record."""
     bank: Bank
     least_squares: Fit
-    """Least-squares fit to all conditioned samples; NaN without contact."""
+    """Least-squares fit to the samples `conditioned`; NaN without contact."""
     datum: Datum
     preset: Preset
     bandwidth: float
@@ -76,10 +84,6 @@ class Evaluation(Presented):
     """Largest deviation of a sample period from the median, as a fraction of the median."""
     samples: int
     """Number of samples in the recording, including those at rest."""
-    excitation: Floats
-    """Excitation measure at the motion's dominant frequency."""
-    misfit: dict[str, Floats]
-    """Misfit of each estimator (`estimation.misfit`)."""
     analysis: Analysis
     """The batch evaluation."""
     kept_force_variance: float
@@ -89,6 +93,31 @@ class Evaluation(Presented):
     if the file states no filter."""
     gaps: tuple[tuple[float, float], ...] = ()
     """Time of the last sample before each gap, and of the first sample after the gap [s]."""
+
+    @property
+    def t(self) -> Floats:
+        """Time [s], shape (n,)."""
+        return self.online.t
+
+    @property
+    def regression(self) -> Regression:
+        """The conditioned samples, which are the input of the estimators."""
+        return self.online.regression
+
+    @property
+    def estimates(self) -> dict[str, Estimates]:
+        """Estimates after each sample, by the name of the estimator."""
+        return self.online.estimates
+
+    @property
+    def misfit(self) -> dict[str, Floats]:
+        """Misfit of each estimator (`estimation.misfit`), arrays of shape (n,)."""
+        return self.online.misfit
+
+    @property
+    def excitation(self) -> Floats:
+        """Excitation measure at the motion's dominant frequency, shape (n,)."""
+        return self.online.excitation
 
     def summary(self, cost: bool = False) -> dict[str, Any]:
         """Return the results with the keys of the output of `teleop estimate --json`.
@@ -100,27 +129,18 @@ class Evaluation(Presented):
             different in each call.
         """
         estimates = {name: one._asdict() for name, one in self.summaries().items()}
-        if not set(estimates) <= set(PAPER):
-            x, v, f, *_ = self.regression
-            for fit, modelled in ((least_squares(x, v, f), False), (self.least_squares, True)):
-                group = {
-                    name: series
-                    for name, series in self.estimates.items()
-                    if bool(self.bank[name].model.further) is modelled
-                }
-                rows = compare(self.regression, self.bank, group, fit.b, fit.k)
-                for name, row in rows.items():
-                    estimates[name] |= row._asdict()
+        for name, row in self.online.comparisons.items():
+            estimates[name] |= row._asdict()
         if cost:
             for name in estimates:
-                estimates[name]["cost_us"] = sample_cost(self.bank[name], self.regression) * 1e6
+                estimates[name]["cost_us"] = sample_cost(self.bank[name], self.conditioned) * 1e6
         return {
             **self.batch_summary(),
             "samples": self.samples,
-            "samples_used": len(self.t),
+            "samples_used": self.online.used,
             "rate_hz": self.rate,
             "jitter": self.jitter,
-            "longest_gap_s": float(np.max(self.regression.dt)),
+            "longest_gap_s": self.online.longest_period,
             "gaps": [{"from_s": start, "to_s": end} for start, end in self.gaps],
             "from_s": round(float(self.t[0]), 9) + 0.0,
             "to_s": float(self.t[-1]),
@@ -135,7 +155,7 @@ class Evaluation(Presented):
             "bandwidth_hz": self.bandwidth,
             "memory_s": 0.5 / self.preset.forgetting_rate,
             "excitation": {
-                "mean": float(np.mean(self.excitation)),
+                "mean": self.online.mean_excitation,
                 "last": float(self.excitation[-1]),
             },
             "estimates": estimates,
@@ -144,10 +164,7 @@ class Evaluation(Presented):
 
     def summaries(self) -> dict[str, EstimatorSummary]:
         """Return a summary of the estimates of each estimator, by the name of the estimator."""
-        return {
-            name: summarise(self.t, self.regression, series, self.bank[name], self.misfit[name])
-            for name, series in self.estimates.items()
-        }
+        return self.online.summaries
 
     @cached_property
     def models(self) -> list[BatchFit]:
@@ -183,26 +200,35 @@ class Evaluation(Presented):
 
     def columns(self) -> tuple[dict[str, Floats], dict[str, str]]:
         """Return signals and estimates as columns of shape (n,), and the unit of each column."""
-        x, v, f, *_ = self.regression
-        columns = {"Time": self.t, "Displacement": x, "Velocity": v, "Force": f}
-        units = {"Time": "s", "Displacement": "m", "Velocity": "m/s", "Force": "N"}
-        columns["Excitation"], units["Excitation"] = self.excitation, "-"
-        for column, values in zip(
-            estimate_columns(self.bank), estimate_arrays(self.estimates), strict=True
-        ):
-            columns[column.name] = np.asarray(values, dtype=np.float64)
-            units[column.name] = column.unit
-        for column, values in zip(misfit_columns(self.bank), self.misfit.values(), strict=True):
-            columns[column.name], units[column.name] = values, column.unit
-        return columns, units
+        return table(self.bank, Kept(self.t, *self.online[1:5]))
 
 
-def evaluate(signals: Signals, settings: EstimateSettings) -> Evaluation:
+def evaluate(
+    samples: Samples | Signals,
+    settings: EstimateSettings,
+    most: float = math.inf,
+    write: Callable[[Table], None] | None = None,
+) -> Evaluation:
     """Subtract the datum, condition the signals, and run the estimators over the moving part.
 
     The filters restart after each gap. Samples are omitted until the filters have settled. The
     estimators receive the duration of the gap as the sample period, so that the weight of the
     samples before the gap depends on their true age.
+
+    The estimators process all samples in blocks. All other results are computed from
+    `samples.signals`.
+
+    Parameters
+    ----------
+    samples
+        The record.
+    settings
+        Settings of the evaluation.
+    most
+        Approximate largest number of samples, multiplied by the number of estimators, whose
+        estimates are kept. If there are more, evenly spaced samples and the last sample are kept.
+    write
+        Function that is called with the columns and units of each block of samples.
 
     Raises
     ------
@@ -210,8 +236,12 @@ def evaluate(signals: Signals, settings: EstimateSettings) -> Evaluation:
         A setting is out of its range, nothing moves, or too few samples remain between gaps.
     """
     lag, note = settings.force_lag, ""
+    if isinstance(samples, Signals):
+        samples = Samples(samples)
+    signals = samples.signals
     if lag is None:
         lag, (signals, note) = 0.0, without_filter_delay(signals)
+        samples = Samples(signals) if samples.signals is not signals else samples
     if len(signals.t) < FEWEST:
         raise InputError(
             f"the estimators received only {len(signals.t)} samples: expected at least {FEWEST}"
@@ -239,8 +269,8 @@ def evaluate(signals: Signals, settings: EstimateSettings) -> Evaluation:
     model = settings.model or (given.model if given else KELVIN_VOIGT)
     with as_input_error():
         conditioner = make_conditioner(settings.conditioning, bandwidth, count, lag, model)
-    t, regression, used, apart = conditioned(conditioner, signals, datum, motion)
-    x, v, f, dt, _ = regression
+    _, regression, used, _ = conditioned(conditioner, signals, datum, motion)
+    x, v, f, dt, further = regression
     with as_input_error():
         if given:
             preset = given
@@ -250,32 +280,74 @@ def evaluate(signals: Signals, settings: EstimateSettings) -> Evaluation:
             preset = replace(preset, correlation=conditioner.correlation(float(np.median(dt))))
         preset = replace(preset, model=model, estimators=settings.estimators or preset.estimators)
         bank = preset.bank()
-    if given is None:
-        bank = ContactBank(bank, contact_at(analysis, t))
-    estimates = bank.run(*regression)
-    misfit = Misfit(bank) if given else Misfit(bank, 1.0 / frequency)
-    measure = Excitation(frequency, resolution=10.0 * count)
+    fit = no_fit(len(x), len(model.further))
+    if analysis.has_contact:
+        fit = least_squares(x, v, f, further)
     period = float(np.median(dt))
-    first, *_, last = np.arange(len(signals.t))[motion]
-    gaps = [i for i in signals.gaps if first < i <= last]
+    if given is None:
+        bank = ContactBank(bank)
+    online = OnlineRun(
+        bank,
+        Misfit(bank) if given else Misfit(bank, 1.0 / frequency),
+        Excitation(frequency, resolution=10.0 * count),
+        comparisons(bank, regression, fit),
+        period,
+        max(1, math.ceil(samples.count * len(bank) / most)),
+        write,
+    )
+    gaps = []
+    before = -math.inf
+    begin, end = -math.inf, math.inf
+    if samples.is_whole:
+        start, stop, _ = motion.indices(samples.count)
+        begin, end = signals.t[start], signals.t[stop - 1]
+    stream = ConditionedBlocks(conditioner, datum, motion if samples.is_whole else slice(None))
+    for block, recorded in samples.blocks():
+        part = stream.add(block)
+        if isinstance(bank, ContactBank):
+            bank.contact = contact_at(analysis, part.t, part.regression.f + datum.f)
+        online.add(part, recorded)
+        times = np.concatenate([[before], block.t])
+        gaps += [(float(times[i]), float(times[i + 1])) for i in block.gaps]
+        before = float(block.t[-1])
+    found = online.result()
     return Evaluation(
-        t=t,
-        regression=regression,
-        estimates=estimates,
+        online=found,
+        conditioned=regression,
         bank=bank,
-        least_squares=least_squares(x, v, f, regression.further)
-        if analysis.has_contact
-        else no_fit(len(x), len(model.further)),
+        least_squares=fit,
         datum=datum,
         preset=preset,
         bandwidth=bandwidth,
         rate=1.0 / period,
-        jitter=float(np.max(np.abs(np.delete(dt, apart) - period))) / period,
-        samples=len(signals.t),
-        excitation=excitation_of(measure, regression),
-        misfit=misfit_of(misfit, regression, estimates, bank),
+        jitter=found.largest_deviation / period,
+        samples=samples.count,
         analysis=analysis,
         filter_note=note,
         kept_force_variance=kept_variance(signals.f, regression.f, used, bandwidth * period),
-        gaps=tuple((float(signals.t[i - 1]), float(signals.t[i])) for i in gaps),
+        gaps=tuple(gap for gap in gaps if gap[0] > -math.inf and begin < gap[1] <= end),
     )
+
+
+def comparisons(bank: Bank, regression: Regression, fit: Fit) -> list[RunningComparison]:
+    """Return the comparisons of the estimators with least squares; none for the paper's three.
+
+    Parameters
+    ----------
+    bank
+        The estimators.
+    regression
+        Conditioned samples.
+    fit
+        Least-squares fit to these samples with the model of the bank.
+    """
+    if set(bank) <= set(PAPER):
+        return []
+    x, v, f, dt, _ = regression
+    modelled = {name for name, e in bank.items() if e.model.further}
+    plain = least_squares(x, v, f)
+    return [
+        RunningComparison(bank, names, dt, reference.b, reference.k)
+        for reference, names in ((plain, set(bank) - modelled), (fit, modelled))
+        if names
+    ]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from copy import deepcopy
 from typing import NamedTuple
 
@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from estimation import BatchWindow, Estimates, Estimator, Regression, coverage, predicted_force
 from estimation.checks import checked_samples
 from estimation.compiled import Floats, interpreted_sweep
+from estimation.estimator import UNKNOWN
 from estimation.model import KELVIN_VOIGT
 
 WINDOW = 1.0
@@ -62,38 +63,131 @@ def compare(
         The reference: damping [N s/m] and stiffness [N/m], as arrays of shape (n,) or as one number
         for all samples.
     """
-    if not estimates:
-        return {}
-    x, v, f, dt, further = regression
-    settled = np.cumsum(dt) > min(WINDOW, 0.5 * float(dt.sum()))
-    true_b, true_k = (np.broadcast_to(np.asarray(truth), x.shape)[settled] for truth in (b, k))
-    models = (bank[name].model for name in estimates)
-    model = next((m for m in models if m.further), KELVIN_VOIGT)
-    window = BatchWindow(WINDOW, sample_period=float(np.median(dt)), model=model)
-    batch = window.run(x, v, f, dt, further if model.further else None)
-    batch_error = rms((f - predicted_force(regression, batch))[settled])
-    if batch_error < ROUNDING * rms(f):
-        batch_error = math.nan
-    found = {}
+    running = RunningComparison(bank, estimates, regression.dt, b, k)
+    running.begin(regression)
     for name, series in estimates.items():
-        if series.held.all():  # no estimate
-            found[name] = Comparison(*(math.nan for _ in Comparison._fields))
-            continue
+        running.add(name, series)
+    return running.result()
+
+
+class Errors(NamedTuple):
+    """Sums of one estimator over the samples after the first second."""
+
+    force: float = 0.0
+    """Sum of the squares of the error of the force prediction one step ahead [N^2]."""
+    k: float = 0.0
+    """Sum of the squares of the relative error of the stiffness."""
+    b: float = 0.0
+    """Sum of the squares of the error of the damping [N^2 s^2/m^2]."""
+    k_inside: float = 0.0
+    """Number of samples whose 95 % interval of the stiffness contains the reference."""
+    k_intervals: float = 0.0
+    """Number of samples at which the stiffness has an interval."""
+    b_inside: float = 0.0
+    """As `k_inside`, for the damping."""
+    b_intervals: float = 0.0
+    """As `k_intervals`, for the damping."""
+
+
+class RunningComparison:
+    """Comparison of estimators with a reference over a record that is processed in blocks.
+
+    Parameters
+    ----------
+    bank
+        The estimators.
+    names
+        Names of the estimators that are compared.
+    dt
+        Time since the previous sample [s], for all samples or some part of them, shape (n,).
+    b, k
+        The reference, see `compare`.
+    """
+
+    def __init__(
+        self,
+        bank: Mapping[str, Estimator],
+        names: Iterable[str],
+        dt: Floats,
+        b: ArrayLike,
+        k: ArrayLike,
+    ) -> None:
+        self._errors = {name: Errors() for name in names}
+        models = (bank[name].model for name in self._errors)
+        model = next((m for m in models if m.further), KELVIN_VOIGT)
+        self._reference = b, k
+        self._start = min(WINDOW, 0.5 * float(dt.sum()))
+        self._window = BatchWindow(WINDOW, sample_period=float(np.median(dt)), model=model)
+        self._before: dict[str, Estimates] = {}
+        self._known: set[str] = set()
+        self._time = self._batch = self._force = 0.0
+        self._samples = self._settled_samples = 0
+
+    def begin(self, regression: Regression) -> None:
+        """Begin a block with the samples that the estimators process."""
+        x, v, f, dt, further = regression
+        times = np.cumsum(np.concatenate(([self._time], dt)))[1:]
+        self._time = float(times[-1])
+        self._regression, self._settled = regression, times > self._start
+        self._samples += len(f)
+        self._settled_samples += int(self._settled.sum())
+        if self._errors:
+            further_used = further if self._window.model.further else None
+            self._batch += self._squares("", self._window.run(x, v, f, dt, further_used))
+            self._force += float(np.sum(f**2))
+
+    def add(self, name: str, series: Estimates) -> None:
+        """Process the estimates of one estimator after each sample of the block."""
+        if name not in self._errors:
+            return
+        settled = self._settled
         b_now, k_now, b_std, k_std = (column[settled] for column in series[:4])
-        error = rms((f - predicted_force(regression, series))[settled])
-        found[name] = Comparison(
-            one_step_ratio=error / batch_error,
-            k_error=rms(k_now / true_k - 1.0),
-            b_error=rms(b_now - true_b),
-            k_coverage=coverage(k_now, k_std, true_k),
-            b_coverage=coverage(b_now, b_std, true_b),
+        true_b, true_k = (
+            np.broadcast_to(np.asarray(truth), settled.shape)[settled] for truth in self._reference
         )
-    return found
+        new = Errors(
+            self._squares(name, series),
+            float(np.sum((k_now / true_k - 1.0) ** 2)),
+            float(np.sum((b_now - true_b) ** 2)),
+            *inside(k_now, k_std, true_k),
+            *inside(b_now, b_std, true_b),
+        )
+        self._errors[name] = Errors(*map(sum, zip(self._errors[name], new, strict=True)))
+        if not series.held.all():
+            self._known.add(name)
+
+    def _squares(self, name: str, series: Estimates) -> float:
+        """Return the sum of squares of the error of the force prediction one step ahead [N^2]."""
+        predicted = predicted_force(self._regression, series, self._before.get(name))
+        self._before[name] = series.part(slice(-1, None))
+        return float(np.sum((self._regression.f - predicted)[self._settled] ** 2))
+
+    def result(self) -> dict[str, Comparison]:
+        """Return the comparison of each estimator over all blocks."""
+        count = max(self._settled_samples, 1)
+        batch = math.sqrt(self._batch / count)
+        if batch < ROUNDING * math.sqrt(self._force / max(self._samples, 1)):
+            batch = math.nan
+        found = {}
+        for name, e in self._errors.items():
+            if name not in self._known:  # no estimate
+                found[name] = Comparison(*(math.nan for _ in Comparison._fields))
+                continue
+            found[name] = Comparison(
+                one_step_ratio=math.sqrt(e.force / count) / batch if batch else math.nan,
+                k_error=math.sqrt(e.k / count),
+                b_error=math.sqrt(e.b / count),
+                k_coverage=e.k_inside / e.k_intervals if e.k_intervals else math.nan,
+                b_coverage=e.b_inside / e.b_intervals if e.b_intervals else math.nan,
+            )
+        return found
 
 
-def rms(values: Floats) -> float:
-    """Return the root mean square."""
-    return float(np.sqrt(np.mean(values**2)))
+def inside(values: Floats, std: Floats, truth: Floats) -> tuple[int, int]:
+    """Return how many 95 % intervals contain the true value, and the number of intervals."""
+    intervals = int(np.sum(std < UNKNOWN))
+    share = coverage(values, std, truth)
+    return (round(share * intervals) if intervals else 0), intervals
 
 
 def cost(estimator: Estimator, regression: Regression) -> float:

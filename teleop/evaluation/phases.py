@@ -103,7 +103,7 @@ def find_phases(record: Prepared) -> Phases:
     """Divide a prepared record into phases, and find the contact point."""
     x, f = record.x, record.f
     low, high = (float(v) for v in np.percentile(f, [0.5, 99.5]))
-    width = max(NOISE * record.f_noise_smoothed, LEVEL * (high - low))
+    width = level_width(record)
     free, saturated = levels(record, low, high, width)
     saturated = saturated or clipped(record)
     guard = max(1, round(GUARD * record.width / record.period))
@@ -123,6 +123,12 @@ def find_phases(record: Prepared) -> Phases:
         usable[max(0, end - guard) : end + guard] = False
     parts = split(record, contact)
     return Phases(contact, usable, free_force, spread, error, point, saturated, parts)
+
+
+def level_width(record: Prepared) -> float:
+    """Return the width of a force level [N]: contact begins this far from the free force."""
+    low, high = (float(v) for v in np.percentile(record.f, [0.5, 99.5]))
+    return max(NOISE * record.f_noise_smoothed, LEVEL * (high - low))
 
 
 def contact_point(

@@ -60,12 +60,36 @@ def condition(
     The regression of n samples, and a mask of shape (n,) that is True where the filters have
     settled since the last gap.
     """
-    bounds = sorted({0, len(t), *gaps})
-    settled = np.ones(len(t), dtype=np.bool_)
-    parts = []
-    for start, end in pairwise(bounds):
+    return PiecewiseConditioner(conditioner).run(t, x, f, dt, gaps)
+
+
+class PiecewiseConditioner:
+    """Conditions successive blocks of samples separately in each piece between gaps.
+
+    Parameters
+    ----------
+    conditioner
+        The filters that condition the signals. They are reset now, and at each gap.
+    """
+
+    def __init__(self, conditioner: Conditioner) -> None:
+        self._conditioner = conditioner
+        self._resumed = -np.inf
         conditioner.reset()
-        parts.append(conditioner.run(x[start:end], f[start:end], dt[start:end]))
-        if start in gaps:
-            settled[start:end] = t[start:end] - t[start] > conditioner.settling
-    return Regression(*(np.concatenate(channel) for channel in zip(*parts, strict=True))), settled
+
+    def run(
+        self, t: Floats, x: Floats, f: Floats, dt: Floats, gaps: Sequence[int]
+    ) -> tuple[Regression, NDArray[np.bool_]]:
+        """Condition the next n samples, with the arguments and the result of `condition`."""
+        conditioner = self._conditioner
+        bounds = sorted({0, len(t), *gaps})
+        settled = np.ones(len(t), dtype=np.bool_)
+        parts = []
+        for start, end in pairwise(bounds):
+            if start in gaps:
+                conditioner.reset()
+                self._resumed = float(t[start])
+            parts.append(conditioner.run(x[start:end], f[start:end], dt[start:end]))
+            settled[start:end] = t[start:end] - self._resumed > conditioner.settling
+        channels = (np.concatenate(channel) for channel in zip(*parts, strict=True))
+        return Regression(*channels), settled

@@ -219,19 +219,31 @@ def missing(library: str, name: str) -> InputError:
     return InputError(f"{name} needs {library}: pip install '.[export]'")
 
 
-def write_table(file: BinaryIO, columns: Mapping[str, Floats], units: Mapping[str, str]) -> None:
-    """Write columns as CSV, with all digits of each number.
+class TableFile:
+    """A CSV file to which a table is written in blocks, with all digits of each number.
 
     Parameters
     ----------
     file
         The open file.
-    columns
-        Columns by name, each of shape (n,).
-    units
-        Unit of each column, by its name.
     """
-    table_writer(file, {name: units[name] for name in columns}).writerows(rows_of(columns))
+
+    def __init__(self, file: BinaryIO) -> None:
+        self._file = file
+        self._writer: Any = None
+
+    def write(self, table: tuple[Mapping[str, Floats], Mapping[str, str]]) -> None:
+        """Write rows.
+
+        Parameters
+        ----------
+        table
+            Columns by name, each of shape (n,), and the unit of each column, by its name.
+        """
+        columns, units = table
+        if self._writer is None:
+            self._writer = table_writer(self._file, {name: units[name] for name in columns})
+        self._writer.writerows(rows_of(columns))
 
 
 def table_writer(file: BinaryIO, units: Mapping[str, str]) -> Any:

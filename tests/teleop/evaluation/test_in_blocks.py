@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from teleop.evaluation import in_blocks
+from teleop.evaluation import samples
 from teleop.evaluation.evaluation import evaluate
 from teleop.evaluation.replay import recorded_settings, recorded_signals
 from teleop.recording.recording import load
@@ -18,7 +18,7 @@ def test_blocks_of_any_size_give_the_same_bits(monkeypatch):
     recording = load(RECORDING)
     signals, settings = recorded_signals(recording), recorded_settings(recording)
     whole = evaluate(signals, settings)
-    monkeypatch.setattr(in_blocks, "BLOCK", 77)
+    monkeypatch.setattr(samples, "BLOCK", 77)
     parts = evaluate(signals, settings)
     assert np.array_equal(parts.excitation, whole.excitation)
     for name, misfit in whole.misfit.items():

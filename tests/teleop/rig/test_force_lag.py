@@ -8,7 +8,7 @@ import pytest
 from teleop.cli import main
 from teleop.errors import InputError
 from teleop.files import new_file
-from teleop.recording.export_formats import write_table
+from teleop.recording.export_formats import TableFile
 from teleop.rig.force_lag import measure_lag
 from teleop.rig.reference_spring import measure_simulated_lag
 
@@ -99,7 +99,7 @@ def written(path, x, f, dt):
     """Write a recording as CSV, and return its path."""
     columns = {"Time": np.cumsum(dt), "Displacement": x, "Force": f}
     with new_file(path) as file:
-        write_table(file, columns, {"Time": "s", "Displacement": "m", "Force": "N"})
+        TableFile(file).write((columns, {"Time": "s", "Displacement": "m", "Force": "N"}))
     return path
 
 

@@ -7,7 +7,7 @@ from teleop.errors import InputError
 from teleop.evaluation.signals import read_signals
 from teleop.evaluation.units import quantity
 from teleop.files import new_file
-from teleop.recording.export_formats import write_table
+from teleop.recording.export_formats import TableFile
 
 GOOD = "Time [s],Position [mm],Force [gf]\n0.0,1.0,100\n0.01,1.5,150\n0.03,2.0,200\n"
 
@@ -194,7 +194,7 @@ def test_what_is_written_is_read_back_to_the_bit(tmp_path):
     }
     path = tmp_path / "out.csv"
     with new_file(path) as file:
-        write_table(file, columns, {"Time": "s", "Displacement": "m", "Force": "N"})
+        TableFile(file).write((columns, {"Time": "s", "Displacement": "m", "Force": "N"}))
     recording = read_signals(path)
     for got, name in zip(recording[:3], columns, strict=True):
         assert np.array_equal(got, columns[name])
@@ -203,7 +203,7 @@ def test_what_is_written_is_read_back_to_the_bit(tmp_path):
 def test_a_table_that_cannot_be_written_is_reported(tmp_path):
     missing = tmp_path / "none" / "out.csv"
     with pytest.raises(InputError, match="no such file"), new_file(missing) as file:
-        write_table(file, {}, {})
+        TableFile(file).write(({}, {}))
 
 
 @pytest.mark.parametrize("size", [1 << 18, 1 << 24])

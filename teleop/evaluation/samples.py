@@ -1,0 +1,282 @@
+"""The samples that are evaluated: all of them in blocks, and a part that fits into memory."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from estimation import Estimates
+from estimation.compiled import Floats
+from estimation.estimate_columns import estimators_in
+from teleop.errors import InputError
+from teleop.evaluation.signals import Signals
+from teleop.evaluation.units import LARGEST
+from teleop.recording.gaps import Gap
+from teleop.recording.recording import Recording
+from teleop.recording.stream import RecordingStream
+
+BLOCK = 1 << 16
+"""Largest number of samples in a block."""
+SECTION = 1 << 14
+"""Number of samples in a section of a long recording."""
+SECTIONS = 8
+"""Largest number of sections of a recording that are kept in memory."""
+NEEDED = ("time", "dt", "dropped", "x", "paired_position", "paired_force", "paired_dt")
+"""Columns that are needed to evaluate a recorded trial."""
+MEASURED = ("time", "paired_position", "paired_force", "paired_dt")
+"""Columns of the samples of the estimators: time, position, force, and time since the previous
+sample."""
+
+NOTHING: Floats = np.empty(0)
+
+
+class Block(NamedTuple):
+    """Successive samples, and their recorded estimates."""
+
+    signals: Signals
+    recorded: Mapping[str, tuple[Floats, Floats]] = {}
+    """Recorded b and k of each estimator after each sample; empty if they are not known."""
+
+
+class Samples:
+    """Samples in memory.
+
+    Parameters
+    ----------
+    signals
+        The samples.
+    recorded
+        Recorded estimates after each sample; empty if they are not known.
+    """
+
+    def __init__(self, signals: Signals, recorded: Mapping[str, Estimates] | None = None) -> None:
+        self.signals = signals
+        """The samples for the batch evaluation: all samples, or sections with gaps between them."""
+        self.count = len(signals.t)
+        """Number of all samples."""
+        self._recorded = {name: (e.b, e.k) for name, e in (recorded or {}).items()}
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether `signals` contains all samples."""
+        return self.count == len(self.signals.t)
+
+    def blocks(self) -> Iterator[Block]:
+        """Yield all samples in blocks."""
+        s = self.signals
+        for start in range(0, self.count, BLOCK):
+            part = slice(start, start + BLOCK)
+            gaps = tuple(i - start for i in s.gaps if start <= i < start + BLOCK)
+            recorded = {name: (b[part], k[part]) for name, (b, k) in self._recorded.items()}
+            cut = s._replace(t=s.t[part], x=s.x[part], f=s.f[part], dt=s.dt[part], gaps=gaps)
+            yield Block(cut, recorded)
+
+
+class RecordedSamples(Samples):
+    """Samples of a recorded trial, which are read from the file twice.
+
+    The file is read when the object is made, and again by `blocks`. Of a recording of more than
+    `SECTIONS` sections of `SECTION` samples, `signals` contains evenly spaced sections. So the
+    memory does not depend on the duration.
+
+    Parameters
+    ----------
+    path
+        The recording.
+    is_wanted
+        Function that takes the name of a column, and returns whether `recording` has it.
+
+    Raises
+    ------
+    InputError
+        The recording cannot be read or is not complete, a sample is not finite, or a period is not
+        positive.
+    """
+
+    def __init__(self, path: Path, is_wanted: Callable[[str], bool]) -> None:
+        self._path = path
+        stream = RecordingStream(path)
+        last = Last()
+        sections = Sections()
+        read = stream.blocks(lambda name: name in NEEDED or is_wanted(name))
+        for block in read:
+            last.add({name: column for name, column in block.items() if is_wanted(name)})
+            sections.add(measured(block))
+        names = [name for name in stream.units if is_wanted(name)]
+        self.recording = Recording(
+            columns=last.columns(names),
+            units={name: stream.units[name] for name in names},
+            events=stream.events,
+            session=stream.session,
+            settings=stream.settings,
+            gaps=stream.gaps,
+        )
+        """The recording. It has the columns `is_wanted` of its last samples: all samples of a
+        recording of at most `SECTIONS` sections."""
+        t, x, f, dt = sections.samples()
+        gaps = with_gaps(t, dt, ends_of(stream.gaps), sections.starts)
+        super().__init__(Signals(t, x, f, dt, "slave_position", gaps))
+        self.count = sections.count
+
+    def blocks(self) -> Iterator[Block]:
+        """Yield all samples in blocks, with their recorded estimates."""
+        stream = RecordingStream(self._path)
+        names = estimators_in(stream.units)
+        columns = [f"{name}_{symbol}" for name in names for symbol in "bk"]
+        ends = ends_of(self.recording.gaps)
+        read = stream.blocks(lambda name: name in (*MEASURED, "x") or name in columns)
+        before = NOTHING
+        for rows in joined(measured(block, columns) for block in read):
+            t, x, f, dt, *estimates = rows
+            inside = [end for end in ends if end <= t[-1] and not (len(before) and end <= before)]
+            gaps = with_gaps(t, dt, inside, (), before)
+            pairs = zip(estimates[::2], estimates[1::2], strict=True)
+            recorded = dict(zip(names, pairs, strict=True))
+            yield Block(Signals(t, x, f, dt, "slave_position", gaps), recorded)
+            before = t[-1:]
+
+
+class Sections:
+    """Evenly spaced sections of samples that arrive in blocks.
+
+    If there are too many sections, every second section is dropped.
+    """
+
+    def __init__(self) -> None:
+        self.count = 0
+        """Number of all samples so far."""
+        self._every = 1
+        self._kept: dict[int, list[Floats]] = {}
+
+    def add(self, samples: Floats) -> None:
+        """Add samples, shape (channels, n)."""
+        while samples.shape[1]:
+            number, inside = divmod(self.count, SECTION)
+            part = samples[:, : SECTION - inside]
+            samples = samples[:, SECTION - inside :]
+            self.count += part.shape[1]
+            if number % self._every == 0:
+                self._kept.setdefault(number, []).append(part.copy())
+            if len(self._kept) > SECTIONS:
+                self._every *= 2
+                self._kept = {i: one for i, one in self._kept.items() if i % self._every == 0}
+
+    def samples(self) -> Floats:
+        """Return the samples of the sections one after another, shape (channels, n)."""
+        parts = [part for section in self._kept.values() for part in section]
+        return np.concatenate(parts, axis=1) if parts else np.empty((len(MEASURED), 0))
+
+    @property
+    def starts(self) -> Sequence[int]:
+        """Index of the first sample of each section that does not follow the previous section."""
+        return [] if self._every == 1 else list(range(SECTION, len(self._kept) * SECTION, SECTION))
+
+
+class Last:
+    """The last samples of columns that arrive in blocks, at most as many as in all sections."""
+
+    def __init__(self) -> None:
+        self._blocks: deque[dict[str, Floats]] = deque()
+        self._count = 0
+
+    def add(self, block: dict[str, Floats]) -> None:
+        """Add a block of columns."""
+        size = len(next(iter(block.values()), ()))
+        self._blocks.append({name: column.copy() for name, column in block.items()})
+        self._count += size
+        while self._blocks and self._count - self._first_size >= SECTIONS * SECTION:
+            self._count -= self._first_size
+            self._blocks.popleft()
+
+    @property
+    def _first_size(self) -> int:
+        return len(next(iter(self._blocks[0].values()), ()))
+
+    def columns(self, names: Iterable[str]) -> dict[str, Floats]:
+        """Return the columns."""
+        return {
+            name: np.concatenate([np.empty(0), *(block[name] for block in self._blocks)])
+            for name in names
+        }
+
+
+def measured(block: Mapping[str, Floats], further: Sequence[str] = ()) -> Floats:
+    """Return the samples of the estimators in a block of ticks, shape (channels, n).
+
+    Parameters
+    ----------
+    block
+        Columns of the ticks. Ticks at which the estimators were not updated are omitted.
+    further
+        Names of columns that are returned besides `MEASURED`.
+
+    Raises
+    ------
+    InputError
+        A sample is not finite, or a period is not positive.
+    """
+    part = np.isfinite(block["x"])
+    samples = np.stack([block[name][part] for name in (*MEASURED, *further)])
+    for name, channel in zip(MEASURED, samples, strict=False):
+        if not (np.abs(channel) < LARGEST).all():
+            raise InputError(f"the recording's {name} is not finite in every sample")
+    if not (samples[MEASURED.index("paired_dt")] > 0.0).all():
+        raise InputError("the recording's paired_dt is not positive in every sample")
+    return samples
+
+
+def ends_of(gaps: Iterable[Gap]) -> list[float]:
+    """Return the time of the first tick after each gap [s]."""
+    return [gap.end for gap in gaps if gap.end is not None]
+
+
+def with_gaps(
+    t: Floats,
+    dt: Floats,
+    ends: Sequence[float],
+    starts: Sequence[int] = (),
+    before: Floats = NOTHING,
+) -> tuple[int, ...]:
+    """Return the index of the first sample after each gap, and change its `dt`.
+
+    The recorded `paired_dt` is the time since a sample that is missing. It is replaced by the time
+    since the last sample before the gap.
+
+    Parameters
+    ----------
+    t
+        Time of each sample [s], shape (n,).
+    dt
+        Time since the previous sample [s], shape (n,).
+    ends
+        Time of the first tick after each gap [s].
+    starts
+        Further indices of samples that follow a gap.
+    before
+        Time of the sample before these samples [s], shape (1,); shape (0,) if there is none.
+    """
+    found = {int(i) for i in np.searchsorted(t, ends) if i < len(t)} | set(starts)
+    for i in found:
+        if i or len(before):
+            dt[i] = t[i] - (t[i - 1] if i else before[0])
+    return tuple(sorted(found))
+
+
+def joined(blocks: Iterable[Floats]) -> Iterator[Floats]:
+    """Join arrays of shape (channels, n) to arrays of `BLOCK` samples; the last may be shorter."""
+    parts: list[Floats] = []
+    count = 0
+    for block in blocks:
+        parts.append(block)
+        count += block.shape[1]
+        while count >= BLOCK:
+            whole = np.concatenate(parts, axis=1)
+            yield whole[:, :BLOCK].copy()
+            parts = [whole[:, BLOCK:].copy()]
+            count -= BLOCK
+    if count:
+        yield np.concatenate(parts, axis=1)
