@@ -27,7 +27,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.signal.windows import dpss
+from scipy.linalg import eigh_tridiagonal
 
 from estimation.compiled import Floats
 
@@ -72,6 +72,25 @@ def block_means(values: Floats, length: int) -> Floats:
     return np.asarray(values[: whole * length].reshape(whole, length).mean(axis=1))
 
 
+def slepian_tapers(n: int) -> Floats:
+    """Return the discrete prolate spheroidal sequences, orthonormal rows of shape (TAPERS, n).
+
+    The sequences are eigenvectors of a tridiagonal matrix (D. Slepian, Bell System Technical
+    Journal 57(5), 1978). Their signs are arbitrary.
+
+    Parameters
+    ----------
+    n
+        Number of samples.
+    """
+    place = np.arange(n, dtype=np.float64)
+    half_band = 0.5 * (TAPERS + 1) / n
+    diagonal = ((n - 1 - 2 * place) / 2.0) ** 2 * np.cos(2.0 * np.pi * half_band)
+    beside = place[1:] * (n - place[1:]) / 2.0
+    _, vectors = eigh_tridiagonal(diagonal, beside, select="i", select_range=(n - TAPERS, n - 1))
+    return np.ascontiguousarray(vectors[:, ::-1].T)
+
+
 def coherent_band(x: Floats, f: Floats, period: float) -> CoherentBand:
     """Return the frequency band in which the force is coherent with the displacement.
 
@@ -93,7 +112,7 @@ def coherent_band(x: Floats, f: Floats, period: float) -> CoherentBand:
     x, f = block_means(x, length), block_means(f, length)
     period *= length
     n = len(x)
-    tapers = dpss(n, 0.5 * (TAPERS + 1), TAPERS)
+    tapers = slepian_tapers(n)
     time = np.linspace(-1.0, 1.0, n)
     line = np.column_stack([np.ones(n), time])
     spectra = []

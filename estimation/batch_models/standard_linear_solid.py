@@ -17,7 +17,6 @@ import math
 
 import numpy as np
 from scipy.optimize import minimize_scalar
-from scipy.signal import lfilter
 
 from estimation.batch_models.fit import (
     BatchData,
@@ -26,6 +25,7 @@ from estimation.batch_models.fit import (
     linear_solution,
     with_intervals,
 )
+from estimation.batch_models.relaxation import relaxing_part
 from estimation.compiled import Floats
 
 
@@ -34,16 +34,9 @@ def relaxing(data: BatchData, tau: float) -> tuple[Floats, Floats]:
 
     A piece is a part of the record without gaps, and t is the time since the start of the piece.
     """
-    period = float(data.t[1] - data.t[0])
-    decay = math.exp(-period / tau)
-    gain = tau / period * (1.0 - decay)
-    z, start = [], []
-    for x, t in zip(
-        np.split(data.x, data.starts[1:]), np.split(data.t, data.starts[1:]), strict=True
-    ):
-        z.append(lfilter([gain, -gain], [1.0, -decay], x - x[0]))
-        start.append(np.exp(-(t - t[0]) / tau))
-    return np.concatenate(z), np.concatenate(start)
+    z = relaxing_part(data.x, data.starts, float(data.t[1] - data.t[0]), tau)
+    start = [np.exp(-(t - t[0]) / tau) for t in np.split(data.t, data.starts[1:])]
+    return z, np.concatenate(start)
 
 
 def fit_standard_linear_solid(data: BatchData) -> BatchFit:

@@ -129,7 +129,8 @@ def estimate(
 
     from teleop.commands.choices import choose_estimators, choose_model
     from teleop.errors import InputError
-    from teleop.evaluation.evaluation import KEPT, Evaluation, evaluate
+    from teleop.evaluation.evaluation import KEPT, evaluate
+    from teleop.evaluation.evaluation_result import Evaluation
     from teleop.evaluation.material import Indenter, elastic_modulus
     from teleop.evaluation.pooled import evaluate_together
     from teleop.evaluation.replay import is_replayed

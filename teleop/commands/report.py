@@ -65,6 +65,7 @@ def report(
     from teleop.commands.figures import truth_of
     from teleop.evaluation.conditioned import FEWEST
     from teleop.evaluation.evaluation import KEPT, evaluate
+    from teleop.evaluation.replay import is_reported
     from teleop.evaluation.settings_summary import settings_summary
     from teleop.files import check_ending, check_outputs, write_text
     from teleop.output import console
@@ -80,7 +81,7 @@ def report(
         "estimators": None if estimators is None else choose_estimators(estimators),
         "model": choose_model(model) if model else None,
     }
-    samples, recording = columns.read(file)
+    samples, recording = columns.read(file, is_reported)
     evaluation = summary = None
     if not (recording and recording.fault and samples.count < FEWEST):
         settings = chosen(recording, columns.datum, cube, given)

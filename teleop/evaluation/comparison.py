@@ -13,7 +13,7 @@ from scipy.special import stdtrit
 
 from estimation.summary import EstimatorSummary
 from teleop.errors import InputError
-from teleop.evaluation.evaluation import Evaluation
+from teleop.evaluation.evaluation_result import Evaluation
 from teleop.evaluation.result import Result
 from teleop.evaluation.tracking import COLUMNS, Tracking
 

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 
 from estimation import (
     Bank,
-    Estimates,
     Excitation,
     Fit,
     Misfit,
@@ -22,185 +19,30 @@ from estimation import (
     paper_preset,
     scaled_preset,
 )
-from estimation.batch_models import BatchFit
-from estimation.compiled import Floats
 from estimation.conditioner_choice import make_conditioner
 from estimation.conditioning import BANDWIDTH
 from estimation.excitation import dominant_frequency
 from estimation.least_squares import no_fit
 from estimation.model import KELVIN_VOIGT
-from estimation.presentation import Presented
 from estimation.registry import PAPER
-from estimation.summary import EstimatorSummary
 from teleop.errors import InputError, as_input_error
-from teleop.evaluation.analysis import Analysis, analyse
+from teleop.evaluation.analysis import analyse
 from teleop.evaluation.conditioned import FEWEST, ConditionedBlocks, conditioned
 from teleop.evaluation.contact_bank import ContactBank, contact_at
-from teleop.evaluation.datum import Datum, find_datum, moving_part
+from teleop.evaluation.datum import find_datum, moving_part
 from teleop.evaluation.estimate_settings import EstimateSettings
+from teleop.evaluation.evaluation_result import Evaluation
 from teleop.evaluation.force_filter import without_filter_delay
 from teleop.evaluation.kept_variance import kept_variance
 from teleop.evaluation.model_comparison import RunningComparison
-from teleop.evaluation.model_comparison import cost as sample_cost
-from teleop.evaluation.online import Kept, OnlineResult, OnlineRun, Table, table
+from teleop.evaluation.online import OnlineRun, Table
 from teleop.evaluation.samples import Samples
 from teleop.evaluation.sampling_gaps import closed_up
 from teleop.evaluation.signals import Signals
 from teleop.evaluation.smallest_step import smallest_step
 
-FEWEST_KEPT = 0.9
-"""A message is reported if the conditioning keeps less than this fraction of the force variance."""
 KEPT = 1 << 18
 """Number of samples, multiplied by the number of estimators, whose estimates the commands keep."""
-LEAST_EXCITATION = 0.01
-"""Excitation below which the b of an online estimator is reported with a remark.
-
-Below this excitation, the standard deviation of b omega is more than ten times that of k. If k is
-known to 10 %, a loss tangent b omega / k below one can then not be measured.
-"""
-
-
-@dataclass(frozen=True, repr=False)
-class Evaluation(Presented):
-    """Online estimates and batch evaluation of one recording.
-
-    Arrays have shape (n,): the n samples that the estimators processed, or evenly spaced samples of
-    these (see `evaluate`). The summaries are those of all samples.
-    """
-
-    online: OnlineResult
-    """The online estimates."""
-    conditioned: Regression
-    """The conditioned samples of `Samples.signals`: all samples, or sections of a long record."""
-    bank: Bank
-    least_squares: Fit
-    """Least-squares fit to the samples `conditioned`; NaN without contact."""
-    datum: Datum
-    preset: Preset
-    bandwidth: float
-    rate: float
-    """Sampling rate: inverse of the median sample period [Hz]."""
-    jitter: float
-    """Largest deviation of a sample period from the median, as a fraction of the median."""
-    samples: int
-    """Number of samples in the recording, including those at rest."""
-    analysis: Analysis
-    """The batch evaluation."""
-    kept_force_variance: float
-    """Fraction of the variance of the force that the conditioning keeps, from 0 to 1."""
-    filter_note: str
-    """Text that states how the delay of the force filter was compensated, or why it was not; empty
-    if the file states no filter."""
-    gaps: tuple[tuple[float, float], ...] = ()
-    """Time of the last sample before each gap, and of the first sample after the gap [s]."""
-
-    @property
-    def t(self) -> Floats:
-        """Time [s], shape (n,)."""
-        return self.online.t
-
-    @property
-    def regression(self) -> Regression:
-        """The conditioned samples, which are the input of the estimators."""
-        return self.online.regression
-
-    @property
-    def estimates(self) -> dict[str, Estimates]:
-        """Estimates after each sample, by the name of the estimator."""
-        return self.online.estimates
-
-    @property
-    def misfit(self) -> dict[str, Floats]:
-        """Misfit of each estimator (`estimation.misfit`), arrays of shape (n,)."""
-        return self.online.misfit
-
-    @property
-    def excitation(self) -> Floats:
-        """Excitation measure at the motion's dominant frequency, shape (n,)."""
-        return self.online.excitation
-
-    def summary(self, cost: bool = False) -> dict[str, Any]:
-        """Return the results with the keys of the output of `teleop estimate --json`.
-
-        Parameters
-        ----------
-        cost
-            Whether to measure the computing time of each estimator per sample. The measured time is
-            different in each call.
-        """
-        estimates = {name: one._asdict() for name, one in self.summaries().items()}
-        for name, row in self.online.comparisons.items():
-            estimates[name] |= row._asdict()
-        if cost:
-            for name in estimates:
-                estimates[name]["cost_us"] = sample_cost(self.bank[name], self.conditioned) * 1e6
-        return {
-            **self.batch_summary(),
-            "samples": self.samples,
-            "samples_used": self.online.used,
-            "rate_hz": self.rate,
-            "jitter": self.jitter,
-            "longest_gap_s": self.online.longest_period,
-            "gaps": [{"from_s": start, "to_s": end} for start, end in self.gaps],
-            "from_s": round(float(self.t[0]), 9) + 0.0,
-            "to_s": float(self.t[-1]),
-            "datum": {
-                "position_m": self.datum.x,
-                "force_n": self.datum.f,
-                "source": self.datum.source,
-            },
-            "model": self.preset.model.name,
-            "own_model": [name for name, e in self.bank.items() if e.model != self.preset.model],
-            "from_contact": [name for name, e in self.bank.items() if e.from_contact],
-            "bandwidth_hz": self.bandwidth,
-            "memory_s": 0.5 / self.preset.forgetting_rate,
-            "excitation": {
-                "mean": self.online.mean_excitation,
-                "last": float(self.excitation[-1]),
-            },
-            "estimates": estimates,
-            "least_squares": self.least_squares.summary(self.preset.model.further),
-        }
-
-    def summaries(self) -> dict[str, EstimatorSummary]:
-        """Return a summary of the estimates of each estimator, by the name of the estimator."""
-        return self.online.summaries
-
-    @cached_property
-    def models(self) -> list[BatchFit]:
-        """The models of the batch evaluation, relative to the datum, the best first."""
-        return self.analysis.models(self.datum.x, self.datum.f)
-
-    def batch_summary(self) -> dict[str, Any]:
-        """Return result, models and phases as a dictionary for JSON."""
-        result = self.analysis.result
-        reasons = list(result.reasons)
-        excitation = float(np.percentile(self.excitation, 95))
-        if excitation < LEAST_EXCITATION:
-            reasons.append(
-                f"the excitation of the online estimators is {excitation:.1g} at most: below "
-                f"{LEAST_EXCITATION:g} they cannot separate b from k"
-            )
-        if self.filter_note:
-            reasons.append(self.filter_note)
-        if self.kept_force_variance < FEWEST_KEPT:
-            reasons.append(
-                f"conditioning at {self.bandwidth:.3g} Hz keeps {self.kept_force_variance:.0%} of "
-                "the force variance: the online estimates describe that part only"
-            )
-        identified = [fit.name for fit in self.models if fit.identifiable]
-        best = identified[0] if identified and result.identifiable else None
-        return {
-            "result": {**result.summary(), "reasons": reasons},
-            "best_model": best,
-            "models": [fit.summary() for fit in self.models],
-            **self.analysis.summary(),
-            "kept_force_variance": self.kept_force_variance,
-        }
-
-    def columns(self) -> tuple[dict[str, Floats], dict[str, str]]:
-        """Return signals and estimates as columns of shape (n,), and the unit of each column."""
-        return table(self.bank, Kept(self.t, *self.online[1:5]))
 
 
 def evaluate(
@@ -269,7 +111,8 @@ def evaluate(
     model = settings.model or (given.model if given else KELVIN_VOIGT)
     with as_input_error():
         conditioner = make_conditioner(settings.conditioning, bandwidth, count, lag, model)
-    _, regression, used, _ = conditioned(conditioner, signals, datum, motion)
+    sampled = conditioned(conditioner, signals, datum, motion)
+    regression = sampled.regression
     x, v, f, dt, further = regression
     with as_input_error():
         if given:
@@ -313,7 +156,7 @@ def evaluate(
     found = online.result()
     return Evaluation(
         online=found,
-        conditioned=regression,
+        sampled=sampled,
         bank=bank,
         least_squares=fit,
         datum=datum,
@@ -324,7 +167,9 @@ def evaluate(
         samples=samples.count,
         analysis=analysis,
         filter_note=note,
-        kept_force_variance=kept_variance(signals.f, regression.f, used, bandwidth * period),
+        kept_force_variance=kept_variance(
+            signals.f, regression.f, sampled.used, bandwidth * period
+        ),
         gaps=tuple(gap for gap in gaps if gap[0] > -math.inf and begin < gap[1] <= end),
     )
 

@@ -36,9 +36,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import lfilter
 from scipy.special import ndtr
 
+from estimation.batch_models.relaxation import relaxing_part
 from estimation.compiled import Floats
 from estimation.estimator import LEVEL_95
 from teleop.evaluation.candidate import Candidate, evaluate
@@ -165,7 +165,7 @@ def with_relaxation(rows: Rows, y: Floats, degrees: tuple[int, ...]) -> list[Can
     def tried(degree: int, chosen: tuple[float, ...]) -> Candidate:
         for tau in chosen:
             if tau not in parts:
-                parts[tau] = record.smoothed(relaxing_part(record, y, tau))
+                parts[tau] = record.smoothed(relaxing_part(y, record.starts, record.period, tau))
         return evaluate(rows, degree, chosen, [parts[tau] for tau in chosen])
 
     found = []
@@ -248,15 +248,3 @@ def crossing(function: Callable[[float], float], level: float, low: float, high:
         else:
             high = middle
     return 0.5 * (low + high)
-
-
-def relaxing_part(record: Prepared, y: Floats, tau: float) -> Floats:
-    """Return the relaxing part of an elastic force, shape (n,).
-
-    The relaxing part is the solution z of z' = y' - z / tau, with z = 0 at the start of each piece
-    between gaps.
-    """
-    decay = math.exp(-record.period / tau)
-    gain = tau / record.period * (1.0 - decay)
-    pieces = np.split(y, record.starts[1:])
-    return np.concatenate([lfilter([gain, -gain], [1.0, -decay], p - p[0]) for p in pieces])

@@ -27,7 +27,7 @@ from scipy.special import chdtrc
 from estimation import least_squares
 from estimation.compiled import Floats
 from estimation.estimator import LEVEL_95
-from teleop.evaluation.evaluation import Evaluation
+from teleop.evaluation.evaluation_result import Evaluation
 
 POWER_80 = 2.8
 """Difference, in standard deviations, that a test at the 5 % level detects with 80 %
@@ -48,7 +48,7 @@ def evaluate_together(evaluations: Mapping[str, Evaluation]) -> dict[str, Any]:
     evaluations
         Evaluations of at least two recordings, by the name of the file.
     """
-    regressions = [e.regression for e in evaluations.values()]
+    regressions = [e.sampled.regression for e in evaluations.values()]
     x, v, f = (np.concatenate([r[channel] for r in regressions]) for channel in range(3))
     fit = least_squares(x, v, f)
     fits = [least_squares(*regression[:3]) for regression in regressions]

@@ -21,6 +21,11 @@ def is_replayed(column: str) -> bool:
     return column in ("time", "slave_position", "target")
 
 
+def is_reported(column: str) -> bool:
+    """Return whether a column may be shown in a report: all but those of the estimators."""
+    return not column.endswith(("_b", "_k", "_std", "_held", "_misfit"))
+
+
 def recorded_signals(recording: Recording) -> Signals:
     """Return the samples of a recorded trial before conditioning.
 

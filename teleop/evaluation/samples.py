@@ -19,12 +19,16 @@ from teleop.recording.gaps import Gap
 from teleop.recording.recording import Recording
 from teleop.recording.stream import RecordingStream
 
-BLOCK = 1 << 16
-"""Largest number of samples in a block."""
+BLOCK = 1 << 14
+"""Number of samples in a block of a long record."""
+WHOLE = 1 << 16
+"""Largest number of samples in a single block, if the record has no more samples."""
 SECTION = 1 << 14
 """Number of samples in a section of a long recording."""
 SECTIONS = 8
 """Largest number of sections of a recording that are kept in memory."""
+MOST_VALUES = 1 << 22
+"""Largest number of values in the columns of a recording of which the last ticks are kept."""
 NEEDED = ("time", "dt", "dropped", "x", "paired_position", "paired_force", "paired_dt")
 """Columns that are needed to evaluate a recorded trial."""
 MEASURED = ("time", "paired_position", "paired_force", "paired_dt")
@@ -65,12 +69,17 @@ class Samples:
         """Whether `signals` contains all samples."""
         return self.count == len(self.signals.t)
 
+    @property
+    def _block(self) -> int:
+        """Largest number of samples in a block of this record."""
+        return WHOLE if self.count <= WHOLE else BLOCK
+
     def blocks(self) -> Iterator[Block]:
         """Yield all samples in blocks."""
-        s = self.signals
-        for start in range(0, self.count, BLOCK):
-            part = slice(start, start + BLOCK)
-            gaps = tuple(i - start for i in s.gaps if start <= i < start + BLOCK)
+        s, size = self.signals, self._block
+        for start in range(0, self.count, size):
+            part = slice(start, start + size)
+            gaps = tuple(i - start for i in s.gaps if start <= i < start + size)
             recorded = {name: (b[part], k[part]) for name, (b, k) in self._recorded.items()}
             cut = s._replace(t=s.t[part], x=s.x[part], f=s.f[part], dt=s.dt[part], gaps=gaps)
             yield Block(cut, recorded)
@@ -115,8 +124,8 @@ class RecordedSamples(Samples):
             settings=stream.settings,
             gaps=stream.gaps,
         )
-        """The recording. It has the columns `is_wanted` of its last samples: all samples of a
-        recording of at most `SECTIONS` sections."""
+        """The recording. It has the columns `is_wanted`; if they have more than `MOST_VALUES`
+        values, only those of the last ticks."""
         t, x, f, dt = sections.samples()
         gaps = with_gaps(t, dt, ends_of(stream.gaps), sections.starts)
         super().__init__(Signals(t, x, f, dt, "slave_position", gaps))
@@ -130,7 +139,7 @@ class RecordedSamples(Samples):
         ends = ends_of(self.recording.gaps)
         read = stream.blocks(lambda name: name in (*MEASURED, "x") or name in columns)
         before = NOTHING
-        for rows in joined(measured(block, columns) for block in read):
+        for rows in joined((measured(block, columns) for block in read), self._block):
             t, x, f, dt, *estimates = rows
             inside = [end for end in ends if end <= t[-1] and not (len(before) and end <= before)]
             gaps = with_gaps(t, dt, inside, (), before)
@@ -177,7 +186,7 @@ class Sections:
 
 
 class Last:
-    """The last samples of columns that arrive in blocks, at most as many as in all sections."""
+    """The last ticks of columns that arrive in blocks, with at most about `MOST_VALUES` values."""
 
     def __init__(self) -> None:
         self._blocks: deque[dict[str, Floats]] = deque()
@@ -188,7 +197,7 @@ class Last:
         size = len(next(iter(block.values()), ()))
         self._blocks.append({name: column.copy() for name, column in block.items()})
         self._count += size
-        while self._blocks and self._count - self._first_size >= SECTIONS * SECTION:
+        while (self._count - self._first_size) * len(block) >= MOST_VALUES:
             self._count -= self._first_size
             self._blocks.popleft()
 
@@ -266,17 +275,17 @@ def with_gaps(
     return tuple(sorted(found))
 
 
-def joined(blocks: Iterable[Floats]) -> Iterator[Floats]:
-    """Join arrays of shape (channels, n) to arrays of `BLOCK` samples; the last may be shorter."""
+def joined(blocks: Iterable[Floats], size: int) -> Iterator[Floats]:
+    """Join arrays of shape (channels, n) to arrays of `size` samples; the last may be shorter."""
     parts: list[Floats] = []
     count = 0
     for block in blocks:
         parts.append(block)
         count += block.shape[1]
-        while count >= BLOCK:
+        while count >= size:
             whole = np.concatenate(parts, axis=1)
-            yield whole[:, :BLOCK].copy()
-            parts = [whole[:, BLOCK:].copy()]
-            count -= BLOCK
+            parts = [whole[:, size:].copy()]
+            count -= size
+            yield whole[:, :size]
     if count:
         yield np.concatenate(parts, axis=1)

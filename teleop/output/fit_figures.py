@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from estimation.batch_models import BatchFit
 from estimation.figure_style import BLUE, GREY, ORANGE, explain, is_narrow, new_figure, tidy
-from teleop.evaluation.evaluation import Evaluation
+from teleop.evaluation.evaluation_result import Evaluation
 from teleop.output.figure_files import plain
 
 PHASE_COLOURS = {

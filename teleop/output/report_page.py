@@ -13,7 +13,7 @@ from estimation import MultiEstimator
 from estimation.figures import Truth
 from estimation.model import KELVIN_VOIGT
 from estimation.redundancy import ambiguity
-from teleop.evaluation.evaluation import Evaluation
+from teleop.evaluation.evaluation_result import Evaluation
 from teleop.output.estimate_tables import (
     AT_END,
     AVERAGES,
@@ -179,11 +179,12 @@ def of_evaluation(
 def ambiguity_drawing(evaluation: Evaluation) -> Markup:
     """Return a figure of the tied candidates over time (see `MARGIN`) as an SVG element."""
     e = evaluation
-    every = max(1, len(e.t) // LOOKS)
+    t, regression, *_ = e.sampled
+    every = max(1, len(t) // LOOKS)
     alone = replace(e.preset, estimators=("me",), model=KELVIN_VOIGT)
     fresh = alone.bank()["me"]
     assert isinstance(fresh, MultiEstimator)
-    tied = ambiguity(fresh, *e.regression[:4], MARGIN, every)
+    tied = ambiguity(fresh, *regression[:4], MARGIN, every)
     looks = slice(every - 1, None, every)
-    winner = alone.bank()["me"].run(*e.regression[:4]).part(looks)
-    return svg(ambiguity_figure(e.t[looks], tied, winner))
+    winner = alone.bank()["me"].run(*regression[:4]).part(looks)
+    return svg(ambiguity_figure(t[looks], tied, winner))

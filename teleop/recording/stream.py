@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -27,16 +28,17 @@ OF_GAPS = ("time", "dt", "dropped")
 """Columns that are needed to find missing ticks."""
 
 
-def tick_values(rows: NDArray[np.uint8]) -> Floats:
+def tick_values(rows: NDArray[np.uint8], columns: Sequence[int] | slice = slice(None)) -> Floats:
     """Return the values that the messages of ticks contain, shape (columns, ticks).
 
     Parameters
     ----------
     rows
         Bytes of the messages, shape (ticks, bytes per message).
+    columns
+        Indices of the columns; by default, all columns.
     """
-    values = np.ascontiguousarray(rows[:, len(CDR) :]).view("<f8")
-    return np.ascontiguousarray(values.T)
+    return np.ascontiguousarray(rows[:, len(CDR) :].view("<f8")[:, columns].T)
 
 
 class RecordingStream:
@@ -119,27 +121,31 @@ class RecordingStream:
     def intact_blocks(self, is_wanted: Callable[[str], bool] = bool) -> Iterator[dict[str, Floats]]:
         """Yield the columns as `blocks` does, but without an error if the end is missing."""
         names = list(self.units)
-        wanted = [(i, name) for i, name in enumerate(names) if is_wanted(name)]
-        for rows in self._joined():
-            values = tick_values(rows)
-            self.ticks += len(rows)
+        wanted = [name for name in names if is_wanted(name)]
+        needed = [name for i, name in enumerate(names) if i == 0 or name in (*OF_GAPS, *wanted)]
+        has_gaps = set(OF_GAPS) <= set(names)
+        for values in self._joined([names.index(name) for name in needed]):
+            self.ticks += values.shape[1]
             self.last_time = float(values[0, -1])
-            if all(name in self.units for name in OF_GAPS):
-                self._gaps.add(*(values[names.index(name)] for name in OF_GAPS))
-            yield {name: values[i] for i, name in wanted}
+            columns = dict(zip(needed, values, strict=True))
+            if has_gaps:
+                self._gaps.add(*(columns[name] for name in OF_GAPS))
+            yield {name: columns[name] for name in wanted}
 
-    def _joined(self) -> Iterator[NDArray[np.uint8]]:
-        """Yield the messages of ticks, joined to blocks of at least `BLOCK` ticks."""
-        rows = [] if self._first is None else [self._first]
-        count = sum(map(len, rows))
-        for more in self._rows:
-            if count >= BLOCK:
-                yield np.concatenate(rows)
-                rows, count = [], 0
-            rows.append(more)
+    def _joined(self, columns: Sequence[int]) -> Iterator[Floats]:
+        """Yield columns of successive ticks, joined to blocks of at least `BLOCK` ticks."""
+        values: list[Floats] = []
+        count = 0
+        rows = chain(() if self._first is None else (self._first,), self._rows)
+        self._first = None
+        for more in rows:
+            values.append(tick_values(more, columns))
             count += len(more)
-        if rows:
-            yield np.concatenate(rows)
+            if count >= BLOCK:
+                yield np.concatenate(values, axis=1)
+                values, count = [], 0
+        if values:
+            yield np.concatenate(values, axis=1)
 
 
 def dropped_in_all(metadata: dict[str, dict[str, str]]) -> int:

@@ -255,10 +255,10 @@ def test_export_needs_memory_for_a_block_only(trial, tmp_path, monkeypatch, endi
     longest = 0
     joined = stream.tick_values
 
-    def values(rows):
+    def values(rows, columns):
         nonlocal longest
         longest = max(longest, len(rows))
-        return joined(rows)
+        return joined(rows, columns)
 
     monkeypatch.setattr(stream, "tick_values", values)
     out = tmp_path / f"blocks.{ending}"

@@ -15,7 +15,8 @@ from teleop.cli import main
 from teleop.errors import InputError
 from teleop.evaluation.estimate_settings import EstimateSettings
 from teleop.evaluation.evaluation import evaluate
-from teleop.evaluation.replay import agrees, recorded_settings, recorded_signals
+from teleop.evaluation.replay import is_replayed, recorded_settings, recorded_signals
+from teleop.evaluation.samples import RecordedSamples
 from teleop.evaluation.sampling_gaps import condition
 from teleop.evaluation.signals import Signals, periods, read_signals
 from teleop.recording.gaps import GapFinder, missing_text, missing_ticks
@@ -273,8 +274,10 @@ def test_the_estimates_of_a_run_with_missing_ticks_are_not_claimed_to_be_reprodu
     recording = load(path)
     signals = recorded_signals(recording)
     np.testing.assert_allclose(signals.dt[1:], np.diff(signals.t), atol=1e-9)
-    evaluation = evaluate(signals, recorded_settings(recording))
-    assert not agrees(evaluation, recording)
+    samples = RecordedSamples(path, is_replayed)
+    evaluation = evaluate(samples, recorded_settings(recording))
+    assert not evaluation.online.as_recorded
+    assert evaluation.gaps == tuple(gap[:2] for gap in recording.gaps)
     before = evaluation.t < recording.gaps[0].end
     online = recording.estimated()
     for name, estimates in evaluation.estimates.items():

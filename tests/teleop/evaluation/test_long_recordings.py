@@ -1,0 +1,192 @@
+"""A recording of any length is evaluated in blocks, with the results of an evaluation in one."""
+
+from __future__ import annotations
+
+import csv
+import math
+import tracemalloc
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from estimation.metrics import RisingValue
+from teleop.cli import main
+from teleop.evaluation import samples
+from teleop.evaluation.evaluation import evaluate
+from teleop.evaluation.replay import is_replayed, recorded_settings, recorded_signals
+from teleop.evaluation.samples import RecordedSamples, Samples
+from teleop.recording import stream
+from teleop.recording.recording import load
+
+
+@pytest.fixture(scope="module")
+def trials(tmp_path_factory):
+    """Return recordings of two durations."""
+    folder = tmp_path_factory.mktemp("trials")
+    paths = {}
+    for duration in (3, 12):
+        paths[duration] = folder / f"{duration}.mcap"
+        arguments = ["--clock", "virtual", "--condition", "autonomous", "--seed", "3"]
+        arguments += ["--duration", str(duration), "--record", str(paths[duration])]
+        assert main(["run", *arguments]) == 0
+    return paths
+
+
+@pytest.fixture
+def small(monkeypatch):
+    """Make all blocks and sections short, so that a recording of seconds is long."""
+    monkeypatch.setattr(samples, "SECTION", 256)
+    monkeypatch.setattr(samples, "SECTIONS", 8)
+    monkeypatch.setattr(samples, "WHOLE", 512)
+    monkeypatch.setattr(samples, "BLOCK", 512)
+    monkeypatch.setattr(samples, "MOST_VALUES", 3000)
+    monkeypatch.setattr(stream, "BLOCK", 300)
+
+
+def settings_of(path, *estimators):
+    settings = recorded_settings(load(path))
+    return replace(settings, estimators=estimators) if estimators else settings
+
+
+def test_the_blocks_of_a_recording_are_all_its_samples(trials, small):
+    recording = load(trials[3])
+    whole, online = recorded_signals(recording), recording.estimated().estimates()
+    blocks = list(RecordedSamples(trials[3], is_replayed).blocks())
+    assert len(blocks) > 4
+    for channel in ("t", "x", "f", "dt"):
+        joined = np.concatenate([getattr(block.signals, channel) for block in blocks])
+        np.testing.assert_array_equal(joined, getattr(whole, channel))
+    for name, series in online.items():
+        for i in range(2):
+            joined = np.concatenate([block.recorded[name][i] for block in blocks])
+            np.testing.assert_array_equal(joined, series[i])
+
+
+def test_of_a_long_recording_evenly_spaced_sections_are_kept(trials, small):
+    whole = recorded_signals(load(trials[12]))
+    read = RecordedSamples(trials[12], is_replayed)
+    kept = read.signals
+    assert read.count == len(whole.t)
+    assert 4 * 256 < len(kept.t) <= 8 * 256
+    assert not read.is_whole
+    np.testing.assert_array_equal(kept.gaps, np.arange(256, len(kept.t), 256))
+    assert len(set(np.round(np.diff(kept.t[::256]), 9))) == 1
+    places = np.searchsorted(whole.t, kept.t)
+    for channel in ("t", "x", "f"):
+        np.testing.assert_array_equal(getattr(kept, channel), getattr(whole, channel)[places])
+    np.testing.assert_allclose(kept.dt[1:], np.diff(kept.t), atol=1e-9)
+    assert kept.t[-1] > 0.75 * whole.t[-1]
+
+
+def test_a_recording_that_fits_into_the_sections_is_kept_whole(trials):
+    whole = recorded_signals(load(trials[3]))
+    read = RecordedSamples(trials[3], is_replayed)
+    assert read.is_whole
+    for ours, theirs in zip(read.signals, whole, strict=True):
+        np.testing.assert_array_equal(ours, theirs)
+    for name, column in load(trials[3], is_replayed).columns.items():
+        np.testing.assert_array_equal(read.recording[name], column)
+
+
+def test_the_last_ticks_of_a_long_recording_are_kept(trials, small):
+    kept = RecordedSamples(trials[12], is_replayed).recording
+    whole = load(trials[12])
+    assert 3000 <= len(kept) * len(kept.columns) < 5000
+    for name, column in kept.columns.items():
+        np.testing.assert_array_equal(column, whole[name][-len(column) :])
+
+
+def test_estimates_in_blocks_are_those_of_the_run(trials, small):
+    path = trials[12]
+    found = evaluate(RecordedSamples(path, is_replayed), settings_of(path))
+    assert found.online.as_recorded
+    online = load(path).estimated()
+    for name, series in online.estimates().items():
+        np.testing.assert_array_equal(found.estimates[name].k, series.k)
+        np.testing.assert_array_equal(found.misfit[name], online.misfit(name))
+
+
+def test_a_changed_recorded_estimate_is_noticed(trials):
+    whole = load(trials[3])
+    estimates = whole.estimated().estimates()
+    same = Samples(recorded_signals(whole), estimates)
+    assert evaluate(same, settings_of(trials[3])).online.as_recorded
+    estimates["me"].k[-1] += 1.0
+    other = Samples(recorded_signals(whole), estimates)
+    assert not evaluate(other, settings_of(trials[3])).online.as_recorded
+
+
+@pytest.mark.parametrize("names", [("rls", "ai", "me"), ("rls", "kalman", "hc_log")])
+def test_summaries_do_not_depend_on_the_size_of_the_blocks(trials, monkeypatch, names):
+    signals, settings = recorded_signals(load(trials[3])), settings_of(trials[3], *names)
+    one = evaluate(signals, settings)
+    monkeypatch.setattr(samples, "WHOLE", 0)
+    monkeypatch.setattr(samples, "BLOCK", 77)
+    some = evaluate(signals, settings, most=300.0)
+    assert len(some.t) < 150
+    assert (some.t[0], some.t[-1]) == (one.t[0], one.t[-1])
+    places = np.searchsorted(one.t, some.t)
+    for name, series in some.estimates.items():
+        np.testing.assert_array_equal(series.k, one.estimates[name].k[places])
+    for name, summary in one.summaries().items():
+        for key, value in summary._asdict().items():
+            if isinstance(value, float):
+                found = getattr(some.summaries()[name], key)
+                assert found == pytest.approx(value, rel=1e-10, nan_ok=True), (name, key)
+    for name, row in one.online.comparisons.items():
+        assert some.online.comparisons[name] == pytest.approx(row, rel=1e-10, nan_ok=True)
+    for key in ("samples_used", "longest_gap_s", "jitter", "least_squares", "from_s", "to_s"):
+        assert some.summary()[key] == one.summary()[key]
+
+
+def test_a_table_of_a_long_recording_has_all_samples(trials, small, tmp_path):
+    out = tmp_path / "table.csv"
+    assert main(["estimate", str(trials[12]), "--out", str(out), "--json"]) == 0
+    whole = load(trials[12]).estimated()
+    with out.open() as file:
+        heading, *rows = csv.reader(file)
+    table = np.array(rows, dtype=np.float64)
+    k = [name.split(" ")[0] for name in heading].index("rls_k")
+    np.testing.assert_array_equal(table[:, 0], whole["time"])
+    np.testing.assert_array_equal(table[:, k], whole["rls_k"])
+
+
+@pytest.mark.parametrize("command", ["estimate", "report"])
+def test_memory_does_not_depend_on_the_duration(trials, small, monkeypatch, tmp_path, command):
+    monkeypatch.setattr("teleop.evaluation.evaluation.KEPT", 2000)
+    monkeypatch.setattr(samples, "MOST_VALUES", 20_000)
+    peaks = {}
+    for duration in (12, 3, 12):  # libraries are imported by the first
+        arguments = [command, str(trials[duration]), "--json"]
+        if command == "report":
+            arguments += ["--out", str(tmp_path / "page.html"), "--overwrite"]
+        tracemalloc.start()
+        assert main(arguments) == 0
+        peaks[duration] = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+    assert peaks[12] < 1.5 * peaks[3]
+
+
+@given(
+    st.lists(st.floats(-1e3, 1e3), min_size=1, max_size=30),
+    st.lists(st.integers(1, 10), max_size=5),
+)
+def test_the_rise_time_in_blocks_is_that_of_its_definition(values, sizes):
+    t, k = np.arange(len(values)) * 0.1, np.array(values)
+    rising = RisingValue()
+    for part_t, part_k in zip(
+        np.split(t, np.cumsum(sizes)), np.split(k, np.cumsum(sizes)), strict=True
+    ):
+        rising.add(part_t, part_k)
+    average = math.fsum(values) / len(values)
+    if abs(average) < 1e-6:
+        return
+    levels = k / average
+    first = int(np.argmax(levels >= 0.1))
+    last = first + int(np.argmax(levels[first:] >= 0.9))
+    margin = np.min(np.abs(np.concatenate([levels - 0.1, levels - 0.9])))
+    if margin > 1e-9:
+        assert rising.time == pytest.approx(t[last] - t[first])
