@@ -168,7 +168,7 @@ def looped(
     loop: Callable[..., None],
     constants: tuple[float, ...],
     inputs: tuple[NDArray[Any], ...],
-    outputs: tuple[Floats, ...],
+    outputs: tuple[NDArray[Any], ...],
 ) -> None:
     """Call a loop over n samples, interpreted or compiled, with identical results to the bit.
 
@@ -182,7 +182,7 @@ def looped(
     inputs
         Arrays.
     outputs
-        Arrays, each of shape (n,).
+        Arrays, each of shape (n,), of floating-point numbers or integers.
     """
     if choice.is_compiled(len(outputs[0])):
         compiled_loop(loop)(*constants, *inputs, *outputs)

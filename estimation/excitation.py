@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from estimation.checks import checked_samples, is_valid, sample_error
-from estimation.compiled import Floats
+from estimation.compiled import Floats, looped
 
 
 class Excitation:
@@ -109,7 +110,9 @@ class Excitation:
         new = np.stack([x * x * dt, x * y * dt, y * y * dt, dt])
         stored = np.reshape(self._samples, (-1, 4)).T
         window = np.concatenate([stored, new], axis=1)
-        removed, spans = self._removals(window[3].tolist(), stored.shape[1])
+        removed, spans = np.zeros(count, dtype=np.intp), np.empty(count)
+        constants = (self.window, self._span, stored.shape[1])
+        looped(removals, constants, (window[3].copy(),), (removed, spans))
         # The sums are those of `update` to the bit: a cumulative sum over the samples that are
         # added and removed, in the same order.
         added = np.arange(1, count + 1) + np.concatenate(([0], removed[:-1]))
@@ -135,26 +138,38 @@ class Excitation:
         half = np.array(root) / spans
         return np.asarray(np.maximum(0.0, mean - half) / (mean + half + self.resolution**2))
 
-    def _removals(self, periods: list[float], stored: int) -> tuple[NDArray[np.intp], Floats]:
-        """Return, for each new sample, how many samples have left the window, and its length [s].
 
-        Parameters
-        ----------
-        periods
-            Time since the previous sample [s], for the samples in the window and the new samples.
-        stored
-            Number of samples in the window.
-        """
-        span, window, first = self._span, self.window, 0
-        removed, spans = [], []
-        for i in range(stored, len(periods)):
-            span += periods[i]
-            while span > window and first < i:
-                span -= periods[first]
-                first += 1
-            removed.append(first)
-            spans.append(span)
-        return np.array(removed, dtype=np.intp), np.array(spans)
+def removals(
+    window: float,
+    span: float,
+    stored: int,
+    periods: Sequence[float],
+    removed: list[int],
+    spans: list[float],
+) -> None:
+    """Compute, for each new sample, how many samples have left the window, and its length [s].
+
+    Parameters
+    ----------
+    window
+        Largest length of the window [s].
+    span
+        Length of the window before the new samples [s].
+    stored
+        Number of samples in the window before the new samples.
+    periods
+        Time since the previous sample [s], for the samples in the window and the new samples.
+    removed, spans
+        The results, which are changed in place.
+    """
+    first = 0
+    for i in range(len(removed)):
+        span += periods[stored + i]
+        while span > window and first < stored + i:
+            span -= periods[first]
+            first += 1
+        removed[i] = first
+        spans[i] = span
 
 
 def dominant_frequency(x: ArrayLike, dt: ArrayLike) -> float:
