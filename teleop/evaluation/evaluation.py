@@ -165,6 +165,7 @@ def evaluate(
         rate=1.0 / period,
         jitter=found.largest_deviation / period,
         samples=samples.count,
+        batch_samples=len(signals.t),
         analysis=analysis,
         filter_note=note,
         kept_force_variance=kept_variance(

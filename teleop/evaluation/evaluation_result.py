@@ -59,6 +59,8 @@ class Evaluation(Presented):
     """Largest deviation of a sample period from the median, as a fraction of the median."""
     samples: int
     """Number of samples in the recording, including those at rest."""
+    batch_samples: int
+    """Number of samples of the batch evaluation: all, or those in sections of a long recording."""
     analysis: Analysis
     """The batch evaluation."""
     kept_force_variance: float
@@ -157,6 +159,11 @@ class Evaluation(Presented):
             reasons.append(
                 f"the excitation of the online estimators is {excitation:.1g} at most: below "
                 f"{LEAST_EXCITATION:g} they cannot separate b from k"
+            )
+        if self.batch_samples < self.samples:
+            reasons.append(
+                f"the record is long: result and models are those of {self.batch_samples} of "
+                f"{self.samples} samples, in evenly spaced sections"
             )
         if self.filter_note:
             reasons.append(self.filter_note)

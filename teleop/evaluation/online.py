@@ -175,12 +175,13 @@ def at(estimates: Estimates, indices: np.ndarray) -> Estimates:
 
 
 def joined(parts: Sequence[Kept]) -> Kept:
-    """Join the samples of several parts."""
+    """Join the samples of several parts, and remove the estimates from the parts."""
     first = parts[0]
     if len(parts) == 1:
         return first
     estimates = {
-        name: joined_estimates([part.estimates[name] for part in parts]) for name in first.estimates
+        name: joined_estimates([part.estimates.pop(name) for part in parts])
+        for name in list(first.estimates)
     }
     regressions = (part.regression for part in parts)
     return Kept(

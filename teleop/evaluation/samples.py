@@ -16,7 +16,7 @@ from teleop.errors import InputError
 from teleop.evaluation.signals import Signals
 from teleop.evaluation.units import LARGEST
 from teleop.recording.gaps import Gap
-from teleop.recording.recording import Recording
+from teleop.recording.recording import Recording, missing_column
 from teleop.recording.stream import RecordingStream
 
 BLOCK = 1 << 14
@@ -27,8 +27,8 @@ SECTION = 1 << 14
 """Number of samples in a section of a long recording."""
 SECTIONS = 8
 """Largest number of sections of a recording that are kept in memory."""
-MOST_VALUES = 1 << 22
-"""Largest number of values in the columns of a recording of which the last ticks are kept."""
+LAST = 1 << 16
+"""Approximate largest number of ticks at the end of a recording whose columns are kept."""
 NEEDED = ("time", "dt", "dropped", "x", "paired_position", "paired_force", "paired_dt")
 """Columns that are needed to evaluate a recorded trial."""
 MEASURED = ("time", "paired_position", "paired_force", "paired_dt")
@@ -102,13 +102,16 @@ class RecordedSamples(Samples):
     Raises
     ------
     InputError
-        The recording cannot be read or is not complete, a sample is not finite, or a period is not
-        positive.
+        The recording cannot be read, is not complete or lacks a column, a sample is not finite, or
+        a period is not positive.
     """
 
     def __init__(self, path: Path, is_wanted: Callable[[str], bool]) -> None:
         self._path = path
         stream = RecordingStream(path)
+        for name in NEEDED:
+            if name not in stream.units:
+                raise missing_column(name, stream.units)
         last = Last()
         sections = Sections()
         read = stream.blocks(lambda name: name in NEEDED or is_wanted(name))
@@ -124,8 +127,7 @@ class RecordedSamples(Samples):
             settings=stream.settings,
             gaps=stream.gaps,
         )
-        """The recording. It has the columns `is_wanted`; if they have more than `MOST_VALUES`
-        values, only those of the last ticks."""
+        """The recording. It has the columns `is_wanted`, at the last `LAST` ticks or some more."""
         t, x, f, dt = sections.samples()
         gaps = with_gaps(t, dt, ends_of(stream.gaps), sections.starts)
         super().__init__(Signals(t, x, f, dt, "slave_position", gaps))
@@ -186,7 +188,7 @@ class Sections:
 
 
 class Last:
-    """The last ticks of columns that arrive in blocks, with at most about `MOST_VALUES` values."""
+    """The last ticks, about `LAST`, of columns that arrive in blocks."""
 
     def __init__(self) -> None:
         self._blocks: deque[dict[str, Floats]] = deque()
@@ -197,7 +199,7 @@ class Last:
         size = len(next(iter(block.values()), ()))
         self._blocks.append({name: column.copy() for name, column in block.items()})
         self._count += size
-        while (self._count - self._first_size) * len(block) >= MOST_VALUES:
+        while self._count - self._first_size >= LAST:
             self._count -= self._first_size
             self._blocks.popleft()
 

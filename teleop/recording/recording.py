@@ -63,9 +63,7 @@ class Recording:
             There is no column with this name. The message lists the columns.
         """
         if name not in self.columns:
-            raise MissingColumn(
-                f"the recording has no column {name!r}: expected one of {', '.join(self.columns)}"
-            )
+            raise missing_column(name, self.columns)
         return self.columns[name]
 
     def __len__(self) -> int:
@@ -130,6 +128,13 @@ class Recording:
         further = [column for name, column in self.columns.items() if name.startswith(REGRESSOR)]
         x, v, f, dt = (self[name] for name in ("x", "v", "f", "paired_dt"))
         return Regression(x, v, f, dt, np.reshape(further, (len(further), len(self))).T)
+
+
+def missing_column(name: str, columns: Iterable[str]) -> MissingColumn:
+    """Return the error that a recording with these columns does not have the column `name`."""
+    return MissingColumn(
+        f"the recording has no column {name!r}: expected one of {', '.join(columns)}"
+    )
 
 
 def from_messages(

@@ -42,7 +42,7 @@ def small(monkeypatch):
     monkeypatch.setattr(samples, "SECTIONS", 8)
     monkeypatch.setattr(samples, "WHOLE", 512)
     monkeypatch.setattr(samples, "BLOCK", 512)
-    monkeypatch.setattr(samples, "MOST_VALUES", 3000)
+    monkeypatch.setattr(samples, "LAST", 1000)
     monkeypatch.setattr(stream, "BLOCK", 300)
 
 
@@ -91,10 +91,19 @@ def test_a_recording_that_fits_into_the_sections_is_kept_whole(trials):
         np.testing.assert_array_equal(read.recording[name], column)
 
 
+def test_the_result_states_that_it_is_that_of_sections(trials, small):
+    text = "in evenly spaced sections"
+    read = RecordedSamples(trials[12], is_replayed)
+    reasons = evaluate(read, settings_of(trials[12])).summary()["result"]["reasons"]
+    assert [one for one in reasons if text in one and f"{read.count} samples" in one]
+    whole = evaluate(recorded_signals(load(trials[12])), settings_of(trials[12]))
+    assert not any(text in one for one in whole.summary()["result"]["reasons"])
+
+
 def test_the_last_ticks_of_a_long_recording_are_kept(trials, small):
     kept = RecordedSamples(trials[12], is_replayed).recording
     whole = load(trials[12])
-    assert 3000 <= len(kept) * len(kept.columns) < 5000
+    assert 1000 <= len(kept) < 1000 + 2 * stream.BLOCK
     for name, column in kept.columns.items():
         np.testing.assert_array_equal(column, whole[name][-len(column) :])
 
@@ -157,7 +166,6 @@ def test_a_table_of_a_long_recording_has_all_samples(trials, small, tmp_path):
 @pytest.mark.parametrize("command", ["estimate", "report"])
 def test_memory_does_not_depend_on_the_duration(trials, small, monkeypatch, tmp_path, command):
     monkeypatch.setattr("teleop.evaluation.evaluation.KEPT", 2000)
-    monkeypatch.setattr(samples, "MOST_VALUES", 20_000)
     peaks = {}
     for duration in (12, 3, 12):  # libraries are imported by the first
         arguments = [command, str(trials[duration]), "--json"]
