@@ -135,6 +135,7 @@ def evaluate(
         Excitation(frequency, resolution=10.0 * count),
         comparisons(bank, regression, fit),
         period,
+        samples.count,
         max(1, math.ceil(samples.count * len(bank) / most)),
         write,
     )

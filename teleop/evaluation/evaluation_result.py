@@ -23,7 +23,7 @@ from teleop.evaluation.analysis import Analysis
 from teleop.evaluation.conditioned import Conditioned
 from teleop.evaluation.datum import Datum
 from teleop.evaluation.model_comparison import cost as sample_cost
-from teleop.evaluation.online import Kept, OnlineResult, table
+from teleop.evaluation.online import OnlineResult, table
 
 FEWEST_KEPT = 0.9
 """A message is reported if the conditioning keeps less than this fraction of the force variance."""
@@ -184,4 +184,4 @@ class Evaluation(Presented):
 
     def columns(self) -> tuple[dict[str, Floats], dict[str, str]]:
         """Return signals and estimates as columns of shape (n,), and the unit of each column."""
-        return table(self.bank, Kept(self.t, *self.online[1:5]))
+        return table(self.bank, *self.online[:5])

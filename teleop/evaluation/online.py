@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from estimation import Bank, Estimates, Excitation, Misfit, Regression
 from estimation.compiled import Floats
@@ -15,6 +17,8 @@ from estimation.summary import EstimatorSummary, RunningSummary
 from teleop.evaluation.conditioned import Conditioned
 from teleop.evaluation.model_comparison import Comparison, RunningComparison
 
+MISFIT, FURTHER = "misfit", "further"
+"""Keys of the kept arrays of an estimator."""
 Table = tuple[dict[str, Floats], dict[str, str]]
 """Columns of shape (n,) by name, and the unit of each column."""
 
@@ -54,6 +58,8 @@ class OnlineRun:
         Comparisons with a reference; each has some of the estimators.
     period
         Usual sample period [s].
+    count
+        Largest number of samples.
     every
         Distance of the samples that are kept; 1 to keep all samples.
     write
@@ -67,6 +73,7 @@ class OnlineRun:
         measure: Excitation,
         comparisons: Sequence[RunningComparison],
         period: float,
+        count: int,
         every: int = 1,
         write: Callable[[Table], None] | None = None,
     ) -> None:
@@ -74,8 +81,8 @@ class OnlineRun:
         self._comparisons = comparisons
         self._period, self._every, self._write = period, every, write
         self._summaries = {name: RunningSummary(e) for name, e in bank.items()}
-        self._kept: list[Kept] = []
-        self._used = 0
+        self._kept = KeptArrays(math.ceil(count / every) + 1)
+        self._used = self._kept_samples = 0
         self._excitation = self._longest = self._deviation = 0.0
         self._as_recorded = True
 
@@ -103,9 +110,15 @@ class OnlineRun:
         for comparison in self._comparisons:
             comparison.begin(regression)
         places = np.arange(-self._used % self._every, len(t), self._every)
-        whole: Kept = Kept(t, regression, {}, {}, excitation)
-        last = np.array([len(t) - 1])
-        parts = [whole.part(places), whole.part(last)]
+        kept, start = self._kept, self._kept_samples
+        # The last sample of the block is overwritten if there is another block.
+        chosen = np.concatenate([places, [len(t) - 1]])
+        kept.put(start, ("t",), t[chosen])
+        kept.put(start, ("excitation",), excitation[chosen])
+        for field, channel in zip(Regression._fields, regression.part(chosen), strict=True):
+            kept.put(start, (field,), channel)
+        estimates: dict[str, Estimates] = {}
+        misfit: dict[str, Floats] = {}
         ends = None
         for i, (name, series) in enumerate(self._bank.each(*regression)):
             ends = ends or self._misfit.ends(regression, self._bank.opened)
@@ -118,29 +131,29 @@ class OnlineRun:
                     np.array_equal(ours, theirs[used], equal_nan=True)
                     for ours, theirs in zip(series[:2], recorded[name], strict=True)
                 )
-            for part, indices in zip(parts, (places, last), strict=True):
-                part.estimates[name] = at(series, indices)
-                part.misfit[name] = values[indices]
+            kept.put_estimates(start, name, at(series, chosen))
+            kept.put(start, (name, MISFIT), values[chosen])
             if self._write:
-                whole.estimates[name], whole.misfit[name] = series, values
+                estimates[name], misfit[name] = series, values
         if self._write:
-            self._write(table(self._bank, whole))
+            self._write(table(self._bank, t, regression, estimates, misfit, excitation))
         self._used += len(t)
-        self._kept = [*self._kept[:-1], *parts]
+        self._kept_samples += len(places)
 
     def result(self) -> OnlineResult:
         """Return the estimates and their summaries."""
-        if (self._used - 1) % self._every == 0:
-            self._kept.pop()
-        kept = joined(self._kept)
-        comparisons = [comparison.result() for comparison in self._comparisons]
+        count = self._kept_samples + ((self._used - 1) % self._every != 0)
+        kept = self._kept
+        estimates = {name: kept.estimates(count, name) for name in self._bank}
+        rows = [comparison.result() for comparison in self._comparisons]
         return OnlineResult(
-            *kept[:2],
-            kept.estimates,
-            kept.misfit,
-            kept.excitation,
-            {name: one.summary(kept.estimates[name]) for name, one in self._summaries.items()},
-            {name: row for rows in comparisons for name, row in rows.items()},
+            kept.get(count, "t"),
+            Regression(*(kept.get(count, field) for field in Regression._fields)),
+            estimates,
+            {name: kept.get(count, name, MISFIT) for name in self._bank},
+            kept.get(count, "excitation"),
+            {name: one.summary(estimates[name]) for name, one in self._summaries.items()},
+            {name: row for found in rows for name, row in found.items()},
             self._used,
             self._excitation / self._used,
             self._longest,
@@ -149,74 +162,87 @@ class OnlineRun:
         )
 
 
-class Kept(NamedTuple):
-    """Some samples with their estimates."""
+class KeptArrays:
+    """Arrays of some samples of a record that is processed in blocks.
 
-    t: Floats
-    regression: Regression
-    estimates: dict[str, Estimates]
-    misfit: dict[str, Floats]
-    excitation: Floats
+    The arrays are made once: many short arrays would fragment the memory.
 
-    def part(self, indices: np.ndarray) -> Kept:
-        """Return the samples with these indices, without estimates."""
-        excitation = self.excitation[indices]
-        return Kept(self.t[indices], self.regression.part(indices), {}, {}, excitation)
+    Parameters
+    ----------
+    size
+        Largest number of samples.
+    """
+
+    def __init__(self, size: int) -> None:
+        self._size = size
+        self._arrays: dict[tuple[str, ...], NDArray[Any]] = {}
+
+    def put(self, start: int, key: tuple[str, ...], values: NDArray[Any]) -> None:
+        """Store the values of successive samples, the first of which has the index `start`."""
+        if key not in self._arrays:
+            self._arrays[key] = np.empty((self._size, *values.shape[1:]), values.dtype)
+        self._arrays[key][start : start + len(values)] = values
+
+    def put_estimates(self, start: int, name: str, estimates: Estimates) -> None:
+        """Store the estimates of one estimator, as `put`."""
+        for field, values in zip(Estimates._fields, estimates[:5], strict=False):
+            self.put(start, (name, field), np.asarray(values))
+        for parameter, series in estimates.further.items():
+            self.put(start, (name, FURTHER, parameter, "value"), series.value)
+            self.put(start, (name, FURTHER, parameter, "std"), series.std)
+
+    def get(self, count: int, *key: str) -> NDArray[Any]:
+        """Return the values of the first `count` samples."""
+        return self._arrays[key][:count]
+
+    def estimates(self, count: int, name: str) -> Estimates:
+        """Return the estimates of one estimator after the first `count` samples."""
+        parameters = [
+            key[2] for key in self._arrays if key[:2] == (name, FURTHER) and key[-1] == "value"
+        ]
+        further = {
+            parameter: Series(
+                self.get(count, name, FURTHER, parameter, "value"),
+                self.get(count, name, FURTHER, parameter, "std"),
+            )
+            for parameter in parameters
+        }
+        b, k, b_std, k_std, held = (self.get(count, name, f) for f in Estimates._fields[:5])
+        return Estimates(b, k, b_std, k_std, held, further)
 
 
-def at(estimates: Estimates, indices: np.ndarray) -> Estimates:
+def at(estimates: Estimates, indices: NDArray[np.intp]) -> Estimates:
     """Return the estimates after the samples with these indices."""
     further = {
-        name: Series(*(values[indices] for values in series))
+        name: Series(series.value[indices], series.std[indices])
         for name, series in estimates.further.items()
     }
-    b, k, b_std, k_std, held = (values[indices] for values in estimates[:5])
-    return Estimates(b, k, b_std, k_std, held, further)
-
-
-def joined(parts: Sequence[Kept]) -> Kept:
-    """Join the samples of several parts, and remove the estimates from the parts."""
-    first = parts[0]
-    if len(parts) == 1:
-        return first
-    estimates = {
-        name: joined_estimates([part.estimates.pop(name) for part in parts])
-        for name in list(first.estimates)
-    }
-    regressions = (part.regression for part in parts)
-    return Kept(
-        np.concatenate([part.t for part in parts]),
-        Regression(*(np.concatenate(channel) for channel in zip(*regressions, strict=True))),
-        estimates,
-        {name: np.concatenate([part.misfit[name] for part in parts]) for name in first.misfit},
-        np.concatenate([part.excitation for part in parts]),
+    return Estimates(
+        estimates.b[indices],
+        estimates.k[indices],
+        estimates.b_std[indices],
+        estimates.k_std[indices],
+        estimates.held[indices],
+        further,
     )
 
 
-def joined_estimates(parts: Sequence[Estimates]) -> Estimates:
-    """Join the estimates of one estimator after the samples of several parts."""
-    further = {
-        name: Series(
-            np.concatenate([part.further[name].value for part in parts]),
-            np.concatenate([part.further[name].std for part in parts]),
-        )
-        for name in parts[0].further
-    }
-    b, k, b_std, k_std = (
-        np.concatenate([(p.b, p.k, p.b_std, p.k_std)[i] for p in parts]) for i in range(4)
-    )
-    return Estimates(b, k, b_std, k_std, np.concatenate([part.held for part in parts]), further)
-
-
-def table(bank: Bank, kept: Kept) -> Table:
+def table(
+    bank: Bank,
+    t: Floats,
+    regression: Regression,
+    estimates: dict[str, Estimates],
+    misfit: dict[str, Floats],
+    excitation: Floats,
+) -> Table:
     """Return signals and estimates as columns of shape (n,), and the unit of each column."""
-    x, v, f, *_ = kept.regression
-    columns = {"Time": kept.t, "Displacement": x, "Velocity": v, "Force": f}
+    x, v, f, *_ = regression
+    columns = {"Time": t, "Displacement": x, "Velocity": v, "Force": f}
     units = {"Time": "s", "Displacement": "m", "Velocity": "m/s", "Force": "N"}
-    columns["Excitation"], units["Excitation"] = kept.excitation, "-"
-    for column, values in zip(estimate_columns(bank), estimate_arrays(kept.estimates), strict=True):
+    columns["Excitation"], units["Excitation"] = excitation, "-"
+    for column, values in zip(estimate_columns(bank), estimate_arrays(estimates), strict=True):
         columns[column.name] = np.asarray(values, dtype=np.float64)
         units[column.name] = column.unit
-    for column, values in zip(misfit_columns(bank), kept.misfit.values(), strict=True):
+    for column, values in zip(misfit_columns(bank), misfit.values(), strict=True):
         columns[column.name], units[column.name] = values, column.unit
     return columns, units

@@ -25,7 +25,7 @@ WHOLE = 1 << 16
 """Largest number of samples in a single block, if the record has no more samples."""
 SECTION = 1 << 14
 """Number of samples in a section of a long recording."""
-SECTIONS = 8
+SECTIONS = 5
 """Largest number of sections of a recording that are kept in memory."""
 LAST = 1 << 16
 """Approximate largest number of ticks at the end of a recording whose columns are kept."""
@@ -109,9 +109,11 @@ class RecordedSamples(Samples):
     def __init__(self, path: Path, is_wanted: Callable[[str], bool]) -> None:
         self._path = path
         stream = RecordingStream(path)
-        for name in NEEDED:
-            if name not in stream.units:
-                raise missing_column(name, stream.units)
+        missing = [name for name in NEEDED if name not in stream.units]
+        if missing:
+            for _ in stream.blocks():  # damage of the file is reported first
+                pass
+            raise missing_column(missing[0], stream.units)
         last = Last()
         sections = Sections()
         read = stream.blocks(lambda name: name in NEEDED or is_wanted(name))
