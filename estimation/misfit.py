@@ -29,7 +29,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +37,7 @@ from estimation.compiled import Floats, looped
 from estimation.conditioning import Regression
 from estimation.estimator import Estimate, Estimates, Estimator
 from estimation.hunt_crossley_misfit import RecentBlocks
+from estimation.misfit_blocks import BlockEnds, block_sums
 
 BLOCKS = 50
 """Number of blocks per window. A block of 20 ms is longer than the noise's correlation time."""
@@ -49,48 +49,6 @@ LARGEST_MISFIT = 0.05
 A cubic body whose stiffness doubles over the indentation has a misfit of 0.07 or more. A linear
 body with noise of a tenth of the force has less than 0.03.
 """
-
-
-class BlockEnds(NamedTuple):
-    """Sums of products at the ends of the blocks of a number of samples, see `Misfit.ends`."""
-
-    at: NDArray[np.intp]
-    """Index of the last sample of each block that has a block before it, shape (blocks,)."""
-    samples: int
-    """Number of samples."""
-    products: Floats
-    """Weighted mean products of successive block means, shape (blocks, size, size)."""
-    square: Floats
-    """Weighted mean square of the force [N^2], shape (blocks,)."""
-    history: Floats
-    """Blocks of `RecentBlocks`, shape (stored, 4); empty without the model of Hunt and Crossley."""
-    positions: NDArray[np.intp]
-    """Number of blocks in `history` up to the end of each block, shape (blocks,)."""
-
-
-def block_sums(
-    block: float,
-    span: float,
-    total: float,
-    dt: Sequence[float],
-    is_open: Sequence[bool],
-    values: Sequence[float],
-    spans: list[float],
-    totals: list[float],
-) -> None:
-    """Compute duration and integral of values since the beginning of the block at each sample."""
-    for n in range(len(dt)):
-        if is_open[n]:
-            total += values[n] * dt[n]
-            span += dt[n]
-        else:
-            span = 0.0
-            total = 0.0
-        spans[n] = span
-        totals[n] = total
-        if span >= block:
-            span = 0.0
-            total = 0.0
 
 
 class Misfit:
