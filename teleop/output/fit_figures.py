@@ -57,7 +57,12 @@ def fit_figure(title: str, evaluation: Evaluation) -> Figure:
     fitted = evaluation.analysis.data or record
     x, f, t = ((record.x - datum.x) * 1e3, record.raw_f - datum.f, record.t)
     draw_phases(over_x, evaluation, x, record.f - datum.f, every)
-    over_t.plot(t[::every], f[::every], color=GREY, linewidth=2.0, alpha=0.5, label="measured")
+    measured = f.copy()
+    for start in record.starts[1:]:
+        measured[start : start + every] = np.nan  # no line over a gap
+    over_t.plot(
+        t[::every], measured[::every], color=GREY, linewidth=2.0, alpha=0.5, label="measured"
+    )
     for phase in evaluation.analysis.phases.phases:
         over_t.axvspan(
             t[phase.start], t[phase.end - 1], color=PHASE_COLOURS[phase.name], alpha=0.10, lw=0

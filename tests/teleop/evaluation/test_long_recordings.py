@@ -18,6 +18,7 @@ from teleop.evaluation import samples
 from teleop.evaluation.evaluation import evaluate
 from teleop.evaluation.replay import is_replayed, recorded_settings, recorded_signals
 from teleop.evaluation.samples import RecordedSamples, Samples
+from teleop.output.fit_figures import fit_figure
 from teleop.recording import stream
 from teleop.recording.recording import load
 
@@ -98,6 +99,14 @@ def test_the_result_states_that_it_is_that_of_sections(trials, small):
     assert [one for one in reasons if text in one and f"{read.count} samples" in one]
     whole = evaluate(recorded_signals(load(trials[12])), settings_of(trials[12]))
     assert not any(text in one for one in whole.summary()["result"]["reasons"])
+
+
+def test_the_figure_of_the_fit_has_no_line_between_the_sections(trials, small):
+    read = RecordedSamples(trials[12], is_replayed)
+    figure = fit_figure("trial", evaluate(read, settings_of(trials[12])))
+    t, f = next(line.get_data() for line in figure.axes[1].lines if line.get_label() == "measured")
+    for start in read.signals.t[list(read.signals.gaps)]:
+        assert np.isnan(f[np.abs(t - start) < 0.03]).any()
 
 
 def test_the_last_ticks_of_a_long_recording_are_kept(trials, small):
