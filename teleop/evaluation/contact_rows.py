@@ -65,7 +65,7 @@ class Rows:
         sharp_x = record.sharpened(record.x)
         self.sharp_x = np.clip(sharp_x, record.raw_x.min(), record.raw_x.max())
         self.sharp_v = record.sharpened(record.v)
-        self.fine = np.flatnonzero(phases.usable)
+        self.fine = np.flatnonzero(phases.inner if phases.usable.any() else phases.usable)
         self.fine_x, self.fine_v = self.sharp_x[self.fine], self.sharp_v[self.fine]
         self.fine_powers = self.normalised(self.fine_x)[:, None] ** np.arange(1, DEGREES[-1] + 1)
 

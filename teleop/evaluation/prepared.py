@@ -25,6 +25,7 @@ from estimation.compiled import Floats
 from estimation.filters import Lag
 from estimation.smoothing import kernel_width, slope, smooth
 from teleop.evaluation.signals import Signals
+from teleop.evaluation.single_stroke import combined, stroke_band
 from teleop.evaluation.smallest_step import repeated_rounding, smallest_step
 from teleop.evaluation.turning_points import turning_points
 
@@ -74,6 +75,8 @@ class Prepared:
     f_rounding: float
     """Standard deviation of the part of the force's rounding error that is the same whenever the
     force has the same value [N]."""
+    ramp: bool
+    """Whether only the trend of position and force shows that the force follows the position."""
 
     @cached_property
     def clock(self) -> Floats:
@@ -187,11 +190,13 @@ def prepare(signals: Signals, bandwidth: float | None = None, force_lag: float =
             f"no piece between gaps has {FEWEST} samples or more: expected longer pieces"
         )
     longest = max(pieces, key=lambda piece: len(piece[0]))
-    band = coherent_band(longest[1], longest[2], period)
+    x_noise, f_noise = (measurement_noise(channel) for channel in longest[1:])
+    spectral = coherent_band(longest[1], longest[2], period)
+    stroke = stroke_band(longest[1], longest[2], period, x_noise)
+    band = combined(spectral, stroke) if stroke else spectral
     corner = bandwidth or min(CORNER * band.high, 0.2 / period)
     width = kernel_width(corner)
     length = max(1, int(width / period / FINENESS))
-    x_noise, f_noise = (measurement_noise(channel) for channel in longest[1:])
     f_count = smallest_step(signals.f)
     step = smallest_step(longest[1]) / np.sqrt(12.0 * length)
     grid: list[list[Floats]] = [[] for _ in range(6)]
@@ -221,6 +226,7 @@ def prepare(signals: Signals, bandwidth: float | None = None, force_lag: float =
         count=smallest_step(signals.x),
         f_count=f_count,
         f_rounding=repeated_rounding(f_count, f_noise),
+        ramp=band is stroke,
     )
 
 

@@ -24,7 +24,7 @@ from teleop.evaluation.contact_remarks import contact_remarks
 from teleop.evaluation.local_stiffness import LocalStiffness, merged
 from teleop.evaluation.phases import Phases
 from teleop.evaluation.prepared import Prepared
-from teleop.evaluation.unsuited import too_few_per_cycle, unsuited
+from teleop.evaluation.unsuited import no_contact, too_few_per_cycle, unsuited
 
 WIDEST = 0.5
 """Half width of the interval of k, as a fraction of k, above which k is not identifiable."""
@@ -184,7 +184,7 @@ def reasons_before_fit(record: Prepared, phases: Phases) -> list[str]:
             "saturated, or the specimen slips or yields"
         )
     if record.band.coherence == 0.0:
-        found.append("the force does not follow the displacement: no contact")
+        found.append(no_contact(record))
     elif not phases.usable.any():
         found.append("contact is too short for the smoothing: expected longer contact")
     else:

@@ -10,6 +10,8 @@ from teleop.evaluation.constancy import rise_at_rest
 from teleop.evaluation.masks import runs
 from teleop.evaluation.phases import Phases
 from teleop.evaluation.prepared import Prepared
+from teleop.evaluation.single_stroke import LEAST_RISE, is_single_stroke
+from teleop.evaluation.speed import typical_speed
 
 FEWEST_PER_CYCLE = 8.0
 """Least number of samples per cycle of the motion."""
@@ -60,6 +62,17 @@ def unsuited(record: Prepared, phases: Phases) -> str | None:
             "of a passive body does not"
         )
     return None
+
+
+def no_contact(record: Prepared) -> str:
+    """Return the reason for no stiffness if the force does not follow the displacement."""
+    if is_single_stroke(record.raw_x, record.x_noise):
+        return (
+            f"the force changes by less than {LEAST_RISE:g} standard deviations of its scatter "
+            "while the position moves in one direction: no contact, or a change that the force "
+            "sensor does not resolve"
+        )
+    return "the force does not follow the displacement: no contact"
 
 
 def rests_at_zero(record: Prepared) -> bool:
@@ -114,7 +127,7 @@ def puncture(record: Prepared) -> tuple[float, float, float] | None:
     """
     f = median_filter(record.raw_f, SMOOTHED, mode="nearest")
     x, v = record.x, record.v
-    fast = v > 0.3 * float(np.percentile(np.abs(v), 95))
+    fast = v > 0.3 * typical_speed(v)
     least = max(FALL * float(np.ptp(f)), FALL_NOISE * record.f_noise)
     for start, end in runs(fast):
         if end - start < 4 * SMOOTHED:
