@@ -31,9 +31,15 @@ from scipy.signal.windows import dpss
 
 from estimation.compiled import Floats
 
-TAPERS = 7
-"""Number of tapers; the time-bandwidth product is (TAPERS + 1) / 2."""
-COHERENT = (0.9, 0.5)
+TAPERS = 6
+"""Number of tapers.
+
+It is the number 2 NW of orthogonal tapers minus 2, because the last tapers leak: with one taper
+more, the ends of a single slow stroke appear as power at all frequencies.
+"""
+BANDWIDTH = 4.0
+"""Time-bandwidth product NW of the tapers."""
+COHERENT = (0.94, 0.56)
 """Smallest coherence of a bin that is used. The second value applies if no bin reaches the first.
 
 In a bin, the estimated coherence of independent signals is larger than c with the probability
@@ -93,7 +99,7 @@ def coherent_band(x: Floats, f: Floats, period: float) -> CoherentBand:
     x, f = block_means(x, length), block_means(f, length)
     period *= length
     n = len(x)
-    tapers = dpss(n, 0.5 * (TAPERS + 1), TAPERS)
+    tapers = dpss(n, BANDWIDTH, TAPERS)
     time = np.linspace(-1.0, 1.0, n)
     line = np.column_stack([np.ones(n), time])
     spectra = []
@@ -120,7 +126,7 @@ def coherent_band(x: Floats, f: Floats, period: float) -> CoherentBand:
     centre, high = (
         float(frequency[np.searchsorted(between, share * between[-1])]) for share in (0.5, HIGHEST)
     )
-    leakage = 0.5 * (TAPERS + 1) / (n * period)
+    leakage = BANDWIDTH / (n * period)
     return CoherentBand(
         low=float(frequency[np.searchsorted(rate, LOWEST * rate[-1])]),
         centre=centre,

@@ -10,12 +10,16 @@ from numpy.typing import NDArray
 
 from estimation.compiled import Floats
 from teleop.evaluation.contact_rows import Rows
+from teleop.evaluation.prepared import Prepared
 
 BAND = 0.08
 """Samples are used for the slope if their force is within this distance from half of the force
 range, as a fraction of the range."""
 SLOPE_SAMPLES = 3
 """Smallest mean number of samples in a pass through half of the force range."""
+SLOPE_NOISE = 50.0
+"""Least distance for a slope in one pass, in standard deviations of the smoothed position's
+noise."""
 
 FINEST = 0.0005
 """Relative standard deviation of k that smoothing and grid cause for a relaxing body.
@@ -54,7 +58,11 @@ class Candidate(NamedTuple):
 
 
 def evaluate(
-    rows: Rows, degree: int, times: tuple[float, ...], relaxing: list[Floats]
+    rows: Rows,
+    degree: int,
+    times: tuple[float, ...],
+    relaxing: list[Floats],
+    cornered: list[Floats],
 ) -> Candidate:
     """Fit a candidate, and compute its stiffness at half of the force range.
 
@@ -68,6 +76,8 @@ def evaluate(
         Time constants of the relaxing parts [s].
     relaxing
         The relaxing parts of the elastic force, one array of shape (n,) for each time constant.
+    cornered
+        The relaxing parts with corners that are not rounded by the smoothing (`with_corners`).
     """
     fit = rows.fit(degree, relaxing)
     theta, first = fit.theta, rows.v_column + 1
@@ -76,7 +86,7 @@ def evaluate(
     powers = np.arange(1, degree + 1)
     coefficients = theta[first : first + degree]
     without = rows.fine_powers[:, :degree] @ coefficients
-    for c, z in zip(theta[first + degree :], relaxing, strict=True):
+    for c, z in zip(theta[first + degree :], cornered, strict=True):
         without = without + c * z[index]
     constant = float(rows.basis.mean(axis=0) @ theta[: rows.v_column])
     low, high = float(without.min()), float(without.max())
@@ -85,7 +95,7 @@ def evaluate(
     def effect(i: int) -> Floats:
         """Return the derivatives of the elastic force at usable sample i by the parameters."""
         found = np.zeros(m)
-        found[first:] = [*rows.fine_powers[i, :degree], *(z[index[i]] for z in relaxing)]
+        found[first:] = [*rows.fine_powers[i, :degree], *(z[index[i]] for z in cornered)]
         return found
 
     force_effect = 0.5 * (effect(top) + effect(bottom))
@@ -108,11 +118,11 @@ def evaluate(
     pass_of = np.cumsum(breaks, dtype=np.int_)
     along = gradient.copy()
     nearest = near[int(np.argmin(distance[near]))]
-    at = min(max(int(index[nearest]), 1), len(sharp_x) - 2)
+    before, after = surroundings(sharp_x, int(index[nearest]), len(near), rows.record)
     for j, z in enumerate(relaxing):
         gradient[first + degree + j] = loading_slope(x, v, z[index[near]], pass_of)
-        step = sharp_x[at + 1] - sharp_x[at - 1]
-        along[first + degree + j] = (z[at + 1] - z[at - 1]) / step if step else 0.0
+        step = sharp_x[after] - sharp_x[before]
+        along[first + degree + j] = (z[after] - z[before]) / step if step else 0.0
     path_doubt = abs(float((along - gradient) @ theta)) / 1.5
     damping = np.zeros(m)
     damping[rows.v_column] = 1.0
@@ -148,6 +158,29 @@ def evaluate(
         force + constant,
         theta,
     )
+
+
+def surroundings(x: Floats, at: int, most: int, record: Prepared) -> tuple[int, int]:
+    """Return indices before and after a sample, between which a slope is above the noise.
+
+    Parameters
+    ----------
+    x
+        Position [m], shape (n,).
+    at
+        Index of the sample.
+    most
+        Largest distance between the two indices [samples].
+    record
+        The prepared record.
+    """
+    least = SLOPE_NOISE * record.x_noise * record.noise_gain
+    half = 1
+    while True:
+        before, after = max(at - half, 0), min(at + half, len(x) - 1)
+        if abs(x[after] - x[before]) >= least or 4 * half > most:
+            return before, after
+        half *= 2
 
 
 def with_neighbours(mask: NDArray[np.bool_], index: NDArray[np.intp]) -> NDArray[np.intp]:

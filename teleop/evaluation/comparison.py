@@ -21,6 +21,11 @@ NO_LEVEL = "-"
 """Level of a factor that is not known for a recording."""
 RESULT = "result"
 """Name of the method `result`, the batch result; the other methods are the estimators."""
+AVERAGE = "average"
+"""Kind of the stiffness of an estimator: the average slope of lines through the datum."""
+KIND_OF_K = {RESULT: "tangent"}
+"""Kind of the stiffness of the methods other than the estimators: for the result, the tangent at
+half of the force range."""
 NEVER_UPDATED = "the estimator was never updated: no contact or no motion"
 SUBJECT = "subject"
 """Name of the random factor. Its levels are a sample of persons or specimens."""
@@ -202,6 +207,9 @@ def tidy_rows(rows: Iterable[Compared], by: Sequence[str]) -> list[dict[str, Any
             {
                 **start,
                 "method": RESULT,
+                "kind of k": KIND_OF_K[RESULT],
+                "at force [N]": r.force,
+                "at depth [m]": r.depth,
                 "k [N/m]": r.k,
                 "k low [N/m]": r.k_low,
                 "k high [N/m]": r.k_high,
@@ -219,6 +227,7 @@ def tidy_rows(rows: Iterable[Compared], by: Sequence[str]) -> list[dict[str, Any
                 **blank,
                 **start,
                 "method": name,
+                "kind of k": AVERAGE,
                 "k [N/m]": one.k,
                 "b [N s/m]": one.b,
                 "e_f [N]": one.e_f,

@@ -27,7 +27,7 @@ class EstimateSettings:
     conditioning: ConditioningName = "matched"
     bandwidth: float | None = None
     """Bandwidth of the signal conditioning [Hz]; None for ten times the upper end of the coherent
-    band."""
+    band, at most half of the sampling rate."""
     force_lag: float | None = None
     """Lag of the force channel [s], which matched conditioning compensates. None: the delay of the
     force filter that the file states, or no lag if the file states no filter."""

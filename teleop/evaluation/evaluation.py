@@ -234,6 +234,7 @@ def evaluate(signals: Signals, settings: EstimateSettings) -> Evaluation:
     if bandwidth is None:
         highest = band.high if band.coherence > 0.0 else frequency
         bandwidth = 10.0 * highest if settings.preset == "scaled" else BANDWIDTH
+        bandwidth = min(bandwidth, 0.5 / float(np.median(signals.dt)))
     count = settings.resolution or smallest_step(signals.x)
     given = settings.preset if isinstance(settings.preset, Preset) else None
     model = settings.model or (given.model if given else KELVIN_VOIGT)

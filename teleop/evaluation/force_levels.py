@@ -72,7 +72,8 @@ def levels(
         resting = np.zeros(len(f), dtype=np.bool_)
         for start, end in runs(level):
             peak = not bottom and peak_height(f[start:end]) > PEAKED * width
-            if not peak and continued(x, start, end, not bottom) > allowed:
+            travel = min(continued(one, start, end, not bottom) for one in (x, record.x))
+            if not peak and travel > allowed:
                 resting[start:end] = True
         if resting.any():
             if bottom:

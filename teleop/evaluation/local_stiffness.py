@@ -42,13 +42,13 @@ from scipy.special import ndtr
 from estimation.compiled import Floats
 from estimation.estimator import LEVEL_95
 from teleop.evaluation.candidate import Candidate, evaluate
-from teleop.evaluation.contact_rows import DEGREES, Rows
+from teleop.evaluation.contact_rows import DEGREES, Rows, with_corners
 from teleop.evaluation.phases import Phases
-from teleop.evaluation.prepared import Prepared
+from teleop.evaluation.prepared import Prepared, measurement_noise
 
 TIMES = 10
 """Number of relaxation time constants that are tried, from 4 widths of the smoothing kernel to
-twice the length of the record."""
+twice the length of the record, or to the time that the baseline describes."""
 REFINEMENTS = 3
 """Number of times that the step of log tau is halved in the search around the best time
 constant."""
@@ -58,6 +58,9 @@ FRICTION = 0.5
 """Residual with Coulomb friction, relative to that of the best candidate, that is friction."""
 SAME_TIME = 1.5
 """Ratio of two time constants below which they are reported as one."""
+START = 8
+"""Number of samples at the start of a piece from which the position at its start is computed: two
+kernel widths."""
 HALVINGS = 60
 """Number of bisections, with which the result is accurate to rounding errors."""
 
@@ -104,7 +107,7 @@ def local_stiffness(
         Whether the baseline may contain cosines.
     """
     rows = Rows(record, phases, baseline)
-    found = [evaluate(rows, degree, (), []) for degree in DEGREES if rows.allow(degree)]
+    found = [evaluate(rows, degree, (), [], []) for degree in DEGREES if rows.allow(degree)]
     if not found:
         return None
     plain = found[0]
@@ -158,15 +161,22 @@ def with_relaxation(rows: Rows, y: Floats, degrees: tuple[int, ...]) -> list[Can
     """
     record = rows.record
     y = rows.in_contact(y)
-    y = y / max(float(np.std(y)), 1e-300)
-    times = np.geomspace(4.0 * record.width, 2.0 * float(record.clock[-1]), TIMES).tolist()
-    parts: dict[float, Floats] = {}
+    y = (y - y[0]) / max(float(np.std(y)), 1e-300)
+    times = np.geomspace(4.0 * record.width, rows.longest_time, TIMES).tolist()
+    noise = measurement_noise(y)
+    largest = rows.largest_corner * float(np.std(y)) / max(float(np.std(record.raw_x)), 1e-300)
+    parts: dict[float, tuple[Floats, Floats]] = {}
 
     def tried(degree: int, chosen: tuple[float, ...]) -> Candidate:
         for tau in chosen:
             if tau not in parts:
-                parts[tau] = record.smoothed(relaxing_part(record, y, tau))
-        return evaluate(rows, degree, chosen, [parts[tau] for tau in chosen])
+                z = relaxing_part(record, y, tau)
+                smoothed = record.smoothed(z)
+                parts[tau] = smoothed, with_corners(z, smoothed, noise, largest)
+        relaxing, cornered = (
+            list(one) for one in zip(*(parts[tau] for tau in chosen), strict=True)
+        )
+        return evaluate(rows, degree, chosen, relaxing, cornered)
 
     found = []
     for degree in degrees:
@@ -254,9 +264,18 @@ def relaxing_part(record: Prepared, y: Floats, tau: float) -> Floats:
     """Return the relaxing part of an elastic force, shape (n,).
 
     The relaxing part is the solution z of z' = y' - z / tau, with z = 0 at the start of each piece
-    between gaps.
+    between gaps. The start is half of a period before the first sample, which is the mean of a
+    period.
     """
     decay = math.exp(-record.period / tau)
     gain = tau / record.period * (1.0 - decay)
     pieces = np.split(y, record.starts[1:])
-    return np.concatenate([lfilter([gain, -gain], [1.0, -decay], p - p[0]) for p in pieces])
+    return np.concatenate(
+        [lfilter([gain, -gain], [1.0, -decay], p - value_at_start(p)) for p in pieces]
+    )
+
+
+def value_at_start(y: Floats) -> float:
+    """Return the value half a sample before the first, from a line through the first samples."""
+    first = y[:START]
+    return float(np.polyfit(np.arange(len(first)) + 0.5, first, 1)[1])

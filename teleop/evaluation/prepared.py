@@ -27,14 +27,12 @@ from estimation.smoothing import kernel_width, slope, smooth
 from teleop.evaluation.signals import Signals
 from teleop.evaluation.single_stroke import combined, stroke_band
 from teleop.evaluation.smallest_step import repeated_rounding, smallest_step
-from teleop.evaluation.turning_points import turning_points
+from teleop.evaluation.turning_points import cycle_frequency, turning_points
 
 CORNER = 5.0
 """Corner frequency of the kernel, as a multiple of the upper end of the coherent band."""
 FINENESS = 4.0
 """Least number of grid points per standard deviation of the kernel, if the record has as many."""
-FEWEST_INNER = 5
-"""Number of zero crossings above which the first and the last are not used."""
 LARGEST_SHAPE = 1.2
 """Shape of a motion below which it is a sine: 1 for a sine, about 1.4 for a triangle wave."""
 FEWEST = 16
@@ -116,14 +114,7 @@ class Prepared:
         """Frequency of the palpation [Hz]; NaN for a motion without cycles."""
         if self.order == 0 and not self.sinusoidal:
             return float("nan")
-        x = self.palpation - self.palpation.mean()
-        before = np.flatnonzero((x[:-1] < 0.0) & (x[1:] >= 0.0))
-        if len(before) < 2:
-            return self.band.centre
-        crossings = before + x[before] / (x[before] - x[before + 1])
-        if len(crossings) > FEWEST_INNER:  # the baseline moves those at the ends
-            crossings = crossings[1:-1]
-        return (len(crossings) - 1) / float((crossings[-1] - crossings[0]) * self.period)
+        return cycle_frequency(self.palpation, self.period) or self.band.centre
 
     @cached_property
     def palpation(self) -> Floats:

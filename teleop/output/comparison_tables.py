@@ -8,16 +8,19 @@ from pathlib import Path
 from string import ascii_lowercase
 from typing import Any
 
-from teleop.evaluation.comparison import RESULT, Compared, Group, Mean
+from teleop.evaluation.comparison import AVERAGE, KIND_OF_K, RESULT, Compared, Group, Mean
+from teleop.evaluation.result import Result
 from teleop.output.console import plain_console, print_table
 from teleop.output.result_tables import with_half
 from teleop.output.table_files import TextTable, shortened
 from teleop.printable import one_line
 
 CAPTION = (
-    "result: mean of the results of n recordings, which have no e_f. Other rows: mean of the "
-    "averages of an online estimator over each record. \u00b1: 95 % interval of the mean, from the "
-    "spread between the recordings; for n = 1 that of the recording."
+    "result: mean of the results of n recordings, which have no e_f; its k is the tangent "
+    "stiffness at half of the force range. Other rows: mean of the averages of an online "
+    "estimator over each record; their k is the slope of a line through the datum. The two kinds "
+    "of k agree only for a linear specimen. \u00b1: 95 % interval of the mean, from the spread "
+    "between the recordings; for n = 1 that of the recording."
 )
 """Note below the table of groups that explains the rows of the table."""
 TRACKING_CAPTION = (
@@ -53,9 +56,9 @@ def group_table(groups: Sequence[Group], by: Sequence[str]) -> TextTable:
                 count = f"{count} {mark}"
             symbols = ("k", "b", "e_f")
             values = [mean_text(means[name]) if name in means else "-" for name in symbols]
-            rows.append([*group.levels, method, count, *values])
-    headings = [*by, "method", "n", "k [N/m]", "b [N s/m]", "e_f [N]"]
-    return TextTable(headings, rows, len(by) + 1, notes)
+            rows.append([*group.levels, method, KIND_OF_K.get(method, AVERAGE), count, *values])
+    headings = [*by, "method", "k is", "n", "k [N/m]", "b [N s/m]", "e_f [N]"]
+    return TextTable(headings, rows, len(by) + 2, notes)
 
 
 def tracking_table(groups: Sequence[Group], by: Sequence[str]) -> TextTable | None:
@@ -123,8 +126,11 @@ def print_comparison(rows: Sequence[Compared], groups: Sequence[Group], by: Sequ
     print_table(
         console,
         "results, with 95 % intervals",
-        ("recording", "k [N/m]", "b [N s/m]"),
-        [[row.file, result_text(row, "k"), result_text(row, "b")] for row in rows],
+        ("recording", "tangent k [N/m]", "at force [N]", "at depth [mm]", "b [N s/m]"),
+        [
+            [row.file, result_text(row, "k"), *tangent_texts(row.result), result_text(row, "b")]
+            for row in rows
+        ],
     )
     for row in rows:
         if not row.result.identifiable:
@@ -152,6 +158,13 @@ def result_text(row: Compared, symbol: str) -> str:
     if value is None:
         return "-"
     return with_half(value, 0.5 * (high - low))
+
+
+def tangent_texts(result: Result) -> list[str]:
+    """Return force [N] and depth [mm] of the tangent as text; dashes for no result."""
+    if result.force is None or result.depth is None:
+        return ["-", "-"]
+    return [f"{result.force:.3g}", f"{result.depth * 1e3:.3g}"]
 
 
 def effect_cells(effects: Iterable[Mapping[str, Any]]) -> list[list[str]]:

@@ -65,7 +65,7 @@ def fit_figure(title: str, evaluation: Evaluation) -> Figure:
     fit = best_fit(evaluation)
     if fit is not None:
         force = fit.predicted + record.f - fitted.f
-        draw_fit(over_x, over_t, fit.name, (x, t, force), every)
+        draw_fit(over_x, over_t, drawn_name(evaluation, fit), (x, t, force), every)
         left = record.f - datum.f - force
         residual.plot(t[::every], left[::every], color=MODEL, linewidth=0.6)
     else:
@@ -93,6 +93,13 @@ def best_fit(evaluation: Evaluation) -> BatchFit | None:
     if not evaluation.analysis.result.identifiable:
         return None
     return next((fit for fit in evaluation.models if fit.identifiable), None)
+
+
+def drawn_name(evaluation: Evaluation, fit: BatchFit) -> str:
+    """Return the name of the model that is drawn, and why it is not the first of the table."""
+    if fit is evaluation.models[0]:
+        return fit.name
+    return f"{fit.name} ({evaluation.models[0].name} is not identifiable)"
 
 
 def draw_phases(

@@ -123,6 +123,16 @@ def print_models(summary: Mapping[str, Any]) -> None:
         ),
     )
     console.print("  rms: error of the predicted force, which includes the noise of the sensor")
+    best = summary["best_model"]
+    if best is not None and best != models[0]["name"]:
+        console.print(
+            f"  {best}: the best model whose parameters are all identifiable, drawn by --plot-fit"
+        )
+    if summary["contact_point"] is None:
+        console.print(
+            "  hunt-crossley: the force out of contact is not known, and is taken as 0 N of the "
+            f"file; xc is relative to the datum ({summary['datum']['source']})"
+        )
     for fit in models:
         cells = [parameter_text(name, one) for name, one in fit["parameters"].items()]
         console.print(f"  {fit['name']}: {', '.join(cells)}")

@@ -113,6 +113,8 @@ def test_a_table_is_written_as_csv_latex_and_markdown(series, tmp_path, capsys):
     with (tmp_path / "table.csv").open(newline="") as file:
         rows = [*csv.DictReader(file)]
     assert [row["method"] for row in rows] == 2 * ["result", "rls", "me"]
+    assert [row["kind of k"] for row in rows] == 2 * ["tangent", "average", "average"]
+    assert float(rows[0]["at force [N]"]) > 0.0
     batch = rows[0]
     assert float(batch["k low [N/m]"]) < float(batch["k [N/m]"]) < float(batch["k high [N/m]"])
     assert rows[1]["k low [N/m]"] == ""
@@ -120,11 +122,13 @@ def test_a_table_is_written_as_csv_latex_and_markdown(series, tmp_path, capsys):
     assert latex.count("\\midrule") == 2
     assert "e\\_f [N]" in latex
     assert "$\\pm$" in latex
-    assert latex.splitlines()[2:4] == ["\\begin{tabular}{llrrrr}", "\\toprule"]
+    assert latex.splitlines()[2:4] == ["\\begin{tabular}{lllrrrr}", "\\toprule"]
     markdown = (tmp_path / "table.md").read_text()
     lines = [line for line in markdown.splitlines() if line.startswith("|")]
     assert len({line.count("|") for line in lines}) == 1
     assert len(lines) == 2 + 2 * 3
+    assert sum("| tangent |" in line for line in lines) == 2
+    assert sum("| average |" in line for line in lines) == 4
     assert "\nresult: mean of the results" in markdown
 
 
