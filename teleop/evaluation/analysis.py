@@ -164,10 +164,12 @@ class Analysis:
         """Return the complex modulus at the frequency of the palpation.
 
         It consists of storage stiffness k' [N/m], loss stiffness k'' [N/m] and tan delta. The
-        result is None if the motion has no cycles or k is not identifiable.
+        result is None if the motion has no cycles, if k is not identifiable, or if the best model
+        has relaxing parts: then b is not the whole loss.
         """
         result, record = self.result, self.record
-        if not math.isfinite(record.frequency) or result.k is None or result.b is None:
+        cyclic = math.isfinite(record.frequency) and not result.times
+        if not cyclic or result.k is None or result.b is None:
             return None
         assert result.k_low is not None
         assert result.b_low is not None

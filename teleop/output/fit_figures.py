@@ -99,7 +99,7 @@ def drawn_name(evaluation: Evaluation, fit: BatchFit) -> str:
     """Return the name of the model that is drawn, and why it is not the first of the table."""
     if fit is evaluation.models[0]:
         return fit.name
-    return f"{fit.name} ({evaluation.models[0].name} is not identifiable)"
+    return f"{fit.name} ({evaluation.models[0].name}: not all parameters identifiable)"
 
 
 def draw_phases(
