@@ -49,6 +49,9 @@ from teleop.evaluation.prepared import Prepared, measurement_noise
 TIMES = 10
 """Number of relaxation time constants that are tried, from 4 widths of the smoothing kernel to
 twice the length of the record, or to the time that the baseline describes."""
+EXPLAINED = 0.9
+"""Least R^2 without relaxing parts for which these are fitted besides a baseline. A larger misfit
+is no relaxation: the part of it that is slow is in the baseline."""
 REFINEMENTS = 3
 """Number of times that the step of log tau is halved in the search around the best time
 constant."""
@@ -111,7 +114,7 @@ def local_stiffness(
     if not found:
         return None
     plain = found[0]
-    if rows.relaxation:
+    if rows.relaxation and (rows.order == 0 or explained(rows, found) > EXPLAINED):
         found += with_relaxation(rows, rows.normalised(record.raw_x), DEGREES[:3])
         best = min(found, key=lambda one: one.bic)
         if best.degree > 1 and best.times:
@@ -133,10 +136,16 @@ def local_stiffness(
         plain,
         float(np.ptp(slow)) if rows.order else 0.0,
         len(rows.f),
-        1.0 - best.rms**2 / max(float(np.mean(rows.fits.rest**2)), 1e-300),
+        explained(rows, [best]),
         has_friction(rows, best),
-        math.nan if rows.relaxation else record.frequency,
+        math.nan if any(one.times for one in found) else record.frequency,
     )
+
+
+def explained(rows: Rows, found: list[Candidate]) -> float:
+    """Return the largest R^2 of the candidates, for the force minus its baseline."""
+    least = min(one.rms for one in found)
+    return 1.0 - least**2 / max(float(np.mean(rows.fits.rest**2)), 1e-300)
 
 
 def has_friction(rows: Rows, best: Candidate) -> bool:

@@ -18,6 +18,7 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
+from scipy.ndimage import median_filter
 
 from estimation.baseline import FEWEST_CYCLES, baseline_order, without_baseline
 from estimation.coherent_band import CoherentBand, block_means, coherent_band
@@ -35,6 +36,8 @@ FINENESS = 4.0
 """Least number of grid points per standard deviation of the kernel, if the record has as many."""
 LARGEST_SHAPE = 1.2
 """Shape of a motion below which it is a sine: 1 for a sine, about 1.4 for a triangle wave."""
+OUTLIERS = 5
+"""Number of samples of the median filter before the shape of a motion is computed."""
 FEWEST = 16
 """Smallest number of samples in a piece between two gaps. Shorter pieces are not used."""
 
@@ -99,9 +102,12 @@ class Prepared:
         """Whether the motion is a sine of three cycles or more.
 
         For a sine, (std of v)^2 = (std of x) (std of the acceleration). The ratio is larger for
-        a triangle wave, for holds, and if the frequency varies.
+        a triangle wave, for holds, and if the frequency varies. Single outliers of the position are
+        removed before, because they would count as corners.
         """
-        x = self.palpation - self.palpation.mean()
+        x = self.smoothed(median_filter(self.raw_x, OUTLIERS, mode="nearest"))
+        x = without_baseline(x, self.order)
+        x = x - x.mean()
         spread = float(np.std(x))
         if len(turning_points(x, spread)) - 2 < 2 * FEWEST_CYCLES - 1:
             return False
