@@ -57,6 +57,7 @@ def levels(
     lag = float(np.ptp(x)) * np.sin(np.arctan(loss)) * turn
     fast = np.abs(v) > 0.1 * np.percentile(np.abs(v), 95)
     rate = np.gradient(elastic, record.period)
+    margin = round(record.width / record.period)
     free = None
     saturated = False
     for bottom in (True, False):
@@ -72,7 +73,7 @@ def levels(
         resting = np.zeros(len(f), dtype=np.bool_)
         for start, end in runs(level):
             peak = not bottom and peak_height(f[start:end]) > PEAKED * width
-            travel = min(continued(one, start, end, not bottom) for one in (x, record.x))
+            travel = min(continued(one, start, end, not bottom, margin) for one in (x, record.x))
             if not peak and travel > allowed:
                 resting[start:end] = True
         if resting.any():
@@ -94,7 +95,7 @@ def peak_height(f: Floats) -> float:
     return float(f[third:-third].mean() - np.concatenate([f[:third], f[-third:]]).mean())
 
 
-def continued(x: Floats, start: int, end: int, inwards: bool) -> float:
+def continued(x: Floats, start: int, end: int, inwards: bool, margin: int = 0) -> float:
     """Return how far the motion continues in its direction while the force stays constant [m].
 
     After a reversal, the force also stays constant while lost motion between position sensor and
@@ -109,9 +110,11 @@ def continued(x: Floats, start: int, end: int, inwards: bool) -> float:
         Index of the first sample at the constant force, and index after the last such sample.
     inwards
         True if the force became constant in loading, False if in unloading.
+    margin
+        Number of samples at each end of the record that count as the end.
     """
     part = x[start:end] if inwards else -x[start:end]
-    if start == 0 or end == len(x):
+    if start <= margin or end >= len(x) - margin:
         return float(np.ptp(part))
     return float(part.max() - part[0])
 

@@ -83,3 +83,11 @@ def test_short_steps_between_long_holds_on_a_relaxing_body_are_no_puncture(seed:
 def test_rests_do_not_change_the_typical_speed(speed: float, rest: int) -> None:
     moving = np.full(20, speed)
     assert typical_speed(np.concatenate([moving, np.zeros(rest)])) == speed
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_noisy_ramp_from_free_motion_has_its_contact_point(seed: int) -> None:
+    analysis = measured(ramp(), K * np.maximum(ramp() - 1e-3, 0.0), 0.007, seed)
+    point = analysis.phases.contact_point
+    assert point is not None
+    assert point.low <= 1e-3 <= point.high
