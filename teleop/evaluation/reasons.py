@@ -25,6 +25,8 @@ misfit is structural."""
 STRUCTURAL = 4
 """Degree of the best polynomial at and above which a bad fit is called a structural misfit. Below
 it, noise is assumed."""
+CONSTANT_SPEED = 1e-9
+"""Relative standard deviation of the speed below which it is constant."""
 SLIGHT = 0.02
 """Residual of the Kelvin-Voigt model, as a fraction of the force, below which this model is
 sufficient."""
@@ -155,7 +157,10 @@ def remarks(
             f"few samples: {local.samples} independent samples in contact, and the intervals need "
             f"{FEWEST_INDEPENDENT}: expected a longer record or a faster rate"
         )
-    if half_b > abs(local.b):
+    v = record.v[phases.usable]
+    if float(np.std(v)) < CONSTANT_SPEED * float(np.mean(np.abs(v))):
+        found.append("the speed in contact is constant: damping is not determined, and given as 0")
+    elif half_b > abs(local.b):
         found.append("damping is not resolved: its interval contains zero")
     elif local.b < 0.0:
         found.append(

@@ -14,6 +14,10 @@ MOST_DECIMALS = 12
 """Largest number of decimals of a printed value."""
 
 
+UNDETERMINED = 1e-200
+"""Width of the interval of a parameter on which the record does not depend."""
+
+
 def print_result(summary: Mapping[str, Any], name: str) -> None:
     """Print the result of the evaluation of a file: k and b, or the reasons why there are none."""
     console = plain_console()
@@ -50,15 +54,17 @@ def result_lines(summary: Mapping[str, Any]) -> list[str]:
     lines = []
     for symbol, unit, what in (("k", "N/m", "stiffness"), ("b", "N s/m", "damping")):
         values = [result[f"{symbol}{end}"] for end in ("_low", "", "_high")]
+        if values[2] - values[0] < UNDETERMINED:
+            lines.append(f"{what:9} {symbol} is not determined")
+            continue
         low, value, high = (significant(each, values[2] - values[0]) for each in values)
         lines.append(f"{what:9} {symbol} = {value} {unit} (95 % interval {low} to {high})")
     if (frequency := result["damping_at_hz"]) is not None:
         lines.append(f'b is the equivalent viscous damping k"/omega at {frequency:.3g} Hz')
     change = result["b_change_per_ms_of_lag"]
-    lines.append(
-        f"1 ms of lag of the force changes b by {change:.3g} N s/m "
-        f"({change / max(abs(result['b']), 1e-300):.2g} times b)"
-    )
+    ratio = change / max(abs(result["b"]), UNDETERMINED)
+    times = f" ({ratio:.2g} times b)" if abs(result["b"]) > UNDETERMINED else ""
+    lines.append(f"1 ms of lag of the force changes b by {change:.3g} N s/m{times}")
     return lines
 
 

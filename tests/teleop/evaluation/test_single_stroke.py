@@ -9,8 +9,11 @@ from hypothesis import strategies as st
 
 from estimation.testing_records import relaxing_body
 from teleop.evaluation.analysis import Analysis, analyse
+from teleop.evaluation.estimate_settings import EstimateSettings
+from teleop.evaluation.evaluation import evaluate
 from teleop.evaluation.signals import Signals, periods
 from teleop.evaluation.speed import typical_speed
+from teleop.output.result_tables import result_lines
 
 RATE, SECONDS, DEPTH, K = 100.0, 10.0, 3e-3, 1000.0
 
@@ -91,3 +94,13 @@ def test_a_noisy_ramp_from_free_motion_has_its_contact_point(seed: int) -> None:
     point = analysis.phases.contact_point
     assert point is not None
     assert point.low <= 1e-3 <= point.high
+
+
+def test_at_a_constant_speed_the_damping_is_not_determined() -> None:
+    x = ramp()
+    t = np.arange(len(x)) / RATE
+    f = K * x + np.random.default_rng(0).normal(0.0, 0.01, len(t))
+    evaluation = evaluate(Signals(t, x, f, periods(t), "position"), EstimateSettings())
+    summary = evaluation.batch_summary()
+    assert any("speed in contact is constant" in one for one in summary["result"]["reasons"])
+    assert "damping   b is not determined" in result_lines(summary)
