@@ -7,12 +7,15 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from scipy.optimize import nnls
 
 from sim_backend import CUBES, Changing, Cube, OperatorModel, Relaxing, Setup, Transmission
 from sim_backend.channel import ChannelSettings
 from teleop.control.admittance import AdmittanceParameters
 from teleop.control.feedback.settings import FeedbackSettings
+from teleop.evaluation.rendering import LEAST_FORCE, SETTLING, hand, sustained_share
 from teleop.recording.recording import Recording
+from teleop.safety.events import ACTIVE
 from teleop.safety.tightened_limits import TightenedLimits
 from teleop.trial.feedback_checks import delayed_loop, lag
 from teleop.trial.run import run_trial
@@ -25,8 +28,6 @@ SOFT, HARD = 20.0, 40.0
 DURATION = 10.0
 """Duration of a trial [s]."""
 JITTER, LOSS = 20e-3, 0.05
-BEFORE_STOP = 0.5
-"""The bodies that change while they are indented change so long after the contact begins [s]."""
 
 
 def loose(cube: Cube) -> Cube:
@@ -103,12 +104,64 @@ def run_one(arguments: dict[str, Any]) -> dict[str, Any]:
     row["safe_round_trip"] = loop.safe_delay - lag(settings)
     row["largest_round_trip"] = loop.largest_delay - lag(settings)
     row["stable"] = bool(row["stable"])
+    row["oscillation"] = oscillation(recording, settings)
+    row["least_force_error"] = least_force_error(recording)
     row["fault"] = trial.fault["fault"] if trial.fault else ""
     row["stopped_s"] = trial.fault["time"] if trial.fault else math.nan
+    row |= stopping(recording, settings, row["stopped_s"])
     row["force_of_soft_limit"] = force / limits.soft_force
     row["force_of_hard_limit"] = force / limits.hard_force
     row["converged_s"] = converged(recording)
     return row
+
+
+def oscillation(recording: Recording, settings: TrialSettings) -> float:
+    """Return the share of the power of the velocity by which `stable` is decided."""
+    admittance = settings.admittance
+    active = recording.where(recording["mode"] == ACTIVE)
+    velocity = hand(active, admittance.mass, admittance.damping, admittance.stiffness).velocity
+    part = active["time"] > min(SETTLING, 0.5 * active["time"][-1])
+    return sustained_share(velocity[part], active["drive_force"][part], active["dt"][part])
+
+
+def least_force_error(recording: Recording) -> float:
+    """Return the relative rms error of the best model, fitted to the whole trial afterwards.
+
+    The model is f = k x + k3 x^3 + b v with k, k3, b >= 0, the model that the hand feels. No
+    estimate of such a model has a smaller error of the force.
+    """
+    x, v = recording["slave_position"], recording["slave_velocity"]
+    f = recording["contact_force"]
+    part = (recording["mode"] == ACTIVE) & (recording["time"] > SETTLING)
+    part &= np.abs(f) > LEAST_FORCE
+    if part.sum() < 100:
+        return math.nan
+    columns = np.column_stack((x, x**3, v))[part]
+    _, residual = nnls(columns / np.linalg.norm(columns, axis=0), f[part])
+    return float(residual / np.linalg.norm(f[part]))
+
+
+def stopping(recording: Recording, settings: TrialSettings, time: float) -> dict[str, float]:
+    """Return speed and position at a stop, advance after it, and the stopping distance.
+
+    The stopping distance at the speed v is v dt + v / w + v^2 / 2a, with the period dt, the
+    bandwidth w of the servo of the slave, and the greatest deceleration a. All are NaN without a
+    stop.
+    """
+    if math.isnan(time):
+        names = ("stop_speed", "stop_position", "advance", "stopping_distance")
+        return dict.fromkeys(names, math.nan)
+    x = recording["slave_position"]
+    n = int(np.searchsorted(recording["time"], time - 1e-9))
+    v = float(np.max(np.abs(recording["slave_velocity"][n - 2 : n + 1])))
+    servo = 1.0 / (2.0 * math.pi * settings.plant_parameters.slave_bandwidth)
+    return {
+        "stop_speed": v,
+        "stop_position": float(x[n]),
+        "advance": float(np.max(x[n:]) - x[n]),
+        "stopping_distance": v * (1.0 / settings.rate + servo)
+        + v * v / (2.0 * settings.limits.max_acceleration),
+    }
 
 
 def converged(recording: Recording) -> float:
