@@ -41,8 +41,8 @@ Row = dict[str, Any]
 
 
 def acceptance(seeds: int, rigid: bool) -> Iterator[Row]:
-    """Yield the trials of the acceptance grid."""
-    for cube, trip, arm, seed in itertools.product(CUBES, ROUND_TRIPS, ARMS, range(seeds)):
+    """Yield the trials of the acceptance grid, the whole grid for each seed in turn."""
+    for seed, cube, trip, arm in itertools.product(range(seeds), CUBES, ROUND_TRIPS, ARMS):
         yield channelled("model-mediated", cube, trip, arm=arm, seed=seed, rigid=rigid)
 
 
