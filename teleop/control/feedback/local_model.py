@@ -154,8 +154,7 @@ class ModelMediatedSlave(Slave):
         """Update the estimate, and compare the measured with the predicted contact force."""
         self._local.update(pair)
         predicted = self._local.model.force(pair.position, 0.0)
-        excess = abs(pair.force) - max(abs(predicted) * (1.0 + DOUBT), CONFIRMED)
-        self._confirmed = abs(pair.force) > CONFIRMED and excess <= 0.0
+        self._confirmed = CONFIRMED < abs(pair.force) <= abs(predicted) * (1.0 + DOUBT)
 
     def report(self, measurement: Measurement, dt: float) -> Report:
         """Return the packet for the master: contact force and model."""
