@@ -30,27 +30,31 @@ DURATION = 10.0
 JITTER, LOSS = 20e-3, 0.05
 
 
-def loose(cube: Cube) -> Cube:
+def glued(cube: Cube, seed: int = 0) -> Cube:
+    return cube
+
+
+def loose(cube: Cube, seed: int = 0) -> Cube:
     return replace(cube, glued=False)
 
 
-def relaxing(cube: Cube) -> Relaxing:
+def relaxing(cube: Cube, seed: int = 0) -> Relaxing:
     """Return a cube of which a quarter of the stiffness relaxes in 0.5 s."""
     return Relaxing(replace(cube, k1=0.75 * cube.k1), k=0.25 * cube.k1, tau=0.5)
 
 
-def next_contact(cube: Cube) -> Changing:
+def next_contact(cube: Cube, seed: int = 0) -> Changing:
     """Return a cube that is replaced by the hard one before the third contact."""
     return Changing(loose(cube), loose(CUBES["hard"]), contact=3)
 
 
-def while_indented(cube: Cube) -> Changing:
-    """Return a cube that becomes the hard one while it is indented."""
-    return Changing(cube, CUBES["hard"], contact=1, delay=4.0)
+def while_indented(cube: Cube, seed: int = 0) -> Changing:
+    """Return a cube that becomes the hard one while it is indented, at a time given by the seed."""
+    return Changing(cube, CUBES["hard"], contact=1, delay=4.0 + 0.1 * seed)
 
 
 BODIES = {
-    "glued": lambda cube: cube,
+    "glued": glued,
     "loose": loose,
     "relaxing": relaxing,
     "stiffer at the next contact": next_contact,
@@ -78,7 +82,7 @@ def settings_of(
     return replace(
         settings,
         custom_setup=Setup(
-            BODIES[body](setup.cube),
+            BODIES[body](setup.cube, seed),
             setup.force_lag,
             setup.depth,
             Transmission() if rigid else setup.transmission,
