@@ -2,7 +2,7 @@
 
     python benchmarks/feedback.py --part acceptance --seeds 20 --rigid --out acceptance.csv
     python benchmarks/feedback.py --part acceptance --seeds 1 --out lost-motion.csv
-    python benchmarks/feedback.py --part bodies --seeds 5 --rigid --out bodies.csv
+    python benchmarks/feedback.py --part bodies --seeds 2 --rigid --out bodies.csv
     python benchmarks/feedback.py --part map --seeds 3 --rigid --out map.csv
     python benchmarks/feedback.py --part passivity --seeds 20 --cubes soft --out passivity.csv
 
