@@ -30,12 +30,13 @@ from hypothesis.stateful import (
 from search_rig import BOUND, LIMITS, PERIOD, Pushing, SearchRig
 
 from drivers import CHANNELS, STANDSTILL, RigError
-from estimation import Excitation, MatchedFilter, paper_preset
+from estimation import MatchedFilter, paper_preset
 from sim_backend.faults import Frozen, Replaced, Reported, RigFault, Runaway, Shifted
 from teleop.control.admittance import Admittance, AdmittanceParameters
 from teleop.control.clock import Tick
 from teleop.control.controller import Controller
 from teleop.control.coupling import Coupling
+from teleop.control.estimation import Estimation
 from teleop.control.link import DirectLink
 from teleop.safety import Fault, Mode, Request, stops_immediately
 from teleop.safety.channels import DetectedFault
@@ -59,9 +60,7 @@ class SafetySearch(RuleBasedStateMachine):
             self.rig,
             self.condition,
             DirectLink(Admittance(AdmittanceParameters()), Coupling()),
-            MatchedFilter(),
-            self.bank,
-            Excitation(),
+            Estimation(MatchedFilter(), self.bank),
             PERIOD,
             LIMITS,
         )

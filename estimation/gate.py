@@ -38,12 +38,14 @@ class GateParameters:
 
 @dataclass(slots=True)
 class GateState(State):
-    """Variables that `step` updates: `theta` is empty, `held` is True while the gate is closed."""
+    """Variables that `step` updates.
+
+    `theta` has one value, the mean square of the force [N^2]. `held` is True while the gate is
+    closed.
+    """
 
     v_square: float
     """Mean square of the velocity [m^2/s^2]."""
-    f_square: float
-    """Mean square of the force [N^2]."""
 
 
 def step(
@@ -54,12 +56,12 @@ def step(
     `held` is also set if the force of the present sample is below the threshold of the force. So
     the gate closes at the first sample out of contact, before the mean square has decayed.
     """
-    v = phi[0]
+    v, theta = phi[0], state.theta
     share = dt / (parameters.window + dt)
     square = f * f
     state.v_square += share * (v * v - state.v_square)
-    state.f_square += share * (square - state.f_square)
-    contact = min(state.f_square, square)
+    theta[0] += share * (square - theta[0])
+    contact = min(theta[0], square)
     state.held = not (state.v_square > parameters.v_square and contact > parameters.f_square)
 
 
@@ -78,6 +80,11 @@ class Gate:
     ------
     ValueError
         A setting is negative or not finite, or the window is not positive.
+
+    Attributes
+    ----------
+    contacts
+        Whether there was contact at each sample of the last `run`, shape (n,).
     """
 
     def __init__(self, settings: GateSettings) -> None:
@@ -89,11 +96,12 @@ class Gate:
             )
         self.settings = settings
         self._law = Law(step, GateParameters(window, speed * speed, force * force))
+        self.contacts = np.zeros(0, dtype=np.bool_)
         self.reset()
 
     def reset(self) -> None:
         """Discard all samples."""
-        self._state = GateState([], [], True, 0.0, 0.0)
+        self._state = GateState([0.0], [math.nan], True, 0.0)
 
     def update(self, phi: Regressors, f: float, dt: float) -> bool:
         """Return whether the gate is open for a sample of phi = [v, x, ...], f [N] and dt [s]."""
@@ -108,9 +116,10 @@ class Gate:
     @property
     def contact(self) -> bool:
         """Whether the root mean square of the force is above the threshold."""
-        return bool(self._state.f_square > self._law.parameters.f_square)
+        return bool(self._state.theta[0] > self._law.parameters.f_square)
 
     def run(self, samples: Samples) -> NDArray[np.bool_]:
         """Return whether the gate is open for each of n samples, shape (n,)."""
         table = sweep(self._law, self._state, samples)
-        return np.asarray(table[:, 0] == 0.0)
+        self.contacts = np.asarray(table[:, 0] > self._law.parameters.f_square)
+        return np.asarray(table[:, 2] == 0.0)

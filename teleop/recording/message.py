@@ -55,6 +55,9 @@ class Layout:
         Names of the estimators.
     columns
         Name, unit and meaning of each double in the message.
+    first_of_estimates
+        Index of the first column of the regressors besides v and x, which precede the estimates
+        and the misfit.
     size
         Size of the message [bytes].
     """
@@ -73,6 +76,7 @@ class Layout:
             Column(f"{REGRESSOR}{name}", unit, f"regressor of {name}, as given to the estimators")
             for name, unit in model
         )
+        self.first_of_estimates = len(COLUMNS) + 1
         of_tick = (Column(name, unit, meaning) for name, unit, _, meaning in COLUMNS)
         self.columns = (
             *of_tick,
@@ -102,7 +106,7 @@ class Layout:
         dropped
             Number of ticks dropped so far, because the recorder was too slow.
         """
-        estimates = estimate_row(record.estimates)
+        estimated = record.estimated
         further: tuple[float, ...] = ()
         if pointer := self._pointer:
             further = pointer.depth, pointer.grip, record.measurement.time
@@ -110,9 +114,9 @@ class Layout:
             CDR,
             *VALUES(record),
             dropped,
-            *record.further,
-            *estimates,
-            *record.misfit,
+            *estimated.further,
+            *estimate_row(estimated.estimates),
+            *estimated.misfit,
             *record.link,
             *further,
         )

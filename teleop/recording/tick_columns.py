@@ -66,11 +66,16 @@ ESTIMATED_FROM = (
     ("paired_position", "m", "pair.position", "of the slave, at the time of the force sample"),
     ("paired_force", "N", "pair.force", "contact force; NaN where there is no new sample"),
     ("paired_dt", "s", "pair.dt", "since the previous pair of position and force"),
-    ("x", "m", "x", "displacement given to the estimators; NaN for none"),
-    ("v", "m/s", "v", "velocity given to the estimators"),
-    ("f", "N", "f", "force given to the estimators"),
-    ("excitation", "-", "excitation", "0 for no excitation, 1 for a sine about zero"),
-    ("contact", "-", "contact", "1 while the gate detects contact, 0 if not; NaN for no gate"),
+    ("x", "m", "estimated.x", "displacement given to the estimators; NaN for none"),
+    ("v", "m/s", "estimated.v", "velocity given to the estimators"),
+    ("f", "N", "estimated.f", "force given to the estimators"),
+    ("excitation", "-", "estimated.excitation", "0 for no excitation, 1 for a sine about zero"),
+    (
+        "contact",
+        "-",
+        "estimated.contact",
+        "1 while the gate detects contact, 0 if not; NaN for no gate",
+    ),
 )
 STATE_OF_LOOP = (
     ("mode", "-", "mode", MODES),

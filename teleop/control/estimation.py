@@ -1,0 +1,115 @@
+"""Estimation from pairs of slave position and contact force: at a tick, or for many ticks at once.
+
+No command to the drives depends on the estimates.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from estimation import Bank, Conditioner, Estimate, Estimates, Excitation, Misfit
+from estimation.compiled import Floats
+from teleop.control.alignment import Pair
+
+NO_ESTIMATE = Estimate(math.nan, math.nan, math.nan, math.nan, held=False)
+
+
+class Estimated(NamedTuple):
+    """Estimates after a pair of position and force, and quantities that belong to them."""
+
+    x: float
+    """Displacement passed to the estimators [m]."""
+    v: float
+    """Velocity passed to the estimators [m/s]."""
+    f: float
+    """Force passed to the estimators [N]."""
+    further: tuple[float, ...]
+    """Values of the model's regressors other than v and x, for example x^3."""
+    estimates: dict[str, Estimate]
+    """Estimates by the name of the estimator."""
+    excitation: float
+    """Excitation measure; 0 for no excitation, 1 for a sine of 1 Hz about the position x = 0."""
+    contact: float
+    """1 while the contact gate of the estimators detects contact, else 0; NaN for no gate."""
+    misfit: tuple[float, ...]
+    """Misfit of each estimator (`estimation.misfit`); NaN until it is known."""
+
+
+class EstimatedSeries(NamedTuple):
+    """The quantities of `Estimated` after each of n pairs, arrays of shape (n,)."""
+
+    x: Floats
+    v: Floats
+    f: Floats
+    further: Floats
+    """Shape (n, regressors - 2)."""
+    estimates: dict[str, Estimates]
+    excitation: Floats
+    contact: Floats
+    misfit: dict[str, Floats]
+
+
+class Estimation:
+    """Computes estimates, misfit and excitation from the pairs of position and force of a trial.
+
+    Parameters
+    ----------
+    conditioner
+        Computes the regressors from slave position and contact force.
+    bank
+        The estimators.
+
+    Attributes
+    ----------
+    unknown
+        Value of a tick at which the estimators are not updated; all numbers are NaN.
+    """
+
+    def __init__(self, conditioner: Conditioner, bank: Bank) -> None:
+        self._conditioner = conditioner
+        self._bank = bank
+        self._excitation = Excitation()
+        self._misfit = Misfit(bank)
+        nan = math.nan
+        further = max(len(e.model.further) for e in bank.values())
+        estimates = {
+            name: NO_ESTIMATE._replace(further=(nan,) * (2 * len(e.names) - 4))
+            for name, e in bank.items()
+        }
+        self.unknown = Estimated(
+            nan, nan, nan, (nan,) * further, estimates, nan, nan, (nan,) * len(bank)
+        )
+
+    def update(self, pair: Pair) -> Estimated:
+        """Process one pair of position and force."""
+        bank, dt = self._bank, pair.dt
+        x, v, f, further = self._conditioner.update(*pair)
+        estimates = bank.update(x, v, f, dt, further)
+        excitation = self._excitation.update(x, v, dt)
+        is_open, contact, gate = True, math.nan, bank.gate
+        if gate:
+            contact, is_open = float(gate.contact), gate.is_open
+        misfit = self._misfit.update(x, v, f, dt, further, estimates, is_open)
+        return Estimated(x, v, f, further, estimates, excitation, contact, misfit)
+
+    def run(self, position: Floats, force: Floats, dt: Floats) -> EstimatedSeries:
+        """Process n pairs of position and force, with the same results as n calls of `update`.
+
+        Parameters
+        ----------
+        position, force, dt
+            Position of the slave [m], contact force [N], and time since the previous pair [s],
+            each of shape (n,).
+        """
+        bank = self._bank
+        regression = self._conditioner.run(position, force, dt)
+        x, v, f, dt, further = regression
+        estimates = bank.run(*regression)
+        excitation = self._excitation.run(x, v, dt)
+        gate = bank.gate
+        contact = gate.contacts.astype(np.float64) if gate else np.full(len(x), np.nan)
+        misfit = self._misfit.run(regression, estimates, bank.opened)
+        return EstimatedSeries(x, v, f, further, estimates, excitation, contact, misfit)
