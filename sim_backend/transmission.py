@@ -31,6 +31,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from sim_backend.body import Law
+
 
 @dataclass(frozen=True)
 class Transmission:
@@ -64,6 +66,36 @@ class Transmission:
         """Return the output of the play operator [m] for its last output p and its input x [m]."""
         low, high = x - self.lost_motion, x + self.lost_motion
         return low if p < low else high if p > high else p
+
+    def load(self, law: Law, played: float, x: float, v: float) -> float:
+        """Return the load [N] on the motor at position x [m] and velocity v [m/s].
+
+        The load is the force of the body on the tip plus the friction at the tip. The motor moved
+        to x without reversal.
+
+        Parameters
+        ----------
+        law
+            Law of the force of the body.
+        played
+            Output of the play operator before this motion [m].
+        x, v
+            Position [m] and velocity [m/s] of the motor.
+        """
+        compliance, lost = self.compliance, self.lost_motion
+        if compliance == 0.0:
+            return law.force(x, v)
+        low, high = x - lost, x + lost
+        played = low if played < low else high if played > high else played
+        return self.tip_force(law, played, x, v) + (x - played) / compliance
+
+    def tip_force(self, law: Law, played: float, x: float, v: float) -> float:
+        """Return the force of the body on the tip [N]; `played` is the play operator's output."""
+        compliance, lost = self.compliance, self.lost_motion
+        tip = law.compressed(played, compliance)
+        slips = played <= x - lost if v > 0.0 else played >= x + lost
+        speed = v / (1.0 + compliance * law.stiffness(tip)) if slips else 0.0
+        return law.force(tip, speed)
 
 
 RIGID = Transmission()
