@@ -10,6 +10,7 @@ from drivers.rig import (
     Measurement,
     Rig,
     RigError,
+    new_tuple,
 )
 
 __all__ = [
@@ -22,4 +23,5 @@ __all__ = [
     "Measurement",
     "Rig",
     "RigError",
+    "new_tuple",
 ]

@@ -8,6 +8,12 @@ from collections.abc import Mapping
 from types import TracebackType
 from typing import Annotated, NamedTuple, Self, get_origin, get_type_hints
 
+new_tuple = tuple.__new__
+"""Constructor of a NamedTuple from a tuple of all its values: `new_tuple(Command, (u, w))`.
+
+It takes a third of the time of `Command(u, w)`. It is used for the objects that each tick creates.
+"""
+
 
 class RigError(Exception):
     """A device failed or sends no data. The message names the device and what was expected."""

@@ -143,7 +143,9 @@ class Misfit:
         The misfit of each estimator, arrays of shape (n,).
         """
         series = [(e.b, e.k, [s.value for s in e.further.values()]) for e in estimates.values()]
-        x, v, f, dt, further = (column.tolist() for column in regression)
+        x, v, f, dt = (column.tolist() for column in regression[:4])
+        has_further = regression.further.shape[1] > 0
+        further = regression.further.tolist() if has_further else [()] * len(x)
         samples = zip(x, v, f, dt, further, is_open.tolist(), strict=True)
         changes, values = [0], [self.values]
         for i, sample in enumerate(samples):

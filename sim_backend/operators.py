@@ -21,8 +21,10 @@ from __future__ import annotations
 import math
 import random
 from abc import abstractmethod
+from math import cos, sin
 from typing import NamedTuple
 
+from drivers import new_tuple
 from sim_backend.hand import Hand
 from sim_backend.plant import Arm, Intention
 
@@ -106,10 +108,11 @@ class Operator(Hand):
         position, velocity = self.movement(t)
         onset, onset_rate = (t, 1.0) if t < 1.0 else (1.0, 0.0)
         for omega, phase in self._tremor:
-            sine, cosine = math.sin(omega * t + phase), math.cos(omega * t + phase)
+            angle = omega * t + phase
+            sine, cosine = sin(angle), cos(angle)
             position += TREMOR_AMPLITUDE * onset * sine
             velocity += TREMOR_AMPLITUDE * (onset_rate * sine + onset * omega * cosine)
-        return Intention(position, velocity)
+        return new_tuple(Intention, (position, velocity))
 
 
 class FreePalpation(Operator):
@@ -143,7 +146,7 @@ class FreePalpation(Operator):
         while t >= self._end:
             self._next(self._end)
         travelled, velocity = self._stroke.at(t)
-        return Intention(self._from + travelled, velocity)
+        return new_tuple(Intention, (self._from + travelled, velocity))
 
     def _next(self, start: float) -> None:
         """Plan the next movement."""

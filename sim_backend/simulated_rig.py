@@ -6,7 +6,7 @@ import math
 import random
 from collections.abc import Callable
 
-from drivers import CHANNELS, STANDSTILL, Ages, Command, Measurement, Rig
+from drivers import CHANNELS, STANDSTILL, Ages, Command, Measurement, Rig, new_tuple
 from sim_backend.body import Body
 from sim_backend.hand import Hand
 from sim_backend.operators import ARM
@@ -109,16 +109,19 @@ class SimulatedRig(Rig):
                 handle, force = self.plant.handle, self.plant.master_force
                 self._operator.feel(now - self._start, handle.x, force.y)
         plant, sensors, noise = self.plant, self._sensors, self._noise
-        return Measurement(
-            time=now,
-            master_force=sensors.force(plant.master_force.y, noise) + sensors.master_zero,
-            master_position=sensors.position(plant.handle.x),
-            slave_position=sensors.position(plant.slave.x + sensors.contact_position),
-            contact_force=sensors.force(plant.contact_force.y, noise) + sensors.contact_zero,
-            slave_velocity=plant.slave.v,
-            age=FRESH,
-            drive_error=self._error,
+        slave = plant.slave
+        values = (
+            now,
+            sensors.force(plant.master_force.y, noise) + sensors.master_zero,
+            sensors.position(plant.handle.x),
+            sensors.position(slave.x + sensors.contact_position),
+            sensors.force(plant.contact_force.y, noise) + sensors.contact_zero,
+            slave.v,
+            FRESH,
+            self._error,
+            False,
         )
+        return new_tuple(Measurement, values)
 
     def rearm(self) -> None:
         """Clear the error of the watchdog."""
@@ -146,7 +149,8 @@ class SimulatedRig(Rig):
             raise ValueError(f"a velocity command must be finite, got {command}")
         if self._enabled:
             most = self._max_velocity
-            self._applied = Command(min(max(master, -most), most), min(max(slave, -most), most))
+            velocities = (min(max(master, -most), most), min(max(slave, -most), most))
+            self._applied = new_tuple(Command, velocities)
             self._commanded = self._time
         return self._applied
 

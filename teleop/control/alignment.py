@@ -12,7 +12,7 @@ import math
 from collections import deque
 from typing import NamedTuple
 
-from drivers import Measurement
+from drivers import Measurement, new_tuple
 
 SAME_TIME = 1e-6
 """Largest difference between two times that are treated as equal [s]."""
@@ -72,14 +72,16 @@ class Alignment:
         if self._paired > -math.inf:
             dt = sampled - self._paired
         self._paired = sampled
-        return Pair(self._position_at(sampled), force, dt)
+        return new_tuple(Pair, (self._position_at(sampled), force, dt))
 
     def _position_at(self, sampled: float) -> float:
         """Return the interpolated position [m] at a time [s] before or at the newest position."""
         after, later = self._positions[-1]
+        if after <= sampled + SAME_TIME:
+            return later
         for time, position in reversed(self._positions):
             if time <= sampled + SAME_TIME:
-                if sampled - time <= SAME_TIME or after == time:
+                if sampled - time <= SAME_TIME:
                     return position
                 return position + (later - position) * (sampled - time) / (after - time)
             after, later = time, position

@@ -25,6 +25,10 @@ class Tick(NamedTuple):
     [s]."""
 
 
+ON_TIME = Tick(0.0, False, 0)
+"""Timing of a tick in virtual time."""
+
+
 class Clock(ABC):
     """A clock that starts one tick of the loop per period.
 
@@ -64,17 +68,19 @@ class VirtualClock(Clock):
     def __init__(self, rate: float) -> None:
         super().__init__(rate)
         self._tick = -1
+        self._now = 0.0
 
     def now(self) -> float:
         """Return the virtual time of the present tick [s]."""
-        return max(self._tick, 0) / self.rate
+        return self._now
 
     stopwatch = now
 
     def wait(self) -> Tick:
         """Advance to the next deadline without waiting."""
         self._tick += 1
-        return Tick(0.0, False, 0)
+        self._now = self._tick / self.rate
+        return ON_TIME
 
 
 class RealClock(Clock):

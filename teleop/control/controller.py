@@ -6,7 +6,7 @@ import math
 import time
 from collections.abc import Callable
 
-from drivers import STANDSTILL, Command, Measurement, Rig
+from drivers import STANDSTILL, Command, Measurement, Rig, new_tuple
 from teleop.control.alignment import Alignment, Pair
 from teleop.control.clock import Tick
 from teleop.control.conditions import Condition
@@ -170,7 +170,8 @@ class Controller:
             start = self._start
             events = tuple(e._replace(time=e.time - start, since=e.since - start) for e in events)
         compute = mapped - read + self._stopwatch() - written
-        return Record(
+        timing = new_tuple(Timing, (read - started, compute, written - mapped))
+        values = (
             t,
             dt,
             measurement,
@@ -184,10 +185,11 @@ class Controller:
             mode,
             verdict.limited,
             tick,
-            Timing(read - started, compute, written - mapped),
+            timing,
             events,
             self._link.values,
         )
+        return new_tuple(Record, values)
 
     def _read(self) -> tuple[Measurement, float]:
         """Return the measurement minus the tare, and the time since the last measurement [s]."""
@@ -214,9 +216,8 @@ class Controller:
         trips = (*request.faults, *self._faults)
         self._faults.clear()
         stiffness = self._link.stiffness(measurement.slave_position)
-        return Request(
-            request.arm, request.stop, request.halt, trips, tick.skipped, elapsed, stiffness
-        )
+        values = (*request[:3], trips, tick.skipped, elapsed, stiffness)
+        return new_tuple(Request, values)
 
     def _enable(self, now: float) -> bool:
         """Enable the drives, and return whether they are ready for commands."""

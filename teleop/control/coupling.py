@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Protocol
 
-from drivers import Command, Measurement
+from drivers import Command, Measurement, new_tuple
 from teleop.control.admittance import Admittance
 
 
@@ -58,5 +58,6 @@ class Coupling:
 
     def command(self, master: Moving, measurement: Measurement) -> Command:
         """Return the desired velocities of both drives [m/s]."""
-        lag = self.scale * master.position - measurement.slave_position
-        return Command(master.velocity, self.scale * master.velocity + self.position_gain * lag)
+        scale, velocity = self.scale, master.velocity
+        lag = scale * master.position - measurement.slave_position
+        return new_tuple(Command, (velocity, scale * velocity + self.position_gain * lag))

@@ -6,12 +6,14 @@ No command to the drives depends on the estimates.
 from __future__ import annotations
 
 import math
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
 
-from estimation import Bank, Conditioner, Estimate, Estimates, Excitation, Misfit
+from estimation import Bank, Conditioner, Estimate, Excitation, Misfit
 from estimation.compiled import Floats
+from estimation.estimate_columns import estimate_arrays, estimate_row
 from teleop.control.alignment import Pair
 
 NO_ESTIMATE = Estimate(math.nan, math.nan, math.nan, math.nan, held=False)
@@ -26,16 +28,13 @@ class Estimated(NamedTuple):
     """Velocity passed to the estimators [m/s]."""
     f: float
     """Force passed to the estimators [N]."""
-    further: tuple[float, ...]
-    """Values of the model's regressors other than v and x, for example x^3."""
-    estimates: dict[str, Estimate]
-    """Estimates by the name of the estimator."""
     excitation: float
     """Excitation measure; 0 for no excitation, 1 for a sine of 1 Hz about the position x = 0."""
     contact: float
     """1 while the contact gate of the estimators detects contact, else 0; NaN for no gate."""
-    misfit: tuple[float, ...]
-    """Misfit of each estimator (`estimation.misfit`); NaN until it is known."""
+    estimates: tuple[float, ...]
+    """The model's regressors other than v and x, the estimates (`estimate_row`), and the misfit of
+    each estimator, which is NaN until it is known."""
 
 
 class EstimatedSeries(NamedTuple):
@@ -44,12 +43,9 @@ class EstimatedSeries(NamedTuple):
     x: Floats
     v: Floats
     f: Floats
-    further: Floats
-    """Shape (n, regressors - 2)."""
-    estimates: dict[str, Estimates]
     excitation: Floats
     contact: Floats
-    misfit: dict[str, Floats]
+    estimates: tuple[Floats, ...]
 
 
 class Estimation:
@@ -79,9 +75,8 @@ class Estimation:
             name: NO_ESTIMATE._replace(further=(nan,) * (2 * len(e.names) - 4))
             for name, e in bank.items()
         }
-        self.unknown = Estimated(
-            nan, nan, nan, (nan,) * further, estimates, nan, nan, (nan,) * len(bank)
-        )
+        row = ((nan,) * further, estimate_row(estimates), (nan,) * len(bank))
+        self.unknown = Estimated(nan, nan, nan, nan, nan, tuple(chain(*row)))
 
     def update(self, pair: Pair) -> Estimated:
         """Process one pair of position and force."""
@@ -93,7 +88,8 @@ class Estimation:
         if gate:
             contact, is_open = float(gate.contact), gate.is_open
         misfit = self._misfit.update(x, v, f, dt, further, estimates, is_open)
-        return Estimated(x, v, f, further, estimates, excitation, contact, misfit)
+        row = (*further, *estimate_row(estimates), *misfit)
+        return Estimated(x, v, f, excitation, contact, row)
 
     def run(self, position: Floats, force: Floats, dt: Floats) -> EstimatedSeries:
         """Process n pairs of position and force, with the same results as n calls of `update`.
@@ -112,4 +108,5 @@ class Estimation:
         gate = bank.gate
         contact = gate.contacts.astype(np.float64) if gate else np.full(len(x), np.nan)
         misfit = self._misfit.run(regression, estimates, bank.opened)
-        return EstimatedSeries(x, v, f, further, estimates, excitation, contact, misfit)
+        columns = (*further.T, *estimate_arrays(estimates), *misfit.values())
+        return EstimatedSeries(x, v, f, excitation, contact, columns)

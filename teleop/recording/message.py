@@ -8,12 +8,11 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterable, Mapping
-from operator import attrgetter
 from typing import TYPE_CHECKING
 
-from estimation.estimate_columns import Column, estimate_columns, estimate_row, misfit_columns
+from estimation.estimate_columns import Column, estimate_columns, misfit_columns
 from teleop.recording.cdr import CDR
-from teleop.recording.tick_columns import COLUMNS
+from teleop.recording.tick_columns import COLUMNS, values_of
 
 if TYPE_CHECKING:
     from estimation import Estimator
@@ -32,8 +31,6 @@ POINTER = (
 )
 """Further columns if the pointer of the live page is the operator. They allow an exact repetition
 of the trial."""
-VALUES = attrgetter(*(column.source for column in COLUMNS))
-"""Function that returns the values of `COLUMNS` from the record of a tick."""
 
 
 class Layout:
@@ -77,9 +74,8 @@ class Layout:
             for name, unit in model
         )
         self.first_of_estimates = len(COLUMNS) + 1
-        of_tick = (Column(name, unit, meaning) for name, unit, _, meaning in COLUMNS)
         self.columns = (
-            *of_tick,
+            *COLUMNS,
             DROPPED,
             *regressors,
             *estimate_columns(bank),
@@ -106,17 +102,14 @@ class Layout:
         dropped
             Number of ticks dropped so far, because the recorder was too slow.
         """
-        estimated = record.estimated
         further: tuple[float, ...] = ()
         if pointer := self._pointer:
             further = pointer.depth, pointer.grip, record.measurement.time
         return self._struct.pack(
             CDR,
-            *VALUES(record),
+            *values_of(record),
             dropped,
-            *estimated.further,
-            *estimate_row(estimated.estimates),
-            *estimated.misfit,
+            *record.estimated.estimates,
             *record.link,
             *further,
         )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from drivers import CHANNELS, Command, Measurement
-from teleop.safety.channels import ChannelState, DetectedFault, check_channel
+from teleop.safety.channels import DetectedFault
 from teleop.safety.events import DISCONNECTED, Fault
 from teleop.safety.limits import Limits
 from teleop.safety.state import Request, Supervision
@@ -15,48 +15,6 @@ GAIN_ERROR = 0.05
 """Allowed gain error of a drive, as a fraction of the commanded travel."""
 AVERAGING_TIME = 1.0
 """Averaging time for the fraction of skipped periods and for the drift of the rig's clock [s]."""
-
-
-def check_channels(
-    state: Supervision, measurement: Measurement, dt: float, limits: Limits
-) -> tuple[tuple[ChannelState, ...], list[DetectedFault]]:
-    """Check the samples of every channel against the limits of the channel.
-
-    Parameters
-    ----------
-    state
-        State of the supervisor after the previous tick.
-    measurement
-        Measurement of this tick.
-    dt
-        Time since the previous tick [s].
-    limits
-        Limits of rig and channels.
-
-    Returns
-    -------
-    channel_states
-        State of the check of each channel after this tick, in the order of `CHANNELS`.
-    faults
-        The faults that were detected.
-    """
-    master, slave = abs(state.applied[0]) * dt, abs(state.applied[1]) * dt
-    faults = []
-    channel_states = []
-    now, limits_of = measurement.time, limits.channels
-    for name, last, value, age, travel in zip(
-        CHANNELS,
-        state.channel_states,
-        measurement.channels,
-        measurement.age,
-        (0.0, master, slave, 0.0, state.velocity_change),
-        strict=True,
-    ):
-        channel_state, fault = check_channel(name, last, value, age, now, travel, limits_of[name])
-        channel_states.append(channel_state)
-        if fault:
-            faults.append(fault)
-    return tuple(channel_states), faults
 
 
 def check_motion(
@@ -223,12 +181,13 @@ def update_following_error(
     limits
         Limits of rig and channels.
     """
-    if math.isnan(state.position):
+    before = state.position
+    if before != before:
         return 0.0
     if not 0.0 <= dt <= limits.max_gap:
         return state.following_error
-    travel = state.applied.slave_velocity * dt
-    error = state.following_error + travel - (measurement.slave_position - state.position)
+    travel = state.applied[1] * dt
+    error = state.following_error + travel - (measurement.slave_position - before)
     pressed = measurement.contact_force - state.channel_states[CONTACT_FORCE].value
     if pressed == pressed:
         error -= limits.drive_compliance * pressed

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from drivers import STANDSTILL, Command, Measurement
+from drivers import STANDSTILL, Command, Measurement, new_tuple
 from teleop.safety.limits import Limits
 from teleop.safety.state import Supervision
 
@@ -49,11 +49,14 @@ def limit_acceleration(wanted: Command, last: Command, dt: float, limits: Limits
     limits
         Limits, of which the greatest accelerations of master and slave are used.
     """
-    master, slave = limits.max_master_acceleration * dt, limits.max_acceleration * dt
-    return Command(
-        min(max(wanted[0], last[0] - master), last[0] + master),
-        min(max(wanted[1], last[1] - slave), last[1] + slave),
-    )
+    (master, slave), (last_master, last_slave) = wanted, last
+    step = limits.max_master_acceleration * dt
+    low, high = last_master - step, last_master + step
+    master = low if master < low else high if master > high else master
+    step = limits.max_acceleration * dt
+    low, high = last_slave - step, last_slave + step
+    slave = low if slave < low else high if slave > high else slave
+    return new_tuple(Command, (master, slave))
 
 
 def limit_command(
@@ -114,16 +117,15 @@ def limit_together(
 ) -> tuple[Command, int]:
     """Reduce the velocities of master and slave by the same factor; see `limit_command`."""
     master, slave = desired
-    factor, flags = 1.0, 0
-    for velocity, maximum in (
-        (slave, limits.max_velocity * ramp),
-        (master, limits.max_master_velocity * ramp),
-    ):
-        if abs(velocity) * factor > maximum:
-            factor, flags = maximum / abs(velocity), VELOCITY
+    factor, flags, speed = 1.0, 0, abs(slave)
+    fastest, fastest_master = limits.max_velocity * ramp, limits.max_master_velocity * ramp
+    if speed > fastest:
+        factor, flags = fastest / speed, VELOCITY
+    if abs(master) * factor > fastest_master:
+        factor, flags = fastest_master / abs(master), VELOCITY
     braking = braking_speed(slave, measurement, limits)
-    if abs(slave) * factor > braking:
-        factor = braking / abs(slave)
+    if speed * factor > braking:
+        factor = braking / speed
         flags |= POSITION
     f = measurement.contact_force
     if slave * f > 0.0 and abs(f) > limits.soft_force:

@@ -11,10 +11,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from drivers import STANDSTILL, Command, Measurement
-from teleop.safety.channels import DetectedFault
+from drivers import STANDSTILL, Command, Measurement, new_tuple
+from teleop.safety.channels import DetectedFault, check_channels
 from teleop.safety.checks import (
-    check_channels,
     check_command,
     check_motion,
     check_rest,
@@ -84,7 +83,11 @@ def supervise(
             )
         return stop_for_faults(state, faults, dt, request.halt, limits)
 
-    channel_states, faults = check_channels(state, measurement, dt, limits)
+    applied = state.applied
+    travels = (0.0, abs(applied[0]) * dt, abs(applied[1]) * dt, 0.0, state.velocity_change)
+    channel_states, faults = check_channels(
+        state.channel_states, measurement, travels, limits.channels
+    )
     faults += check_motion(measurement, dt, following_error, skipped_fraction, drift, limits)
     faults += request.faults
     if state.mode is ACTIVE:
@@ -134,7 +137,7 @@ def supervise(
     events = (Event(now, mode, text),) if mode is not state.mode else ()
     since = state.since if mode is state.mode and not not_at_rest else now
     velocity_change = abs(command[1] - state.applied[1])
-    state = Supervision(
+    values = (
         mode,
         since,
         now,
@@ -145,8 +148,10 @@ def supervise(
         skipped_fraction,
         drift,
         channel_states,
+        (),
     )
-    return Verdict(state, command, limited, events, arm)
+    state = new_tuple(Supervision, values)
+    return new_tuple(Verdict, (state, command, limited, events, arm))
 
 
 def activate(verdict: Verdict) -> Verdict:

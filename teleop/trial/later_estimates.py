@@ -12,7 +12,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from estimation import Bank, Conditioner
-from estimation.estimate_columns import estimate_arrays
 from teleop.control.alignment import Pair
 from teleop.control.estimation import Estimated, Estimation
 from teleop.recording.message import Layout
@@ -65,11 +64,6 @@ class LaterEstimates(Estimation, Sink):
             raise self.error
         return self.unknown
 
-    @property
-    def dropped(self) -> int:  # type: ignore[override]
-        """Number of ticks that the other sinks dropped."""
-        return sum(sink.dropped for sink in self._sinks)
-
     def push(self, message: bytes) -> None:
         """Store the message of one tick."""
         self._messages.append(message)
@@ -100,6 +94,7 @@ class LaterEstimates(Estimation, Sink):
             for message in messages:
                 for sink in self._sinks:
                     sink.push(message)
+            self.dropped = sum(sink.dropped for sink in self._sinks)
 
     def _completed(self, messages: list[bytes]) -> list[bytes]:
         """Return the messages with the estimates of the ticks that have a pair."""
@@ -114,8 +109,7 @@ class LaterEstimates(Estimation, Sink):
         series = self.run(*pairs)
         for name in ("x", "v", "f", "excitation", "contact"):
             values[ticks, places[name]] = getattr(series, name)
-        columns = (*series.further.T, *estimate_arrays(series.estimates), *series.misfit.values())
-        for place, column in enumerate(columns, self._first):
+        for place, column in enumerate(series.estimates, self._first):
             values[ticks, place] = column
         size = self._message.itemsize
         return [bytes(data[start : start + size]) for start in range(0, len(data), size)]
