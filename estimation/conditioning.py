@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from estimation.checks import checked_samples, is_valid, sample_error
-from estimation.compiled import Floats
-from estimation.filters import Lag, LowPass, angular
+from estimation.compiled import Floats, looped
+from estimation.filters import Lag, LowPass, angular, difference, difference_series
 from estimation.model import KELVIN_VOIGT, Model
 
 BANDWIDTH = 20.0
@@ -135,9 +135,17 @@ class FilteredDifference(Conditioner):
 
     def _condition(self, x: float, f: float, dt: float) -> Conditioned:
         if not math.isnan(self._x):
-            self._v -= math.expm1(-self._omega * dt) * ((x - self._x) / dt - self._v)
+            self._v = difference(self._omega, self._x, self._v, x, dt)
         self._x = x
         return Conditioned(x, self._v, f)
+
+    def _condition_all(self, x: Floats, f: Floats, dt: Floats) -> Regression:
+        v = np.empty(len(x))
+        if len(x):
+            before = float(x[0]) if math.isnan(self._x) else self._x
+            looped(difference_series, (self._omega, before, self._v), (x, dt), (v,))
+            self._x, self._v = float(x[-1]), float(v[-1])
+        return Regression(x, v, f, dt, np.empty((len(x), 0)))
 
 
 class FirstOrderAdaptiveWindowing(Conditioner):

@@ -60,6 +60,24 @@ def lag_series(
         ys[i] = y
 
 
+def difference(omega: float, u_before: float, y: float, u: float, dt: float) -> float:
+    """Return the difference quotient of u after a first-order low-pass of corner `omega` [rad/s].
+
+    y is the previous output.
+    """
+    return y - math.expm1(-omega * dt) * ((u - u_before) / dt - y)
+
+
+def difference_series(
+    omega: float, u_before: float, y: float, u: Sequence[float], dt: Sequence[float], ys: Any
+) -> None:
+    """Apply `difference` to n inputs, and write the n outputs into `ys`."""
+    for i in range(len(u)):
+        y = difference(omega, u_before, y, u[i], dt[i])
+        u_before = u[i]
+        ys[i] = y
+
+
 class LowPass:
     """Critically damped second-order low-pass filter with input u and output y.
 

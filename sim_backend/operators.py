@@ -107,10 +107,11 @@ class Operator(Hand):
         t -= REACTION
         position, velocity = self.movement(t)
         onset, onset_rate = (t, 1.0) if t < 1.0 else (1.0, 0.0)
+        scale = TREMOR_AMPLITUDE * onset
         for omega, phase in self._tremor:
             angle = omega * t + phase
             sine, cosine = sin(angle), cos(angle)
-            position += TREMOR_AMPLITUDE * onset * sine
+            position += scale * sine
             velocity += TREMOR_AMPLITUDE * (onset_rate * sine + onset * omega * cosine)
         return new_tuple(Intention, (position, velocity))
 

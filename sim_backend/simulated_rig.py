@@ -149,8 +149,9 @@ class SimulatedRig(Rig):
             raise ValueError(f"a velocity command must be finite, got {command}")
         if self._enabled:
             most = self._max_velocity
-            velocities = (min(max(master, -most), most), min(max(slave, -most), most))
-            self._applied = new_tuple(Command, velocities)
+            if not (-most <= master <= most and -most <= slave <= most):
+                command = Command(min(max(master, -most), most), min(max(slave, -most), most))
+            self._applied = command
             self._commanded = self._time
         return self._applied
 
