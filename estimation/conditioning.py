@@ -57,8 +57,8 @@ class Regression(NamedTuple):
     further: Floats
     """The model's regressors besides v and x, shape (n, regressors - 2)."""
 
-    def part(self, samples: slice | NDArray[np.intp]) -> Regression:
-        """Return the signals of some of the samples, given by a slice or by indices."""
+    def part(self, samples: slice | NDArray[np.intp] | NDArray[np.bool_]) -> Regression:
+        """Return the signals of some of the samples, given by a slice, indices or a mask."""
         return Regression(*(channel[samples] for channel in self))
 
 

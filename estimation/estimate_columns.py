@@ -19,7 +19,7 @@ class Column(NamedTuple):
 
     name: str
     unit: str
-    """Unit, for example `N/m`; `-` for none."""
+    """Unit, for example `N/m`; `-` if the quantity has no unit."""
     meaning: str
     """Meaning, in one short phrase."""
 
@@ -36,7 +36,7 @@ def estimate_columns(bank: Mapping[str, Estimator]) -> list[Column]:
         parameters = list(zip(estimator.names, estimator.units, strict=True))
         values = [Column(f"{name}_{p}", unit, f"{p}, by {name}") for p, unit in parameters]
         deviations = [
-            Column(f"{name}_{p}_std", unit, f"standard deviation of {p}, NaN for none")
+            Column(f"{name}_{p}_std", unit, f"standard deviation of {p}; NaN if it is not computed")
             for p, unit in parameters
         ]
         held = Column(f"{name}_held", "-", "1 while the estimate is held")
@@ -46,7 +46,7 @@ def estimate_columns(bank: Mapping[str, Estimator]) -> list[Column]:
 
 def misfit_columns(names: Iterable[str]) -> list[Column]:
     """Return the columns of the misfit of each estimator (`estimation.misfit`)."""
-    meaning = "systematic force error relative to the force, 0 for none, by"
+    meaning = "systematic force error divided by the force, by"
     return [Column(f"{name}{MISFIT}", "-", f"{meaning} {name}") for name in names]
 
 

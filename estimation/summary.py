@@ -35,21 +35,23 @@ class EstimatorSummary(NamedTuple):
     k_end: float
     """Stiffness at the end [N/m]."""
     b_interval: float
-    """Half width of the 95 % confidence interval of `b_end` [N s/m]; NaN for none."""
+    """Half width of the 95 % confidence interval of `b_end` [N s/m]; NaN if there is no
+    interval."""
     k_interval: float
-    """Half width of the 95 % confidence interval of `k_end` [N/m]; NaN for none."""
+    """Half width of the 95 % confidence interval of `k_end` [N/m]; NaN if there is no interval."""
     held: float
     """Fraction of the samples that did not change the estimate."""
     further: dict[str, float]
     """Values of the model's parameters besides b and k at the end, by name."""
     further_interval: dict[str, float]
-    """Half widths of the 95 % confidence intervals of `further`, by name; NaN for none."""
+    """Half widths of the 95 % confidence intervals of `further`, by name; NaN if there is no
+    interval."""
     further_unit: dict[str, str]
     """Units of the values in `further`, by name."""
     misfit: float
     """Misfit at the end (`estimation.misfit`); NaN if it is not known."""
     note: str | None
-    """Warning about the estimates, see `Estimator.note`; None for none."""
+    """Warning about the estimates, see `Estimator.note`; None if there is no warning."""
 
 
 def summarise(
@@ -67,7 +69,7 @@ def summarise(
     Parameters
     ----------
     t
-        Time of each sample [s], shape (n,).
+        Time of each sample [s], shape (n,); n may be 0.
     regression
         The n samples that the estimator processed.
     estimates
@@ -93,7 +95,7 @@ def summarise(
         k_end=float(estimates.k[-1]) if some else math.nan,
         b_interval=interval_at_end(estimates, estimates.b_std),
         k_interval=interval_at_end(estimates, estimates.k_std),
-        held=float(np.mean(estimates.held)),
+        held=float(np.mean(estimates.held)) if len(t) else 1.0,
         further={
             name: float(series.value[-1]) if some else math.nan
             for name, series in estimates.further.items()

@@ -239,8 +239,11 @@ def chosen(
     """
     from teleop.evaluation.estimate_settings import EstimateSettings
     from teleop.evaluation.replay import recorded_settings
+    from teleop.trial.averaged import recorded_part
 
-    settings = recorded_settings(recording) if recording else EstimateSettings()
+    settings = EstimateSettings()
+    if recording:
+        settings = replace(recorded_settings(recording), averaged=recorded_part(recording))
     if datum != "auto":
         settings = replace(settings, datum=datum)
     changes: dict[str, Any] = {name: value for name, value in given.items() if value is not None}

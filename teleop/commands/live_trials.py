@@ -137,7 +137,7 @@ class PageOfSeries:
         """Return the note on a trial; empty if the person continues without a note."""
         from teleop.interruption import stop_signals
 
-        text = f"Note on trial {trial.number}, {trial.label}; NEXT for none."
+        text = f"Note on trial {trial.number}, {trial.label}; NEXT for no note."
         self._link.tell({"type": "prompt", "text": text})
         with stop_signals() as stopped:
             request = next_request(self._link, stopped)

@@ -170,5 +170,5 @@ def person(trial: PlannedTrial, prompt: str) -> tuple[Answer, str]:
 
 def note_of_person(trial: PlannedTrial) -> str:
     """Return the note on a trial that a person types; empty if the input is closed."""
-    print(f"Note on trial {trial.number}, {trial.label}; Enter for none.", file=sys.stderr)
+    print(f"Note on trial {trial.number}, {trial.label}; Enter for no note.", file=sys.stderr)
     return sys.stdin.readline().strip()

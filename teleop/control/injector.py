@@ -7,6 +7,14 @@ import math
 from teleop.control.admittance import AdmittanceParameters
 from teleop.control.excitation_signals import Motion, Signal
 
+RAMP = 0.5
+"""Duration of each of the two ramps of the displacement, at the start and at the end [s]."""
+
+
+def ramp_time(duration: float, ramp: float = RAMP) -> float:
+    """Return the duration of a ramp [s] in a trial: `ramp`, but at most half of the trial [s]."""
+    return min(ramp, 0.5 * duration)
+
 
 class Injector:
     """Computes the force that moves the slave along an excitation signal.
@@ -48,7 +56,7 @@ class Injector:
         scale: float,
         duration: float,
         touch: float = 0.1,
-        ramp: float = 0.5,
+        ramp: float = RAMP,
     ) -> None:
         if not 0.0 < depth < math.inf:
             raise ValueError(f"excitation depth must be positive, got {depth} m")
@@ -63,7 +71,7 @@ class Injector:
         self._half = 0.5 * depth * (1.0 - touch) / scale
         self._admittance = admittance
         self._duration = duration
-        self._ramp = min(ramp, 0.5 * duration)
+        self._ramp = ramp_time(duration, ramp)
 
     def motion(self, t: float) -> Motion:
         """Return position [m], velocity [m/s] and acceleration [m/s^2] of the master at t [s]."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -33,6 +34,7 @@ from estimation.registry import PAPER
 from estimation.summary import EstimatorSummary, summarise
 from teleop.errors import InputError, as_input_error
 from teleop.evaluation.analysis import Analysis, analyse
+from teleop.evaluation.averaged_part import WHOLE, AveragedPart
 from teleop.evaluation.conditioned import FEWEST, conditioned
 from teleop.evaluation.contact_bank import ContactBank, contact_at
 from teleop.evaluation.datum import Datum, find_datum, moving_part
@@ -89,6 +91,8 @@ class Evaluation(Presented):
     if the file states no filter."""
     gaps: tuple[tuple[float, float], ...] = ()
     """Time of the last sample before each gap, and of the first sample after the gap [s]."""
+    averaged: AveragedPart = WHOLE
+    """The part of the record over which the online estimates are averaged."""
 
     def summary(self, cost: bool = False) -> dict[str, Any]:
         """Return the results with the keys of the output of `teleop estimate --json`.
@@ -100,6 +104,7 @@ class Evaluation(Presented):
             different in each call.
         """
         estimates = {name: one._asdict() for name, one in self.summaries().items()}
+        excitation = self.excitation[self.averaged.contains(self.t)]
         if not set(estimates) <= set(PAPER):
             x, v, f, *_ = self.regression
             for fit, modelled in ((least_squares(x, v, f), False), (self.least_squares, True)):
@@ -134,9 +139,10 @@ class Evaluation(Presented):
             "from_contact": [name for name, e in self.bank.items() if e.from_contact],
             "bandwidth_hz": self.bandwidth,
             "memory_s": 0.5 / self.preset.forgetting_rate,
+            "left_out": self.averaged.left_out,
             "excitation": {
-                "mean": float(np.mean(self.excitation)),
-                "last": float(self.excitation[-1]),
+                "mean": float(np.mean(excitation)) if len(excitation) else math.nan,
+                "last": float(excitation[-1]) if len(excitation) else math.nan,
             },
             "estimates": estimates,
             "least_squares": self.least_squares.summary(self.preset.model.further),
@@ -144,8 +150,12 @@ class Evaluation(Presented):
 
     def summaries(self) -> dict[str, EstimatorSummary]:
         """Return a summary of the estimates of each estimator, by the name of the estimator."""
+        part = self.averaged.contains(self.t)
+        t, regression = self.t[part], self.regression.part(part)
         return {
-            name: summarise(self.t, self.regression, series, self.bank[name], self.misfit[name])
+            name: summarise(
+                t, regression, series.part(part), self.bank[name], self.misfit[name][part]
+            )
             for name, series in self.estimates.items()
         }
 
@@ -278,4 +288,5 @@ def evaluate(signals: Signals, settings: EstimateSettings) -> Evaluation:
         filter_note=note,
         kept_force_variance=kept_variance(signals.f, regression.f, used, bandwidth * period),
         gaps=tuple((float(signals.t[i - 1]), float(signals.t[i])) for i in gaps),
+        averaged=settings.averaged,
     )

@@ -89,7 +89,7 @@ def without_filter_delay(signals: Signals) -> Compensated:
     return Compensated(
         advanced(signals, delay),
         f"the force is advanced by {delay * 1e3:.3g} ms, the delay of the filter that the file "
-        f"states ({stated!r}); --force-lag gives another value, 0 for none",
+        f"states ({stated!r}); --force-lag gives another value, 0 for no lag",
     )
 
 

@@ -34,7 +34,7 @@ class Status(NamedTuple):
     mode: str
     """Mode of the safety supervisor."""
     target: float
-    """Position of the target that the operator follows [m]; NaN for none."""
+    """Position of the target that the operator follows [m]; NaN without a target."""
     position: float
     """Position of the slave [m]."""
     estimates: Sequence[tuple[str, float, float, float]] | None

@@ -134,7 +134,7 @@ def fitting_tables(
     Parameters
     ----------
     title
-        Title of the table; empty for none.
+        Title of the table; empty for no title.
     headings, rows
         Text of the cells.
     left

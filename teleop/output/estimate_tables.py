@@ -163,6 +163,12 @@ def percent(share: float) -> str:
     return f"{share:.0%}" if math.isfinite(share) else "-"
 
 
+def left_out_lines(summary: Mapping[str, Any]) -> list[str]:
+    """Return a line that states which part of the record the tables of estimates leave out."""
+    left_out = summary["left_out"]
+    return [f"the tables of estimates leave out {left_out}"] if left_out else []
+
+
 def print_estimated(console: Console, summary: Mapping[str, Any]) -> None:
     """Print the names of the channels that an observer estimated, because they have no sensor."""
     for name in summary.get("estimated_channels", ()):
@@ -201,8 +207,9 @@ def evaluation_lines(summary: Mapping[str, Any]) -> list[str]:
         f"datum: {datum['position_m'] * 1e3:.6g} mm, {datum['force_n']:.6g} N ({datum['source']})",
         f"conditioning: {summary['conditioning']}, bandwidth {summary['bandwidth_hz']:.3g} Hz; "
         + (f"force lag {lag * 1e3:g} ms compensated" if lag else "no force lag compensated"),
+        *left_out_lines(summary),
         f"memory of the estimators: {summary['memory_s']:.3g} s",
-        f"excitation: {summary['excitation']['mean']:.2f} (0 none, 1 a sine about the datum)",
+        f"excitation: {summary['excitation']['mean']:.2f} (0 at rest, 1 for a sine about zero)",
         summary["software"],
     ]
 

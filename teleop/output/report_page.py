@@ -28,7 +28,7 @@ from teleop.output.fault_report import fault_text
 from teleop.output.feedback_figure import feedback_figure
 from teleop.output.figure_files import plain
 from teleop.output.fit_figures import fit_figure
-from teleop.output.result_tables import motion_line, result_lines
+from teleop.output.result_tables import motion_line, result_lines, tangent_lines
 from teleop.output.tracking_figure import tracking_figure
 from teleop.output.trial_figures import ambiguity_figure, fault_figure, timing_figure
 from teleop.output.trial_tables import tracking_lines
@@ -155,7 +155,8 @@ def of_evaluation(
     rows = summary["estimates"].items()
     return {
         "summary": summary,
-        "result": [*result_lines(summary), motion_line(summary)],
+        "result": result_lines(summary),
+        "result_details": [*tangent_lines(summary["result"]["tangent"]), motion_line(summary)],
         "gaps": e.gaps,
         "lines": evaluation_lines(summary),
         "further": further_lines(summary["estimates"]),

@@ -25,7 +25,8 @@ def print_result(summary: Mapping[str, Any], name: str) -> None:
     for reason in result["reasons"]:
         style = "yellow" if result["identifiable"] else "red"
         console.print(f"  - {reason}", style=style)
-    print_tangent(result["tangent"])
+    for line in tangent_lines(result["tangent"]):
+        console.print(f"  {line}")
     console.print(f"  {motion_line(summary)}")
     counts = Counter(phase["phase"] for phase in summary["phases"])
     phases = ", ".join(f"{count} {phase}" for phase, count in counts.items())
@@ -74,20 +75,20 @@ def motion_line(summary: Mapping[str, Any]) -> str:
     )
 
 
-def print_tangent(tangent: Mapping[str, Any]) -> None:
-    """Print force and depth at which the tangent stiffness holds, and the secant stiffness."""
+def tangent_lines(tangent: Mapping[str, Any]) -> list[str]:
+    """Return lines with force and depth of the tangent stiffness, and the secant stiffness."""
     if tangent["force_n"] is None:
-        return
-    console = plain_console()
-    console.print(
-        f"  k is the tangent stiffness at {tangent['force_n']:.3g} N, "
+        return []
+    lines = [
+        f"k is the tangent stiffness at {tangent['force_n']:.3g} N, "
         f"{tangent['depth_m'] * 1e3:.3g} mm from the {tangent['depth_from']}"
-    )
+    ]
     if tangent["secant_n_per_m"] is not None:
-        console.print(
-            f"  secant there {tangent['secant_n_per_m']:.4g} N/m; it changes by "
+        lines.append(
+            f"secant there {tangent['secant_n_per_m']:.4g} N/m; it changes by "
             f"{tangent['secant_change_per_0.1mm']:.1%} for a datum error of 0.1 mm"
         )
+    return lines
 
 
 def print_material(material: Mapping[str, Any]) -> None:

@@ -54,7 +54,7 @@ MEASURED = (
 )
 COMMANDED = (
     ("drive_force", "N", "drive_force", "on the admittance: of the operator or the PE injector"),
-    ("target", "m", "target", "of the slave, which the operator follows; NaN for none"),
+    ("target", "m", "target", "target position of the slave; NaN in conditions without a target"),
     ("desired_master_velocity", "m/s", "desired.master_velocity", WANTED),
     ("desired_slave_velocity", "m/s", "desired.slave_velocity", WANTED),
     ("commanded_master_velocity", "m/s", "commanded.master_velocity", LIMITED_TO),
@@ -66,11 +66,11 @@ ESTIMATED_FROM = (
     ("paired_position", "m", "pair.position", "of the slave, at the time of the force sample"),
     ("paired_force", "N", "pair.force", "contact force; NaN where there is no new sample"),
     ("paired_dt", "s", "pair.dt", "since the previous pair of position and force"),
-    ("x", "m", "x", "displacement given to the estimators; NaN for none"),
+    ("x", "m", "x", "displacement given to the estimators; NaN if they are not updated"),
     ("v", "m/s", "v", "velocity given to the estimators"),
     ("f", "N", "f", "force given to the estimators"),
-    ("excitation", "-", "excitation", "0 for no excitation, 1 for a sine about zero"),
-    ("contact", "-", "contact", "1 while the gate detects contact, 0 if not; NaN for no gate"),
+    ("excitation", "-", "excitation", "measure of excitation: 0 at rest, 1 for a sine about zero"),
+    ("contact", "-", "contact", "1 in contact, 0 out of contact; NaN if contact is not detected"),
 )
 STATE_OF_LOOP = (
     ("mode", "-", "mode", MODES),
@@ -87,7 +87,7 @@ COLUMNS = tuple(
     TickColumn(*column) for column in (*MEASURED, *COMMANDED, *ESTIMATED_FROM, *STATE_OF_LOOP)
 )
 """Columns that every trial has, in the order of the message of a tick."""
-MODEL = "of the body that is rendered at the master; NaN for none"
+MODEL = "of the body that is rendered at the master; NaN if no body is rendered"
 FEEDBACK_COLUMNS = tuple(
     Column(*column)
     for column in (
@@ -95,7 +95,7 @@ FEEDBACK_COLUMNS = tuple(
         ("model_stiffness", "N/m", f"stiffness {MODEL}"),
         ("model_stiffening", "N/m^3", f"stiffening {MODEL}"),
         ("model_damping", "N s/m", f"damping {MODEL}"),
-        ("tank", "J", "energy in the tank; NaN for none"),
+        ("tank", "J", "energy in the tank; NaN if the law has no tank"),
         ("port_energy", "J", "put in by the hand, limited to what can be stored"),
         ("master_energy", "J", "that the hand has given to the channel, for passivity control"),
         ("slave_energy", "J", "that the environment has given to it, as the master knows it"),

@@ -51,7 +51,8 @@ class MasterState(NamedTuple):
     displayed: float = 0.0
     """Force that the hand feels from the environment [N]; positive if it opposes compression."""
     model: Environment = Environment(math.nan, math.nan, math.nan)
-    """Environment that the hand feels, as a function of the master's displacement; NaN for none."""
+    """Environment that the hand feels, as a function of the master's displacement; NaN for no
+    body."""
     tank: float = math.nan
     """Energy in the energy tank [J]; NaN if the law has no tank."""
 

@@ -124,8 +124,9 @@ class EstimateTask:
         t, regression, *_ = self.recorded.conditioned(settings)
         bank = settings.estimation_preset.bank()
         unknown = np.array([np.nan])
+        part = self.recorded.averaged.contains(t)
         summaries = {
-            name: summarise(t, regression, series, bank[name], unknown)
+            name: summarise(t[part], regression.part(part), series.part(part), bank[name], unknown)
             for name, series in bank.run(*regression).items()
         }
         return [
