@@ -6,6 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from typing import Any
 
+from estimation.model import UNITS
 from teleop.live.history import History
 
 NAMES = (
@@ -34,20 +35,30 @@ NAMES = (
 )
 """Columns of a tick that are sent to the live page, besides the columns of the estimators."""
 PARTS = ("k", "b", "k_std", "b_std", "held", "misfit")
-"""Columns of an estimator that are sent to the live page, by the end of their names."""
+"""Columns that every estimator has and that are sent to the live page, by the end of their names.
+"""
+FURTHER = tuple(name for name in UNITS if name not in PARTS)
+"""Parameters besides b and k, which are sent if the model of the estimator has them."""
 
 
 def shown_columns(names: Sequence[str], estimators: Sequence[str]) -> list[str]:
     """Return the columns of a tick that are sent to the live page, in the order of a row."""
-    of_estimators = [f"{name}_{part}" for name in estimators for part in PARTS]
+    of_estimators = [f"{name}_{part}" for name in estimators for part in (*PARTS, *FURTHER)]
     return [name for name in (*NAMES, *of_estimators) if name in set(names)]
 
 
 def estimator_indices(names: Sequence[str], estimators: Sequence[str]) -> list[dict[str, Any]]:
-    """Return each estimator's name and the indices of its columns in a row (None if missing)."""
+    """Return each estimator's name and the indices of its columns in a row (None if missing).
+
+    The key `further` contains the indices of the parameters besides b and k, by their names.
+    """
     place = {name: i for i, name in enumerate(names)}
     return [
-        {"name": name, **{part: place.get(f"{name}_{part}") for part in PARTS}}
+        {
+            "name": name,
+            **{part: place.get(f"{name}_{part}") for part in PARTS},
+            "further": {p: place[f"{name}_{p}"] for p in FURTHER if f"{name}_{p}" in place},
+        }
         for name in estimators
     ]
 

@@ -150,10 +150,11 @@ def print_emulation(
         Options of `teleop run` for the emulated palpation, by name.
     """
     console = plain_console()
-    console.print(f"{name}: emulated, {palpation['specimen']} cube, Ctrl-C ends it")
+    body = f"{palpation['specimen']} cube, depth {palpation['depth']}"
+    console.print(f"{name}: emulated, {body}, Ctrl-C ends it")
     for bus, port in ports.items():
         console.print(f"  {bus}: {port}")
-    console.print("  for another operator or cube, type its name and Enter, such as mimic medium")
+    console.print("  for another operator, cube or depth, type it and Enter: mimic medium 5mm")
     options = " ".join(f"--{option} {value}" for option, value in palpation.items())
     command = f"teleop run --rig {out} {options}"
     any_condition = "" if "condition" in palpation else ", with any --condition"

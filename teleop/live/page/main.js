@@ -36,7 +36,7 @@ new Stop(byId("stop"), connection, {
 });
 const strips = new Strips(byId("strips"), store);
 const estimates = new Estimates(byId("estimates").tBodies[0], store);
-const plane = new ForceDisplacement(byId("xy"), store);
+const plane = new ForceDisplacement(byId("xy"), byId("xy-caption"), store);
 const cue = new CueText(byId("cue-error"), byId("cue-rms"), byId("count-in"));
 let welcome = null;
 let trial = null;

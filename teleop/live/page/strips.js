@@ -10,6 +10,7 @@ import { previewOf } from "./target.js";
 
 export const SPAN = 10; // s
 export const PREVIEW = 1.2; // s
+const MOST_NAMED = 5; // traces with a legend; the table of estimates has the same line styles
 const SAMPLED = 8; // every so many rows are used for the range of estimates
 const room = new Float64Array(4096 * 8);
 
@@ -70,7 +71,8 @@ export class Strips {
     title.append(" ", unit);
     const notes = element("span", "strip-notes");
     const value = element("span", "strip-value");
-    if (chart.traces.length > 1) title.append(...chart.traces.map(legend));
+    const named = chart.traces.length > 1 && chart.traces.length <= MOST_NAMED ? chart.traces : [];
+    title.append(...named.flatMap((trace) => [" ", legend(trace)]));
     const plot = element("div", "plot");
     const canvas = element("canvas", "");
     canvas.setAttribute("role", "img");
