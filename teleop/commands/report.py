@@ -82,8 +82,9 @@ def report(
     }
     signals, recording = columns.read(file)
     evaluation = summary = None
-    if not (recording and recording.fault and len(signals.t) < FEWEST):
-        settings = chosen(recording, columns.datum, cube, given)
+    settings = chosen(recording, columns.datum, cube, given)
+    few = settings.averaged.contains(signals.t).sum() < FEWEST
+    if not (recording and recording.fault and few):
         evaluation = evaluate(signals, settings)
         summary = {**settings_summary(settings), **evaluation.summary()}
     link = os.path.relpath(file.resolve(), page.resolve().parent)

@@ -37,4 +37,4 @@ class EstimateSettings:
     resolution: float | None = None
     """Travel per encoder count [m]; None for the smallest step in the data."""
     averaged: AveragedPart = WHOLE
-    """The part of the record over which the online estimates are averaged."""
+    """The part of the record that the result and the averages of the online estimates use."""

@@ -35,7 +35,7 @@ from estimation.summary import EstimatorSummary, summarise
 from teleop.errors import InputError, as_input_error
 from teleop.evaluation.analysis import Analysis, analyse
 from teleop.evaluation.averaged_part import WHOLE, AveragedPart
-from teleop.evaluation.conditioned import FEWEST, conditioned
+from teleop.evaluation.conditioned import FEWEST, conditioned, within
 from teleop.evaluation.contact_bank import ContactBank, contact_at
 from teleop.evaluation.datum import Datum, find_datum, moving_part
 from teleop.evaluation.estimate_settings import EstimateSettings
@@ -232,7 +232,7 @@ def evaluate(signals: Signals, settings: EstimateSettings) -> Evaluation:
     if len(signals.dt[motion]) < FEWEST:
         raise InputError(f"only {len(signals.dt[motion])} samples move: expected at least {FEWEST}")
     with as_input_error():
-        analysis = analyse(signals, lag)
+        analysis = analyse(within(signals, settings.averaged), lag)
     datum = find_datum(signals, settings.datum, analysis.phases)
     band = analysis.record.band
     frequency = band.centre

@@ -219,7 +219,7 @@ def reasons_after_fit(local: LocalStiffness, half_k: float, phases: Phases) -> l
     """
     if local.k + half_k < 0.0:
         return [
-            f"the stiffness is negative ({local.k:.4g} N/m): check that force and position are "
+            f"the stiffness is negative ({local.k:.0f} N/m): check that force and position are "
             "both positive in compression (see --invert), and that inertia does not dominate"
         ]
     structural = phases.free_force is not None or local.best.degree >= STRUCTURAL
@@ -235,7 +235,7 @@ def reasons_after_fit(local: LocalStiffness, half_k: float, phases: Phases) -> l
             why = "it depends on depth or time; `phases` in --json has the slope of each loading"
         return [
             f"the force does not follow the displacement well enough{where}: stiffness "
-            f"{local.k:.4g} \u00b1 {half_k:.2g} N/m ({why})"
+            f"{local.k:.0f} \u00b1 {half_k:.0f} N/m ({why})"
         ]
     return []
 

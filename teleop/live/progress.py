@@ -78,7 +78,7 @@ class Progress:
         self._drawn = 0
         self._terminal = Terminal(STDERR)
         if shown and instructions:
-            self.report(f"teleop: {instructions}" + (f"; {LEGEND}" if cue else ""))
+            self.report(f"teleop: {instructions}" + (f"\nteleop: {LEGEND}" if cue else ""))
 
     def show(self, t: float, status: Callable[[], Status]) -> None:
         """Update the line, unless the time since the last update is too short.
@@ -129,6 +129,8 @@ class Progress:
             texts = [SHORT_HEADING, *texts[1:]]
         while texts and len(line + "".join(texts)) >= width:
             texts.pop()
+        if texts == [SHORT_HEADING]:
+            texts = []
         self._terminal.draw(self._replacing((line + "".join(texts))[: width - 1]))
 
     def _replacing(self, text: str) -> str:

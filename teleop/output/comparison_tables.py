@@ -16,8 +16,9 @@ from teleop.printable import one_line
 
 CAPTION = (
     "result: mean of the results of n recordings, which have no e_f. Other rows: mean of the "
-    "averages of an online estimator over each record. \u00b1: 95 % interval of the mean, from the "
-    "spread between the recordings; for n = 1 that of the recording."
+    "averages of an online estimator over each record, without the count-in of mimic and the ramp "
+    "at the end of autonomous. \u00b1: 95 % interval of the mean, from the spread between the "
+    "recordings; for n = 1 that of the recording."
 )
 """Note below the table of groups that explains the rows of the table."""
 TRACKING_CAPTION = (
@@ -120,20 +121,32 @@ def mean_text(mean: Mean) -> str:
 def print_comparison(rows: Sequence[Compared], groups: Sequence[Group], by: Sequence[str]) -> None:
     """Print the results of the recordings, and the table of groups."""
     console = plain_console()
+    folder, names = in_folder([row.file for row in rows])
     print_table(
         console,
-        "results, with 95 % intervals",
+        f"{folder}: results, with 95 % intervals" if folder else "results, with 95 % intervals",
         ("recording", "k [N/m]", "b [N s/m]"),
-        [[row.file, result_text(row, "k"), result_text(row, "b")] for row in rows],
+        [
+            [name, result_text(row, "k"), result_text(row, "b")]
+            for name, row in zip(names, rows, strict=True)
+        ],
     )
-    for row in rows:
+    for name, row in zip(names, rows, strict=True):
         if not row.result.identifiable:
             reasons = "; ".join(row.result.reasons)
-            console.print(f"  {row.file}: no result: {reasons}", style="yellow")
+            console.print(f"  {name}: no result: {reasons}", style="yellow")
     title = f"by {', '.join(by)}" if by else "all"
     print_text_table(title, group_table(groups, by))
     if tracking := tracking_table(groups, by):
         print_text_table("tracking", tracking)
+
+
+def in_folder(files: Sequence[str]) -> tuple[str, list[str]]:
+    """Return the folder of files, and their names in it; an empty folder if the folders differ."""
+    folders = {str(Path(file).parent) for file in files}
+    if len(folders) > 1 or folders == {"."}:
+        return "", list(files)
+    return folders.pop(), [Path(file).name for file in files]
 
 
 def print_text_table(title: str, table: TextTable) -> None:
@@ -159,7 +172,7 @@ def effect_cells(effects: Iterable[Mapping[str, Any]]) -> list[list[str]]:
     return [
         [
             effect["source"].replace(" x ", " \N{MULTIPLICATION SIGN} "),
-            f"{effect['f']:.1f}",
+            f"{effect['f']:.1f}" if effect["f"] < 1000.0 else f"{effect['f']:.0f}",
             f"{effect['degrees']}, {effect['error_degrees']}",
             "< 0.001" if effect["p"] < 0.001 else f"{effect['p']:.3f}",
             f"{effect['eta_squared']:.3f}",

@@ -7,11 +7,12 @@ import re
 import shutil
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, TextIO
+from typing import Any, TextIO, cast
 
 from rich import box
 from rich.cells import cell_len
-from rich.console import Console
+from rich.console import Console, ConsoleOptions, RenderResult
+from rich.segment import Segment
 from rich.table import Table
 from rich.text import Text
 
@@ -117,13 +118,32 @@ def print_table(
         console.print(part)
 
 
+class TrimmedTable(Table):
+    """A table without spaces at the ends of its lines.
+
+    In a terminal that is as wide as the text, a space more would begin another line.
+    """
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        """Yield the segments of the table, line by line."""
+        segments = cast(Iterable[Segment], super().__rich_console__(console, options))
+        for line in Segment.split_lines(segments):
+            while line and not line[-1].text.rstrip():
+                line.pop()
+            if line:
+                text, style, control = line.pop()
+                line.append(Segment(text.rstrip(), style, control))
+            yield from line
+            yield Segment.line()
+
+
 def fitting_tables(
     title: str,
     headings: Sequence[str],
     rows: Iterable[Sequence[str]],
     left: int = 1,
     styles: Sequence[str] = (),
-) -> list[Table | str]:
+) -> list[TrimmedTable | str]:
     """Return a table that fits the width of the terminal, as one or several tables and lines.
 
     If the table is too wide, headings are divided into two lines. If it is still too wide, the
@@ -147,7 +167,7 @@ def fitting_tables(
     width = terminal_width()
     names = list(headings)
     legend: list[str] = []
-    found: list[Table | str] = []
+    found: list[TrimmedTable | str] = []
     if total(widths(names, cells)) > width:
         names = [BREAK.sub(lambda found: (found[1] or "") + "\n", name, count=1) for name in names]
     texts = set(range(left))
@@ -163,7 +183,7 @@ def fitting_tables(
         for row in cells:
             row[widest] = numbers.get(row[widest], "")
     for part in parts(widths(names, cells), left, width):
-        table = Table(
+        table = TrimmedTable(
             title=title or None, title_justify="left", box=box.SIMPLE_HEAD, title_style="bold"
         )
         for i in part:

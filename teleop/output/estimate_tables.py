@@ -166,7 +166,7 @@ def percent(share: float) -> str:
 def left_out_lines(summary: Mapping[str, Any]) -> list[str]:
     """Return a line that states which part of the record the tables of estimates leave out."""
     left_out = summary["left_out"]
-    return [f"the tables of estimates leave out {left_out}"] if left_out else []
+    return [f"results and tables leave out {left_out}"] if left_out else []
 
 
 def print_estimated(console: Console, summary: Mapping[str, Any]) -> None:

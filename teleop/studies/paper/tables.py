@@ -6,9 +6,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from rich import box
-from rich.table import Table
 
-from teleop.output.console import number, plain_console
+from teleop.output.console import TrimmedTable, number, plain_console
 
 
 def print_reproduction(summary: Mapping[str, Any]) -> None:
@@ -21,7 +20,7 @@ def print_reproduction(summary: Mapping[str, Any]) -> None:
     """
     console = plain_console()
     for cube in ("soft", "medium", "hard"):
-        table = Table(
+        table = TrimmedTable(
             title=f"Table I, {cube} cube (paper; * calibrated)",
             title_justify="left",
             box=box.SIMPLE_HEAD,

@@ -105,8 +105,16 @@ def paper_trial(condition: ConditionName, cube: CubeName, seed: int = 0) -> Tria
     )
 
 
-def damping_steps(trial: Trial) -> Damping:
-    """Return the damping, first estimated as in the paper, then with causes of bias removed."""
+def damping_steps(trial: Trial, rls: float) -> Damping:
+    """Return the damping, first estimated as in the paper, then with causes of bias removed.
+
+    Parameters
+    ----------
+    trial
+        The simulated trial.
+    rls
+        Average of the damping from RLS [N s/m].
+    """
     settings, columns = trial.settings, trial.columns
     force, dt = columns["contact_force"], columns["dt"]
     encoder = MatchedSignals(columns["slave_position"], force, dt)
@@ -115,7 +123,7 @@ def damping_steps(trial: Trial) -> Damping:
     return Damping(
         true=settings.setup.cube.slow.b,
         paper=table1()[settings.condition, settings.cube, "rls"].b,
-        rls=float(columns["rls_b"].mean()),
+        rls=rls,
         matched=encoder.fit(lag, stiffening=False).b,
         tip=tip.fit(lag, stiffening=False).b,
         stiffening=tip.fit(lag).b,
@@ -134,13 +142,14 @@ def palpate(trial: tuple[ConditionName, CubeName, int], methods: Methods = NO_ME
     """
     condition, cube, seed = trial
     run = run_trial(paper_trial(condition, cube, seed))
+    estimates = run.summary()["estimates"]
     thin = slice(None, None, DRAWN)
     return Outcome(
         condition,
         cube,
         seed,
-        run.summary()["estimates"],
-        damping_steps(run),
+        estimates,
+        damping_steps(run, estimates["rls"]["b"]),
         run.columns["time"][thin],
         run.columns["x"][thin],
         run.columns["v"][thin],

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 from importlib.resources import as_file, files
 from itertools import product
+from math import prod
 from pathlib import Path
 from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError
 
-from sim_backend import DEPTH
+from sim_backend import CUBES, DEPTH
+from teleop.control.conditions import CONDITIONS
 from teleop.errors import InputError, invalid_parts
 from teleop.studies.series.order import OrderName, ordered
 from teleop.trial.arming import check_stated
@@ -22,6 +24,14 @@ from teleop.trial.settings import TrialSettings
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,40}$")]
 """Name of a factor or a level, which is used in file names."""
 MOST_TRIALS = 10_000
+SETTINGS: dict[str, Collection[str]] = {
+    "condition": CONDITIONS,
+    "cube": CUBES,
+    "specimen": (),
+    "operator": (),
+}
+"""Factors that set the setting of the same name, with the values of this setting; empty for any
+name. A level with other settings in `levels` may have a name that is not a value of the setting."""
 
 
 class Plan(BaseModel):
@@ -58,7 +68,7 @@ class Plan(BaseModel):
     settings: dict[str, Any] = {}
     """Settings of all trials, as in a configuration file."""
     levels: dict[Name, dict[Name, dict[str, Any]]] = {}
-    """Settings of the trials in which a factor has a certain level, by factor and level."""
+    """Further settings of the trials in which a factor has a certain level, by factor and level."""
 
 
 @dataclass(frozen=True)
@@ -186,7 +196,7 @@ def planned_trials(plan: Plan, folder: Path) -> list[PlannedTrial]:
 def chosen_settings(plan: Plan, folder: Path) -> dict[tuple[str, ...], TrialSettings]:
     """Return the settings for each combination of levels, see `planned_trials`."""
     settings: dict[tuple[str, ...], TrialSettings] = {}
-    problems: list[str] = []
+    problems: dict[str, list[str]] = {}
     for levels in product(*plan.factors.values()):
         document = document_of(plan, dict(zip(plan.factors, levels, strict=True)))
         try:
@@ -194,9 +204,16 @@ def chosen_settings(plan: Plan, folder: Path) -> dict[tuple[str, ...], TrialSett
             check_stated(settings[levels])
             check_feedback(settings[levels])
         except InputError as error:
-            problems += [f"{', '.join(levels)}: {line}" for line in str(error).splitlines()]
+            for line in str(error).splitlines():
+                problems.setdefault(line, []).append(", ".join(levels))
     if problems:
-        raise InputError("\n".join(problems))
+        every = prod(map(len, plan.factors.values()))
+        raise InputError(
+            "\n".join(
+                line if len(where) == every else f"{'; '.join(where)}: {line}"
+                for line, where in problems.items()
+            )
+        )
     return settings
 
 
@@ -205,10 +222,9 @@ def document_of(plan: Plan, levels: Mapping[str, str]) -> dict[str, Any]:
     document = dict(plan.settings)
     for name, level in levels.items():
         own = plan.levels.get(name, {}).get(level)
-        if own is not None:
-            document |= own
-        elif name in ("condition", "cube", "specimen", "operator"):
+        if name in SETTINGS and (own is None or level in (SETTINGS[name] or [level])):
             document[name] = level
+        document |= own or {}
     if "rig" in document and "cube" in plan.factors and "cube" in document:
         cube = document.pop("cube")
         document.setdefault("specimen", cube)

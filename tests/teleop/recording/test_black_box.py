@@ -41,10 +41,10 @@ def with_fault(monkeypatch):
 
 @pytest.fixture
 def stopped(tmp_path, with_fault):
-    def run(fault, at=7.0, duration=9.0):
+    def run(fault, at=7.0, duration=9.0, condition="autonomous", **changes):
         with_fault(fault, at)
         path = tmp_path / "run.mcap"
-        settings = TrialSettings("autonomous", duration=duration, clock="virtual")
+        settings = TrialSettings(condition, duration=duration, clock="virtual", **changes)
         return run_trial(settings, path), path
 
     return run
@@ -106,6 +106,14 @@ def test_the_report_of_a_run_without_motion_shows_only_the_stop(stopped, capsys)
     assert page.count("<svg") == 1
     assert main(["estimate", str(path)]) == 2
     assert "the estimators received only 0 samples" in capsys.readouterr().err
+
+
+def test_the_report_of_a_run_that_was_stopped_in_the_count_in_shows_only_the_stop(stopped, capsys):
+    _, path = stopped(Unplugged(), at=2.0, condition="mimic", count_in=3.0)
+    assert main(["report", str(path)]) == 0
+    page = path.with_suffix(".html").read_text()
+    assert "rig failure: RigError: master board: no answer" in page
+    assert "Result" not in page
 
 
 def test_the_report_shows_what_stopped_the_run(stopped, capsys):

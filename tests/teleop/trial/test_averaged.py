@@ -67,6 +67,23 @@ def test_a_trial_that_ended_in_the_count_in_has_no_estimates(capsys):
     assert "no estimates: 0.00 s of contact" in capsys.readouterr().out
 
 
+def test_the_result_of_a_mimic_trial_leaves_out_the_count_in(tmp_path, capsys):
+    path = tmp_path / "a.mcap"
+    run_trial(replace(SETTINGS, condition="mimic", count_in=3.0, duration=7.0), path)
+    assert main(["estimate", str(path), "--json"]) == 0
+    evaluated = json.loads(capsys.readouterr().out)
+    assert evaluated["motion"]["frequency_hz"] == pytest.approx(1.0, abs=0.05)
+    assert evaluated["as_online"]
+    assert evaluated["samples_used"] > 6900
+
+
+def test_a_recording_that_ends_in_the_count_in_is_refused(tmp_path, capsys):
+    path = tmp_path / "a.mcap"
+    run_trial(replace(SETTINGS, condition="mimic", count_in=3.0, duration=2.0), path)
+    assert main(["estimate", str(path)]) == 2
+    assert "only 0 samples without the count-in of 3 s" in capsys.readouterr().err
+
+
 def test_settings_that_are_not_valid_average_the_whole_recording():
     trial = run_trial(replace(SETTINGS, condition="autonomous", duration=1.0))
     broken = replace(trial.recording, settings=trial.recording.settings | {"condition": "none"})
@@ -90,4 +107,4 @@ def test_the_evaluation_of_a_recording_averages_the_same_part_as_the_trial(
             assert again[key] == pytest.approx(row[key], rel=1e-9), (name, key)
     assert main(["estimate", str(path)]) == 0
     text = " ".join(capsys.readouterr().out.split())
-    assert f"the tables of estimates leave out {summary['left_out']}" in text
+    assert f"results and tables leave out {summary['left_out']}" in text
