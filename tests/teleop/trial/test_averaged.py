@@ -72,7 +72,8 @@ def test_the_result_of_a_mimic_trial_leaves_out_the_count_in(tmp_path, capsys):
     run_trial(replace(SETTINGS, condition="mimic", count_in=3.0, duration=7.0), path)
     assert main(["estimate", str(path), "--json"]) == 0
     evaluated = json.loads(capsys.readouterr().out)
-    assert evaluated["motion"]["frequency_hz"] == pytest.approx(1.0, abs=0.05)
+    assert min(phase["from_s"] for phase in evaluated["phases"]) >= 3.0
+    assert evaluated["motion"]["frequency_hz"] > 0.9
     assert evaluated["as_online"]
     assert evaluated["samples_used"] > 6900
 
