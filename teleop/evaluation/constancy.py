@@ -26,6 +26,8 @@ STIFFEST = 3.0
 """Largest stiffness at the depth of a rest, relative to the mean stiffness."""
 FEWEST_CYCLES, FEWEST_SAMPLES = 6, 8
 """Least number of cycles, and of samples in each, to find a change of the stiffness."""
+SMALL = 0.25
+"""Least travel of a cycle, relative to the largest travel of a cycle. A smaller cycle is tremor."""
 CHANGE = 0.15
 """Least relative change of the stiffness that is reported."""
 SCATTER = 5.0
@@ -97,10 +99,13 @@ def change_over_cycles(record: Prepared, phases: Phases) -> Change | None:
     The difference of the medians is compared with the scatter from one cycle to the next.
     """
     begins = [phase.start for phase in phases.phases if phase.name == "loading"]
+    parts = [start + np.flatnonzero(phases.usable[start:end]) for start, end in pairwise(begins)]
+    travel = [float(np.ptp(record.x[part])) if len(part) else 0.0 for part in parts]
+    smallest = SMALL * max(travel, default=0.0)
     k, seconds = [], []
-    for start, end in pairwise(begins):
-        part = start + np.flatnonzero(phases.usable[start:end])
-        if len(part) >= FEWEST_SAMPLES:
+    for i, (start, end) in enumerate(pairwise(begins)):
+        part = parts[i]
+        if len(part) >= FEWEST_SAMPLES and travel[i] >= smallest:
             k.append(slope_in_cycle(record, part))
             seconds.append((end - start) * record.period)
     if len(k) < FEWEST_CYCLES:
