@@ -22,7 +22,7 @@ from sim_backend.plant import Arm
 STIFFNESS = (50.0, 2000.0)
 """Lowest and highest stiffness of the arm [N/m]."""
 WITHDRAWN = (-0.3, 0.8)
-"""Lowest and highest withdrawal, as multiples of the depth."""
+"""Lowest and highest value of `OperatorModel.withdrawal`."""
 
 
 @dataclass(frozen=True)
@@ -38,11 +38,11 @@ class OperatorModel:
     arm_stiffness: float = ARM.stiffness
     """Stiffness of the arm [N/m], 50 to 2000. The damping is computed from the stiffness."""
     aim_force: float | None = None
-    """Force at the hand at which a poke ends if the depth is not reached before [N]. Default: each
-    poke ends at the depth, for any force. Only for the control condition `free`."""
+    """Force at the hand at which a poke ends if the depth is not reached before [N]. By default,
+    each poke ends at the depth, at any force. Only for the control condition `free`."""
     withdrawal: float = WITHDRAWAL
-    """Mean intended position between two pokes divided by the depth, -0.3 to 0.8. Negative: the
-    hand leaves a body that is not glued. Only for the control condition `free`."""
+    """Mean intended position between two pokes divided by the depth, -0.3 to 0.8. If the value is
+    negative, the hand leaves a body that is not glued. Only for the control condition `free`."""
 
     def __post_init__(self) -> None:
         for name, value, (low, high), unit in (

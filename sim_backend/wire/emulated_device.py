@@ -30,7 +30,7 @@ class Mount(ABC):
 
     @abstractmethod
     def drive(self, name: str, velocity: float) -> None:
-        """Move a drive of the device at a velocity [m/s], in the direction of the drive."""
+        """Move a drive of the device at a velocity [m/s], positive in the drive's direction."""
 
     @abstractmethod
     def brake(self, name: str) -> None:
@@ -40,9 +40,10 @@ class Mount(ABC):
 class EmulatedDevice(ABC):  # noqa: B024
     """Base class of emulated devices: software with the protocol of a real device.
 
-    An emulated device uses the settings of its driver, but shares no other code with the driver.
-    So a test finds an error in the emulation or in the driver. The emulated device has the
-    watchdogs of the real device. Its methods must therefore be called often, with the present time.
+    An emulated device uses the settings of its driver, but shares no other code with the driver. A
+    test of driver and emulated device can therefore find an error in either one. The emulated
+    device has the watchdogs of the real device. Its methods must therefore be called often, with
+    the present time.
 
     Parameters
     ----------
@@ -62,7 +63,7 @@ class EmulatedDevice(ABC):  # noqa: B024
     def due(self) -> float:
         """Return the time [s] at which `emit` next returns a frame that the host did not request.
 
-        It is infinite if there is no such frame.
+        The time is infinite if there is no such frame.
         """
         return math.inf
 

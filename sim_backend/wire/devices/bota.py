@@ -29,7 +29,7 @@ OVERRANGE = 2
 class EmulatedBota(EmulatedSerialDevice):
     """A force-torque sensor with the signals `fx`, `fy`, `fz`, `mx`, `my`, `mz` and `temperature`.
 
-    Of the configuration mode, only its start and end are emulated.
+    Only the start and the end of the configuration mode are emulated, not its commands.
     """
 
     def __init__(self, name: str, settings: BotaSettings, mount: Mount) -> None:
