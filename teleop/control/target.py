@@ -14,8 +14,8 @@ contact."""
 class Target:
     """Target position of the slave, which the operator follows.
 
-    During the count-in, the target is constant at 0.1 depth. After it, the target is
-    depth (0.1 + 0.45 (1 - cos(2 pi f t))), where t is the time since the end of the count-in.
+    During the count-in, the target is constant at 0.1 times the depth. After the count-in, the
+    target is depth (0.1 + 0.45 (1 - cos(2 pi f t))). t is the time since the end of the count-in.
     """
 
     frequency: float
@@ -27,7 +27,7 @@ class Target:
 
     @property
     def shortest(self) -> float:
-        """Shortest duration for which tracking is computed: count-in plus two periods [s]."""
+        """Shortest trial for which the tracking error is computed: count-in plus 2 periods [s]."""
         return self.count_in + 2.0 / self.frequency
 
     def position(self, t: float) -> float:

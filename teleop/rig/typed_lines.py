@@ -10,7 +10,7 @@ LARGEST = 4096
 
 
 class TypedLines:
-    """Reads complete lines from standard input. A process in the background reads nothing.
+    """Reads complete lines from standard input, but none while the process is in the background.
 
     Parameters
     ----------
