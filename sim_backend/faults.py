@@ -1,4 +1,4 @@
-"""Injection of sensor and drive faults between a rig and its controller."""
+"""Inject sensor and drive faults between a rig and its controller."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class RigFault(ABC):  # noqa: B024
 
 
 def with_channel(measurement: Measurement, channel: str, value: float) -> Measurement:
-    """Return a copy of the measurement with another value, in SI units, in one channel."""
+    """Return a copy of the measurement in which one channel has another value, in SI units."""
     changes: dict[str, Any] = {channel: value}
     return measurement._replace(**changes)
 

@@ -55,7 +55,7 @@ class Felt(NamedTuple):
     time: float
     """Time after the first movement began [s]."""
     intended: float
-    """Intended position [m]."""
+    """Intended position of the hand [m]."""
     position: float
     """Position of the handle [m]."""
     force: float

@@ -1,10 +1,10 @@
 """Parameters of the simulated operator.
 
-The stiffness of the hand depends on posture and on muscle activation; measured values are some
+The stiffness of the hand depends on posture and on muscle activation. Measured values are several
 hundred N/m [1, 2]. A relaxed arm has about 150 N/m and a tense arm about 1500 N/m. The damping D of
-the arm depends on its stiffness and inertia [3]. Here the damping ratio D / (2 sqrt(K m)) of an arm
-of constant mass m is the same for each stiffness K, so that D is proportional to sqrt(K). At
-K = 400 N/m, D is 12 N s/m, which is a damping ratio of 0.3 for m = 1 kg.
+the arm depends on its stiffness K and its mass m [3]. Here m is constant, and the damping ratio
+D / (2 sqrt(K m)) is the same for each K, so that D is proportional to sqrt(K). At K = 400 N/m, D is
+12 N s/m, which is a damping ratio of 0.3 for m = 1 kg.
 
 [1] F. A. Mussa-Ivaldi, N. Hogan, E. Bizzi, J. Neurosci. 5(10), 1985.
 [2] T. Tsuji, P. G. Morasso, K. Goto, K. Ito, Biol. Cybern. 72, 1995.

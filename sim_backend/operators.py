@@ -3,12 +3,12 @@
 A person acts on the handle through the impedance of the arm. The motion of the handle therefore
 depends on the intended motion, the arm, and the admittance of the controller.
 
-Sources of the values. Pokes are minimum-jerk movements [1]. The stiffness of the arm, 400 N/m, and
-its damping, 12 N s/m, are in the range measured at the hand [2, 3]. Physiological tremor has
-frequencies of 8 to 12 Hz. At the tool of a surgeon its amplitude is about 0.1 mm [4]; here the
-standard deviation is 0.12 mm. The following values are assumptions without a source. Depth and
-timing vary by 10 to 15 % from one poke or cycle to the next. The hand does not return completely
-after a poke. The first movement starts after 0.2 s.
+Pokes are minimum-jerk movements [1]. The stiffness of the arm, 400 N/m, and its damping, 12 N s/m,
+are in the range measured at the hand [2, 3]. Physiological tremor has frequencies of 8 to 12 Hz. At
+the tool of a surgeon, the amplitude of the tremor is about 0.1 mm [4]. Here the standard deviation
+is 0.12 mm. The following values are assumptions without a source. Depth and timing vary by 10 to
+15 % from one poke or cycle to the next. After a poke, the hand does not return to the start
+position, but only by a part of the depth. The first movement starts after 0.2 s.
 
 [1] T. Flash, N. Hogan, J. Neurosci. 5(7), 1985.
 [2] F. A. Mussa-Ivaldi, N. Hogan, E. Bizzi, J. Neurosci. 5(10), 1985.

@@ -3,7 +3,7 @@
 The set-up consists of cubes, force channel, transmission with lost motion, and depths of palpation.
 The force channel and the slave are the same in all nine trials. The cubes stiffen with depth, the
 force channel has a lag tau, and the slave has lost motion delta. For a motion of amplitude A and
-angular frequency omega to the depth x, RLS then estimates about
+angular frequency omega to the depth x, the estimates of RLS are then about
 
     k_hat = k1 + k3 x^2
     b_hat = b - k_hat tau - 4 k_hat delta / (pi omega A)

@@ -170,7 +170,7 @@ class Slave:
 class ForceChannel:
     """A force sensor with amplifier: a first-order lag tau y' = f - y.
 
-    The attribute `y` is the output [N], and `lag` is the time constant tau [s].
+    The attribute `y` is the output [N], and the parameter `lag` is the time constant tau [s].
     """
 
     def __init__(self, lag: float) -> None:

@@ -1,9 +1,9 @@
 """An operator whose hand follows a pointer, such as the mouse in the live page.
 
-The pointer gives the wanted position of the hand, and whether the hand holds the handle. The
-position changes in steps. A critically damped filter of second order computes a smooth intended
-motion from it. The impedance of the arm then gives the force on the handle, as for the other
-operators.
+The pointer gives the wanted position of the hand, and whether the hand holds the handle. The wanted
+position changes in steps. From the wanted position, a critically damped filter of second order
+computes a smooth intended motion. The impedance of the arm then gives the force on the handle, as
+for the other operators.
 """
 
 from __future__ import annotations

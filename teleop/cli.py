@@ -107,7 +107,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     The exit code is 0 for success, 2 for bad input, 3 for a safety stop, and 130 after Ctrl-C.
     Bad input and a safety stop are reported without a traceback. Any other exception is an error in
-    the program (a bug). It is raised again, and ends the program with a traceback and exit code 1.
+    the program (a bug). This exception is raised again, and ends the program with a traceback and
+    exit code 1.
 
     Parameters
     ----------

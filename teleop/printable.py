@@ -24,7 +24,7 @@ def printable(text: str) -> str:
 
 
 def one_line(text: str) -> str:
-    """Return a text as one line. The line is shortened to at most `LONGEST` characters."""
+    """Return a text as one line. A line longer than `LONGEST` characters is shortened."""
     line = printable(" ".join(text.split()))
     return line if len(line) <= LONGEST else f"{line[: LONGEST - 4]} ..."
 

@@ -25,7 +25,8 @@ class Mount(ABC):
     def sense(self, signal: str) -> float:
         """Return the present value of a signal of the device, in the unit of the signal.
 
-        The value is 0 if the rig file does not use the signal.
+        If the rig file does not use the signal, the value is the true value of the drive, or 0 if
+        the drive has no such signal.
         """
 
     @abstractmethod

@@ -51,7 +51,7 @@ class Random(WireFault):
         self._random = random.Random(seed)
 
     def is_affected(self) -> bool:
-        """Return whether the next frame is affected, by a random choice."""
+        """Choose at random whether the next frame is affected; return the result."""
         return self._random.random() < self._share
 
 

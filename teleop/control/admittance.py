@@ -1,4 +1,4 @@
-"""Admittance: a virtual mass that converts a force to a velocity of the master."""
+"""The admittance, a virtual mass that converts a force to a velocity of the master."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ class Admittance:
         self.centre = 0.0
 
     def align(self, position: float) -> None:
-        """Put the virtual mass at rest at a position [m], which becomes the centre."""
+        """Put the virtual mass at rest at a position [m], which is also the new `centre`."""
         self.position = self.centre = position
         self.velocity = 0.0
 

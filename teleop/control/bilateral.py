@@ -22,7 +22,10 @@ from teleop.safety.channels import DetectedFault
 
 
 class LinkValues(NamedTuple):
-    """Recorded values of the link at one tick."""
+    """Recorded values of the link at one tick.
+
+    `teleop.recording.tick_columns.FEEDBACK_COLUMNS` states the meaning and the unit of each value.
+    """
 
     displayed_force: float
     model_stiffness: float

@@ -1,7 +1,7 @@
 """Control conditions, which compute the force that moves the master.
 
-It is the force of the operator or the force of the PE (persistent excitation) injector. The PE
-injector computes the force that moves the slave along a known signal.
+The force is either that of the operator or that of the PE (persistent excitation) injector. The PE
+injector computes a force that moves the slave along a known signal.
 """
 
 from __future__ import annotations

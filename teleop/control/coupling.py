@@ -1,4 +1,4 @@
-"""Coupling: computes the velocity of the slave from the motion of the master."""
+"""Compute the velocity of the slave from the motion of the master."""
 
 from __future__ import annotations
 

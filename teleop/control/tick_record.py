@@ -59,7 +59,7 @@ class Record(NamedTuple):
     """1 while the contact gate of the estimators detects contact, else 0; NaN if there is no
     contact gate or no estimate."""
     misfit: tuple[float, ...]
-    """Misfit of each estimator (`estimation.misfit`); NaN until it is known."""
+    """Misfit of each estimator, see `estimation.misfit`; NaN before the first value."""
     mode: Mode
     """Mode of the supervisor."""
     limited: int

@@ -11,7 +11,7 @@ import numpy as np
 from estimation.compiled import Floats
 
 RECENT = 1.0
-"""The live page shows the largest lateness within this time [s]."""
+"""Length of the time window [s]. The live page shows the largest lateness within this window."""
 
 
 class Health:

@@ -60,7 +60,7 @@ class History:
     Attributes
     ----------
     epoch
-        Number of calls of `clear`.
+        Integer that increases when the rows are cleared, or when a new trial begins.
     end
         Number of rows that were added, which is the index of the next row.
     """

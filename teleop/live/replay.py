@@ -1,4 +1,4 @@
-"""Replay of a recording on the live page, with a slider for the time."""
+"""Replay a recording on the live page, with a slider for the time."""
 
 from __future__ import annotations
 

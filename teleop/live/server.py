@@ -67,7 +67,7 @@ class Server:
         Parameters
         ----------
         host
-            Address to listen at.
+            Address at which the server listens.
         port
             Port; 0 for any free port.
 

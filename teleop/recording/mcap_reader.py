@@ -141,7 +141,7 @@ def read_ticks(path: Path, contents: Contents) -> Iterator[NDArray[np.uint8]]:
 
 
 class ReaderWithoutIndices(StreamReader):
-    """MCAP reader that skips message indices, because to parse them takes longer than the ticks."""
+    """MCAP reader that skips message indices. Parsing these takes longer than parsing the ticks."""
 
     def _read_record(self, opcode: int, length: int) -> McapRecord | None:
         if opcode == Opcode.MESSAGE_INDEX:

@@ -45,7 +45,7 @@ class RecorderProcess(Sink):
     show
         Whether to show the progress line.
     wait
-        Whether the loop waits while the pipe is full. This is for trials in virtual time. In real
+        Whether the loop waits while the pipe is full. True for trials in virtual time. In real
         time, a tick is dropped if it does not fit into the pipe.
     overwrite
         Whether to overwrite an existing file.

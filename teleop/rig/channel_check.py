@@ -33,7 +33,7 @@ class ChannelReport(NamedTuple):
     name: str
     """Name of the channel."""
     source: str
-    """Device and signal of the channel, DEVICE.SIGNAL."""
+    """Device and signal of the channel, in the form DEVICE.SIGNAL."""
     rate_hz: float
     """Sampling rate, the inverse of the median time between samples [Hz]."""
     jitter_s: float

@@ -70,10 +70,7 @@ class DriveTravel:
 
     @property
     def explained(self) -> float:
-        """Largest difference between commanded and measured travel in an intact drive [m].
-
-        Encoder resolution and drive compliance cause this difference.
-        """
+        """Largest travel error that encoder resolution and drive compliance can cause [m]."""
         return self._resolution + self._compliance * abs(self._force - self._start_force)
 
     def problem(self, settled: bool) -> str:

@@ -1,4 +1,4 @@
-"""Lines that a person types while a loop is running. Reading them does not block the loop."""
+"""Read lines that a person types while a loop is running, without blocking the loop."""
 
 from __future__ import annotations
 

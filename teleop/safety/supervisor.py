@@ -1,4 +1,4 @@
-"""The safety supervisor: a pure function that converts the desired to the applied command.
+"""The safety supervisor, a pure function that converts the desired command to the applied command.
 
     supervise(state, measurement, desired, request, limits) -> state, command, events
 

@@ -100,7 +100,7 @@ class CanopenNode(EmulatedCanDevice):
             self.written(index)
 
     def check(self, index: int, sub: int, value: int) -> None:
-        """Raise Abort for changes of PDOs that CiA 301 7.5.2.35 to 38 does not allow."""
+        """Raise Abort if CiA 301 7.5.2.35 to 38 does not allow this change of a PDO."""
         kind = index & 0xFE00
         if kind not in (0x1400, 0x1600, 0x1800, 0x1A00):
             return

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from drivers.devices.ft300 import Ft300Settings
 
 PERIOD = 10e-3
-"""Period of frames [s]."""
+"""Time between two frames [s]."""
 BACKLOG = 5
 """Largest number of frames that are sent with a delay; older frames are omitted."""
 RANGES = {"fx": 300.0, "fy": 300.0, "fz": 300.0, "mx": 30.0, "my": 30.0, "mz": 30.0}

@@ -1,4 +1,4 @@
-"""Estimate of the environment at the slave, for model-mediated feedback.
+"""Estimate the environment at the slave, for model-mediated feedback.
 
 The estimator is recursive least squares with the stiffening model f = b v + k x + k3 x^3. An
 estimate is accepted if its misfit is small, and if it predicts the force at the deepest recent
@@ -44,8 +44,8 @@ more samples. An update at each tick would take a quarter of the computing time 
 CONFIRMED = 1.0
 """Contact force [N] above which a measured force can confirm the model."""
 DOUBT = 0.25
-"""The model is not confirmed if the force exceeds the predicted force by more than this
-fraction."""
+"""The model is not confirmed if the measured force exceeds the predicted force by more than this
+fraction of the predicted force."""
 
 
 class LocalModel:

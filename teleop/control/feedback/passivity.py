@@ -8,9 +8,10 @@ E_in to the other side. With the delay T of the channel, the conditions are
     E_out at the master (t) <= E_in at the slave (t - T)
     E_out at the slave (t) <= E_in at the master (t - T)
 
-If a condition is violated, the passivity controller dissipates the difference: at the master by a
-damping force proportional to the velocity, at the slave by a velocity proportional to the contact
-force.
+In these conditions, the energies at the slave are multiplied by the force gain divided by the
+motion scale. If a condition is violated, the passivity controller dissipates the difference. At the
+master, it adds a damping force proportional to the velocity. At the slave, it adds a velocity
+proportional to the contact force.
 
 The ports are those at the hand and at the environment, so that E_in and E_out contain the energy
 that the passivity controllers dissipate. Ryu et al. observe the ports of the network, and add the

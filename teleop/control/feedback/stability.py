@@ -14,8 +14,8 @@ changes the estimate of b in the same way. The condition for a positive damping 
     d + b_a + alpha b > alpha k tau.                                                           (2)
 
 For b = 0, condition (2) is sufficient for the stability of (1). If (1) had a solution s = j w on
-the imaginary axis, its imaginary part would be (d + b_a) w = alpha k sin(w tau) <= alpha k w tau,
-which contradicts (2).
+the imaginary axis, the imaginary part of (1) would give
+(d + b_a) w = alpha k sin(w tau) <= alpha k w tau, which contradicts (2).
 
 The arm acts through the servo of the handle, the force channel of the handle and the loop, with a
 lag tau_h. k_arm is the stiffness of the arm without the spring. To first order in s tau_h, the lag
@@ -34,10 +34,10 @@ The exact largest delay follows from the solutions s = j w on the imaginary axis
 
     (k_a - m w^2)^2 + (d + b_a)^2 w^2 = alpha^2 (k^2 + b^2 w^2)                                (3)
 
-is quadratic in w^2, and the phase of (1) at each solution gives tau. Without delay, all
-coefficients of (1) are positive and (1) is stable. With increasing delay, (1) becomes unstable at
-the smallest tau of all solutions. If there is no solution, for example if k_a > alpha k and the
-damping is large, (1) is stable with any delay.
+is quadratic in w^2, and the phase of (1) at each solution gives tau. Without delay, (1) is stable
+if d + b_a + alpha b > 0. With increasing delay, (1) becomes unstable at the smallest tau of all
+solutions. If there is no solution, for example if k_a > alpha k and the damping is large, (1) is
+stable with any delay.
 
 Sources: W. S. Kim, B. Hannaford, A. K. Bejczy, "Force-reflection and shared compliant control in
 operating telemanipulators with time delay", IEEE Trans. Robotics and Automation 8(2), 1992;
