@@ -55,7 +55,7 @@ class Clock(ABC):
 
     @abstractmethod
     def wait(self) -> Tick:
-        """Wait until the next deadline. The first call returns at once and starts the periods."""
+        """Wait until the next deadline. The first call sets the first deadline, without waiting."""
 
 
 class VirtualClock(Clock):

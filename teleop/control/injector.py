@@ -21,7 +21,7 @@ class Injector:
     signal
         The excitation signal.
     depth
-        Greatest displacement of the slave [m], > 0.
+        Largest displacement of the slave [m], > 0.
     admittance
         Mass, damping and stiffness of the virtual dynamics of the master.
     scale

@@ -21,7 +21,7 @@ class Target:
     frequency: float
     """Frequency f [Hz], > 0."""
     depth: float
-    """Greatest displacement of the slave [m], > 0."""
+    """Largest displacement of the slave [m], > 0."""
     count_in: float = 0.0
     """Time at the start during which the target is constant [s], >= 0."""
 

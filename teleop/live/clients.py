@@ -97,5 +97,5 @@ class Client:
         broadcast([self.connection], frame)
 
     def abort(self) -> None:
-        """Close the connection at once."""
+        """Close the connection immediately, and discard unsent data."""
         self.connection.transport.abort()

@@ -38,7 +38,7 @@ PARTS = ("k", "b", "k_std", "b_std", "held", "misfit")
 
 
 def shown_columns(names: Sequence[str], estimators: Sequence[str]) -> list[str]:
-    """Return the columns of a tick that are sent to the live page, in the order of a row."""
+    """Return the names of the columns that are sent to the live page, in the order of a row."""
     of_estimators = [f"{name}_{part}" for name in estimators for part in PARTS]
     return [name for name in (*NAMES, *of_estimators) if name in set(names)]
 

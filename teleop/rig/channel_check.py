@@ -72,7 +72,7 @@ def listen(
     seconds
         Duration of the measurement [s].
     show
-        Function that is called four times per second with the statistics so far.
+        Function that is called four times per second with the present statistics.
     """
     limits = rig_limits(rig.file.sections).channels
     logs = {name: ChannelLog() for name, _ in rig.file.sections.channels.items()}

@@ -37,7 +37,7 @@ SOFT_FORCE = 5.0
 AWAY = 2e-3
 """Distance between the simulated slave and the cube at the start [m]."""
 TOUCH = 0.5
-"""Smallest contact force that counts as contact [N].
+"""Smallest contact force that is treated as contact [N].
 
 If ten times the standard deviation of the noise is larger than this force, ten times the standard
 deviation is used instead.

@@ -30,13 +30,15 @@ def ramp_down(command: Command, dt: float, limits: Limits) -> Command:
     dt
         Time since the previous tick [s].
     limits
-        Limits, of which the greatest accelerations of master and slave are used.
+        Limits of the rig. Only the largest accelerations of master and slave are used.
     """
     return limit_acceleration(STANDSTILL, command, dt, limits)
 
 
 def limit_acceleration(wanted: Command, last: Command, dt: float, limits: Limits) -> Command:
-    """Return the command nearest to the wanted command that the acceleration limits permit.
+    """Return the permitted command that is nearest to the wanted command.
+
+    A command is permitted if the accelerations of master and slave do not exceed their limits.
 
     Parameters
     ----------
@@ -47,7 +49,7 @@ def limit_acceleration(wanted: Command, last: Command, dt: float, limits: Limits
     dt
         Time since the previous tick [s].
     limits
-        Limits, of which the greatest accelerations of master and slave are used.
+        Limits of the rig. Only the largest accelerations of master and slave are used.
     """
     master, slave = limits.max_master_acceleration * dt, limits.max_acceleration * dt
     return Command(

@@ -170,7 +170,7 @@ def stop_for_faults(
     """Return the output of the supervisor in mode fault.
 
     The command decreases to zero on a ramp. If a fault or `halt` requires an immediate stop, the
-    command is zero at once. Each kind of fault is stored and reported once. Faults that are
+    command is zero immediately. Each kind of fault is stored and reported once. Faults that are
     detected at the same tick are ordered by severity, the most severe first.
 
     Parameters
