@@ -1,12 +1,13 @@
-// Contact force over displacement in the last three seconds, with the line f = k x of each estimator.
+// Plot of contact force against displacement in the last three seconds, with the line f = k x of each
+// estimator.
 
 import { clear, fit } from "./canvas.js";
 import { fixed } from "./format.js";
 import { Scale } from "./scale.js";
 import { colours, estimatorColour, estimatorDash, font, onTheme } from "./theme.js";
 
-const SHOWN = 3; // s
-const EVERY = 2; // rows
+const SHOWN = 3; // time that the plot shows [s]
+const EVERY = 2; // the plot contains every second row
 
 export class ForceDisplacement {
   constructor(canvas, store) {
@@ -100,7 +101,7 @@ export class ForceDisplacement {
     context.fillText("force [N] over displacement [mm], last 3 s", 0.7 * size, 1.3 * size);
   }
 
-  // f = k x of each estimator over the range of the plot.
+  // Draw the line f = k x of each estimator over the range of the plot.
   #fits(X, Y) {
     const { context, canvas } = this;
     const { low, high } = this.scales.x;
