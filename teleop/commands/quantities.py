@@ -1,4 +1,4 @@
-"""Types of options for physical quantities: a number with a unit is converted to SI units."""
+"""Define option types for physical quantities. They convert a number with a unit to SI units."""
 
 from __future__ import annotations
 
