@@ -1,4 +1,4 @@
-"""The plan of a sweep: the settings that vary, their values, and the task at each point."""
+"""Read the plan of a sweep: the settings that vary, their values, and the task at each point."""
 
 from __future__ import annotations
 
@@ -85,8 +85,8 @@ class SweepPlan(BaseModel):
     settings: dict[str, Any] = {}
     """Settings of all trials, as in a configuration file."""
     estimate: Evaluated | None = None
-    """Recording that is evaluated at each point. Default: no recording; at each point a trial is
-    run on the simulated rig."""
+    """Recording from which estimates are computed at each point. By default, a trial is run on the
+    simulated rig at each point instead."""
 
     @property
     def is_random(self) -> bool:
