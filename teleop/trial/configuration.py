@@ -1,4 +1,4 @@
-"""Configuration files: the settings of a trial in TOML.
+"""Read and write configuration files, which contain the settings of a trial in TOML.
 
 A configuration file has the same keys as the JSON document of the settings (`settings_json`).
 """

@@ -56,7 +56,7 @@ class StopSwitch(Interruption):
 
     @property
     def hint(self) -> str:
-        """Text on the keys that stop the run, for the progress line."""
+        """Text about the keys that stop the run, for the progress line."""
         return "Enter stops" if self._has_key else "Ctrl-C stops"
 
     @property
