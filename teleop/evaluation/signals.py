@@ -1,4 +1,4 @@
-"""Reading of measured time, position and force from a file of any supported format."""
+"""Read measured time, position and force from a file of any supported format."""
 
 from __future__ import annotations
 

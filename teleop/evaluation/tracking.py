@@ -1,4 +1,4 @@
-"""Tracking: how well a position follows a sinusoidal target."""
+"""Compute how well a position follows a sinusoidal target."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from estimation.compiled import Floats
 FEWEST = 2.0
 """Smallest number of periods of the target for which the tracking is computed."""
 ROUNDING = 0.02
-"""Fraction of a period by which the last period may be incomplete. Then, a few missing ticks do not
-exclude a whole period."""
+"""Fraction of a period by which the last period may be incomplete, so that a few missing ticks do
+not exclude a whole period."""
 EARLIEST = 0.25
 """Greatest lead of the position, as a fraction of the period. A larger lead is treated as a
 delay."""
@@ -35,7 +35,7 @@ there is no target."""
 
 
 class Tracking(NamedTuple):
-    """Result: how a position follows a sinusoidal target.
+    """Numbers that describe how well a position follows a sinusoidal target.
 
     Gain, phase and delay are values at the frequency of the target.
     """

@@ -1,4 +1,4 @@
-"""Construction of tables from named arrays, the content of all binary formats."""
+"""Build tables from named arrays, which are the content of all binary formats."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ WIDEST = 1000
 
 
 def vectors(name: str, value: Any, by_rows: bool = False) -> dict[str, Floats]:
-    """Return the columns of an array: itself, or the columns of a matrix, numbered from 1.
+    """Return the columns of an array: the array itself, or the columns of a matrix, from 1.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Detection of the encoding of a text file from its first bytes."""
+"""Detect the encoding of a text file from its first bytes."""
 
 from __future__ import annotations
 
@@ -70,5 +70,5 @@ def decodes(head: bytes, code_page: str) -> bool:
 
 
 def plainly_chinese(head: bytes) -> bool:
-    """Return whether all non-ASCII text is common Chinese characters, none next to a letter."""
+    """Return whether all non-ASCII text is common Chinese characters that follow no letter."""
     return decodes(head, "gb2312") and not re.search(rb"[A-Za-z][\x80-\xff]", head)

@@ -1,4 +1,4 @@
-"""Reader of Excel workbooks and other spreadsheets."""
+"""Read Excel workbooks and other spreadsheets."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Search for the header above the samples of a table, with or without a row of units."""
+"""Find the header above the samples of a table, with or without a row of units."""
 
 from __future__ import annotations
 
