@@ -27,7 +27,7 @@ DEPTH = 5e-3
 
 
 def fine_preset() -> Preset:
-    """Return the paper's preset for the soft cube, with a grid step smaller than the noise of k."""
+    """Return the paper's preset for the soft cube, with a grid finer than the noise of k and b."""
     grid = Grid(b=Axis(-500.0, 500.0, 100_001), k=Axis(0.0, 40_000.0, 1_000_001))
     return replace(paper_preset("soft"), grid=grid)
 

@@ -1,4 +1,4 @@
-"""Define a trial into which a fault is injected. Its clock can skip periods, its recorder end."""
+"""Define a trial into which a fault is injected, with a clock that can skip periods."""
 
 from __future__ import annotations
 

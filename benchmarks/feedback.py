@@ -71,7 +71,7 @@ def bodies(seeds: int, rigid: bool) -> Iterator[Row]:
 def stability_map(seeds: int, rigid: bool) -> Iterator[Row]:
     """Yield the cases of the map of position-force, with the first round trip of each case.
 
-    The first round trip is the largest one for which condition (2) of
+    The first round trip is the largest of `MAP_ROUND_TRIPS` for which condition (2) of
     `teleop.control.feedback.stability` holds.
     """
     for cube, damping, arm, seed in itertools.product(CUBES, DAMPINGS, ARMS, range(seeds)):

@@ -46,7 +46,7 @@ LOST = 0.1
 COUNTS = struct.Struct("<qqq")
 """Content of the shared memory: pushed ticks, process id of the recorder, state of the run.
 
-The state is 0 during the run, 1 after it, and 2 if the recording was not complete.
+The state is 0 during the run, 1 after a complete run, and 2 if the recording was not complete.
 """
 
 

@@ -37,7 +37,7 @@ KINDS = {"pool": "pool worker", "dask": "Dask worker", "main": "main process"}
 
 
 class Sweep:
-    """A sweep that is run by two workers. The file plan.toml is beside the folder of the sweep.
+    """A sweep that is run by two workers. The plan is the file plan.toml in the parent folder.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ class Sweep:
 
     @property
     def done(self) -> list[int]:
-        """Numbers of the points in the journal, whose lines are complete."""
+        """Numbers of the points in the complete lines of the journal."""
         journal = self.folder / "journal.jsonl"
         lines = journal.read_bytes().splitlines(keepends=True) if journal.exists() else []
         points = (json.loads(line).get("point") for line in lines if line.endswith(b"\n"))

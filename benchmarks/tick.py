@@ -165,7 +165,7 @@ def measure(case: str, seconds: float, rig: str) -> Durations:
 
 
 def in_process(tree: Path | None, case: str, seconds: float, rig: Path | None) -> Durations:
-    """Measure a version in another process, and return the durations; empty if no trial ended."""
+    """Measure a version in another process, and return the durations; empty if no attempt works."""
     environment = dict(os.environ, OPENBLAS_NUM_THREADS="1")
     if tree:
         environment["PYTHONPATH"] = str(tree)

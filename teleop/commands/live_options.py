@@ -46,7 +46,7 @@ class LiveOptions:
     the trial."""
 
     def requested(self, settings: Sequence[TrialSettings]) -> LiveOptions:
-        """Return these options. Set `live` also if the settings of a trial request the page."""
+        """Return these options, and enable `live` if the settings of a trial request the page."""
         return replace(self, live=self.live or any(one.live for one in settings))
 
     def arms(self, settings: Sequence[TrialSettings], yes: bool) -> bool:

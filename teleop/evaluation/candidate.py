@@ -83,7 +83,7 @@ def evaluate(
     top, bottom = int(np.argmax(without)), int(np.argmin(without))
 
     def effect(i: int) -> Floats:
-        """Return the derivatives of the elastic force at usable sample i by the parameters."""
+        """Return the derivatives of the elastic force at usable sample i, one per parameter."""
         found = np.zeros(m)
         found[first:] = [*rows.fine_powers[i, :degree], *(z[index[i]] for z in relaxing)]
         return found
@@ -151,7 +151,7 @@ def evaluate(
 
 
 def with_neighbours(mask: NDArray[np.bool_], index: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Return the indices of the true values; if the runs are short, also of their neighbours.
+    """Return the indices of the true values of a mask; if its runs are short, also of neighbours.
 
     The slope within a run needs three samples. In a fast motion, fewer samples are near half of the
     force range.
@@ -203,5 +203,5 @@ def loading_slope(x: Floats, v: Floats, z: Floats, pass_of: NDArray[np.int_]) ->
 
 
 def pass_means(values: Floats, pass_of: NDArray[np.int_]) -> Floats:
-    """Replace each value by the mean of its pass, shape (n,)."""
+    """Return for each value the mean of the values in the same pass, shape (n,)."""
     return np.asarray((np.bincount(pass_of, values) / np.bincount(pass_of))[pass_of])

@@ -20,7 +20,7 @@ from teleop.evaluation.tracking import COLUMNS, Tracking
 NO_LEVEL = "-"
 """Level of a factor that is not known for a recording."""
 RESULT = "result"
-"""Name of the method `result`, the batch result; the other methods are the estimators."""
+"""Name of the method that gives the batch result. The other methods are the estimators."""
 NEVER_UPDATED = "the estimator was never updated: no contact or no motion"
 SUBJECT = "subject"
 """Name of the random factor. Its levels are a sample of persons or specimens."""

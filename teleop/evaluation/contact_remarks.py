@@ -1,4 +1,4 @@
-"""Write remarks on the contact: adhesion at release, friction, and inverted signs."""
+"""Find what must be remarked on the contact: adhesion at release, friction, inverted signs."""
 
 from __future__ import annotations
 

@@ -119,7 +119,7 @@ class Prepared:
         if len(before) < 2:
             return self.band.centre
         crossings = before + x[before] / (x[before] - x[before + 1])
-        if len(crossings) > FEWEST_INNER:  # the baseline moves those at the ends
+        if len(crossings) > FEWEST_INNER:  # the baseline shifts the crossings at the ends
             crossings = crossings[1:-1]
         return (len(crossings) - 1) / float((crossings[-1] - crossings[0]) * self.period)
 

@@ -1,4 +1,4 @@
-"""Compare the force that the hand felt in a trial with force feedback with the contact force."""
+"""Compare the force that the hand felt, in a trial with force feedback, to the contact force."""
 
 from __future__ import annotations
 
@@ -24,13 +24,16 @@ stiff arm on a soft specimen can exceed this fraction. Such a trial is counted a
 
 
 class Rendering(NamedTuple):
-    """Summary of what the hand felt in a trial. Values are NaN without contact after `SETTLING`."""
+    """Summary of what the hand felt in a trial.
+
+    Without contact after `SETTLING`, the stiffness and the errors are NaN.
+    """
 
     rendered_k: float
     """Secant stiffness that the hand felt [N/m]: sum of f x divided by sum of x^2."""
     rendered_k_error: float
-    """Relative difference between `rendered_k` and the secant stiffness at the slave, multiplied by
-    force gain and motion scale."""
+    """Relative difference between `rendered_k` and its reference. The reference is the secant
+    stiffness at the slave, multiplied by the force gain and the motion scale."""
     felt_force_error: float
     """Root mean square difference between the felt force and the contact force of the same motion,
     divided by the root mean square contact force."""

@@ -1,4 +1,4 @@
-"""Return the result for publication: stiffness and damping with intervals, or reasons for none.
+"""Compute the result for publication: stiffness and damping with intervals, or reasons for none.
 
 k is the tangent stiffness at half of the force range, in loading (`local_stiffness`). k depends
 neither on the zero of position and force nor on the length of the record. The secant stiffness F /
@@ -145,7 +145,7 @@ def publishable(
     inside = phases.usable
     lowest = float(record.x[inside].min())
     point, level = phases.contact_point, phases.free_force
-    if local.baseline_size > 0.0:  # neither is constant
+    if local.baseline_size > 0.0:  # contact point and level change with the baseline
         point = level = None
     zero = point.value if point else lowest
     force = local.best.force

@@ -86,7 +86,7 @@ def read_signals(
 
 
 def chosen_table(path: Path, wanted: Wanted, whole: Collection[str] = ()) -> Table:
-    """Return the table of a file with the wanted columns, or with the number that the user states.
+    """Return the table that has the wanted columns, or the number that the user states.
 
     Parameters
     ----------

@@ -18,10 +18,10 @@ EARLIEST = 0.25
 """Greatest lead of the position, as a fraction of the period. A larger lead is treated as a
 delay."""
 SPAN = 2.0
-"""The achieved frequency is searched between the target frequency divided and multiplied by this
-factor."""
+"""Limits of the search for the achieved frequency: the target frequency divided by this factor, and
+multiplied by this factor."""
 SAMPLES, PADDING = 64, 8
-"""In the search of the achieved frequency: samples per period of the target, and factor by which
+"""For the search for the achieved frequency: samples per period of the target, and factor by which
 zero-padding lengthens the signal."""
 COLUMNS = {
     "gain": "tracking gain",

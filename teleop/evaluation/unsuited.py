@@ -16,7 +16,7 @@ FEWEST_PER_CYCLE = 8.0
 SMOOTHED = 9
 """Length of the median filter that is applied before the search for a puncture [samples]."""
 FALL = 0.25
-"""Smallest fall of the force in loading that counts as a puncture, as a fraction of the range."""
+"""Smallest fall of the force in loading that counts as a puncture, as a fraction of its range."""
 FALL_NOISE = 12.0
 """Smallest fall of the force that counts as a puncture, in standard deviations of its noise."""
 FALL_TRAVEL = 0.02
@@ -70,7 +70,7 @@ def rests_at_zero(record: Prepared) -> bool:
 
 
 def negative_force(record: Prepared) -> bool:
-    """Return whether the lowest force is negative, and at least three times the highest."""
+    """Return whether the lowest force is negative, and over three times as large as the highest."""
     low, high = np.percentile(record.f, [0.5, 99.5])
     return bool(low < 0.0 and high < -low / 3.0)
 
@@ -109,9 +109,10 @@ def creep_force(record: Prepared, phases: Phases) -> float | None:
 
 
 def puncture(record: Prepared) -> tuple[float, float, float] | None:
-    """Return the force before and after a puncture [N], and its position [m]; None for none.
+    """Return the force before and after a puncture [N], and its position [m].
 
-    The force falls suddenly while the position continues to increase.
+    In a puncture, the force falls suddenly while the position continues to increase. The result is
+    None without a puncture.
     """
     f = median_filter(record.raw_f, SMOOTHED, mode="nearest")
     x, v = record.x, record.v

@@ -20,7 +20,7 @@ between two groups."""
 WIDE = 10.0
 """Ratio of the largest to the smallest stiffness above which the stiffness axis is logarithmic."""
 CHARACTERS = 9.0
-"""Largest number of characters per inch [1/in] for which group names are written horizontally."""
+"""Largest number of characters per inch of width for which group names are written horizontally."""
 LONGEST_LEVEL = 24
 """Number of characters to which the name of a level is shortened."""
 

@@ -109,7 +109,7 @@ def letters(index: int) -> str:
 
 
 def mean_text(mean: Mean) -> str:
-    """Return a mean and the half width of its interval as text; a dash for a mean not finite."""
+    """Return a mean and the half width of its interval as text; a dash if the mean is NaN."""
     if not math.isfinite(mean.value):
         return "-"
     if not math.isfinite(mean.half):

@@ -18,8 +18,8 @@ STALL = 20.0
 GAPS_LISTED = 3
 """Largest number of gaps between samples that are listed."""
 MEANINGLESS = 1e6
-"""Largest ratio of the half width of an interval to the estimate at which the interval is shown. A
-wider interval contains no information."""
+"""An interval is shown only if the ratio of its half width to the estimate is less than this value.
+A wider interval contains no information."""
 HEADINGS = ("", "k [N/m]", "b [N s/m]", "e_f [N]", "one-step rms [N]", "rise time [s]")
 """Headings of the table of averages."""
 AVERAGES = "averages, from the first estimate of each estimator on"

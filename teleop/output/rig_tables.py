@@ -73,7 +73,7 @@ def channel_tables(title: str, channels: Sequence[Row]) -> list[Table | str]:
 
 @contextlib.contextmanager
 def live_channels(stream: TextIO) -> Iterator[Callable[[Sequence[Row]], None]]:
-    """Show a table of the channels within the block, and update it. Only terminals show the table.
+    """Show a table of the channels within the block, if the stream is a terminal.
 
     Yields
     ------

@@ -131,7 +131,7 @@ def draw_effect(
 
 
 def label_axis(axes: Axes, factor: str, levels: Levels) -> None:
-    """Label the horizontal axis with a factor and its levels. The scale may be logarithmic."""
+    """Label the horizontal axis with a factor and its levels, and make it logarithmic if needed."""
     axes.set_xlabel(plain(factor))
     if levels.names:
         name_ticks(axes, levels.places, levels.names)
@@ -147,7 +147,7 @@ def name_ticks(axes: Axes, places: Floats, names: Sequence[str]) -> None:
 
 
 def is_logarithmic(places: Floats) -> bool:
-    """Return whether a logarithmic axis spaces the values of a factor more evenly."""
+    """Return whether the values of a factor are more evenly spaced on a logarithmic axis."""
     if len(places) < 3 or places[0] <= 0.0:
         return False
     even, even_logarithm = (np.diff(one) for one in (places, np.log(places)))

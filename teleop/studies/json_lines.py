@@ -17,7 +17,7 @@ from teleop.files import unwritable
 from teleop.json_documents import dumps, loads
 
 LOCK = ".lock"
-"""Name of the file in a folder that is locked while a program works in this folder."""
+"""Name of a file in a folder. The file is locked while a program works in the folder."""
 
 
 class JsonLines:
@@ -57,7 +57,7 @@ class JsonLines:
         return positions
 
     def read(self) -> Iterator[tuple[int, dict[str, Any]]]:
-        """Yield the position [bytes] and document of each line; remove an incomplete last line.
+        """Yield the position [bytes] and the document of each line; remove an incomplete last line.
 
         Raises
         ------

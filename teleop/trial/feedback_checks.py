@@ -14,7 +14,7 @@ from teleop.trial.settings import TrialSettings
 LOOP_DELAY = 1.5
 """Delay of the loop in periods: a command is computed from the last sample, and then held."""
 PASSIVITY_OFFERED = {"soft": (0.0, 0.5)}
-"""Shortest and longest round trip [s] with which passivity control is offered, by cube.
+"""Shortest and longest round trip [s] for which passivity control is permitted, by cube.
 
 At each round trip in between, 20 of 20 trials were stable
 (`benchmarks/results/feedback-passivity.csv`).

@@ -25,7 +25,7 @@ STOPPED = DetectedFault(Fault.EMERGENCY_STOP, "live page", math.nan, math.nan, m
 
 
 class NoPage:
-    """Requests without a live page. There are none, because the drives are armed elsewhere."""
+    """Requests without a live page: there are none, and the drives may be armed."""
 
     reason = ""
     """Reason why the live page ended the trial; empty if the page did not end it."""

@@ -1,4 +1,4 @@
-"""Settings of a trial. They are checked once, when they are created."""
+"""Define the settings of a trial. They are checked once, when they are created."""
 
 from __future__ import annotations
 

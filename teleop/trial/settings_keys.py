@@ -23,7 +23,7 @@ NAMES = {
 `TrialSettings`."""
 FIELDS = {key: name for name, key in NAMES.items()}
 MOST_LISTED = 12
-"""Largest number of keys that a message lists. If there are more, it states a similar key only."""
+"""Largest number of keys that a message lists. If there are more, only a similar key is stated."""
 Place = Sequence[str | int]
 """Place of a value in the document: the keys of all tables around it, and its own key."""
 

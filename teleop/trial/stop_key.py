@@ -1,4 +1,4 @@
-"""The emergency-stop key: Enter or Space in the terminal during a run."""
+"""Read the emergency-stop key, which is Enter or Space in the terminal, during a run."""
 
 from __future__ import annotations
 

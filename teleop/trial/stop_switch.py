@@ -1,4 +1,4 @@
-"""The stop switch of a run: combines signals, the stop key, and requests of the live page."""
+"""Combine signals, the stop key, and requests of the live page into the stop switch of a run."""
 
 from __future__ import annotations
 

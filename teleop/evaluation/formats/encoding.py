@@ -22,8 +22,8 @@ BOMS = (
 def encoding_of(head: bytes, names: Sequence[str] = ()) -> str | None:
     """Return the encoding of a text file; None if it is not text.
 
-    If the file has no byte order mark, the encoding is chosen with which the largest number of
-    cells are names or units of measured quantities.
+    If the file has no byte order mark, several encodings are tried. The chosen encoding gives the
+    largest number of cells that are names or units of measured quantities.
 
     Parameters
     ----------

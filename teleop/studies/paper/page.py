@@ -76,7 +76,7 @@ def table_one(outcomes: Sequence[Outcome]) -> Iterator[tuple[str, list[dict[str,
 
 
 def damping_cells(outcomes: Sequence[Outcome]) -> list[list[str]]:
-    """Return cells with the damping of each trial, before and after each removal of a bias."""
+    """Return cells with the damping of each trial, from all causes of bias to none of them."""
     return [
         [
             f"{outcome.condition} {outcome.cube}",

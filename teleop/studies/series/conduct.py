@@ -164,7 +164,7 @@ def conduct(
 
 
 def attempt(folder: Path, journal: Journal, trial: PlannedTrial, run: Run, note: str) -> str:
-    """Run a trial once. Return the reason why it must be repeated; empty if it was successful.
+    """Run a trial once, and return the reason why it must be repeated; empty after success.
 
     Raises
     ------

@@ -41,7 +41,8 @@ class Range(BaseModel):
     steps: Annotated[int, Field(ge=2, le=MOST_POINTS)] | None = None
     """Number of values, for the designs grid and list. Not used in a random design."""
     scale: Literal["linear", "log"] = "linear"
-    """`linear` if the values are evenly distributed, `log` if the logarithms of the values are."""
+    """`linear` if the values are evenly distributed; `log` if their logarithms are evenly
+    distributed."""
 
     @model_validator(mode="after")
     def _ordered(self) -> Range:
