@@ -109,7 +109,7 @@ def letters(index: int) -> str:
 
 
 def mean_text(mean: Mean) -> str:
-    """Return a mean and the half width of its interval as text; a dash if the mean is NaN."""
+    """Return a mean with the half width of its interval; a dash if the mean is not finite."""
     if not math.isfinite(mean.value):
         return "-"
     if not math.isfinite(mean.half):
