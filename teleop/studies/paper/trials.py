@@ -1,4 +1,4 @@
-"""The nine trials of the paper with the paper's settings, and the causes of the damping bias."""
+"""Run the paper's nine trials with the paper's settings, and remove the causes of damping bias."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ bandwidth."""
 NO_METHODS = Methods()
 """Value for a reproduction without further estimators."""
 DRAWN = 10
-"""One of this number of ticks is shown in the figures."""
+"""Distance between two ticks that the figures show [ticks]."""
 
 
 class Damping(NamedTuple):
@@ -106,7 +106,7 @@ def paper_trial(condition: ConditionName, cube: CubeName, seed: int = 0) -> Tria
 
 
 def damping_steps(trial: Trial) -> Damping:
-    """Return the damping, first estimated as in the paper, then with causes of bias removed."""
+    """Return the damping as estimated in the paper, and after each removal of a cause of bias."""
     settings, columns = trial.settings, trial.columns
     force, dt = columns["contact_force"], columns["dt"]
     encoder = MatchedSignals(columns["slave_position"], force, dt)
@@ -187,7 +187,7 @@ def lag_and_damping(frequency: float) -> SlowTrial:
 
 
 def as_rows(outcomes: Iterable[Outcome]) -> list[dict[str, Any]]:
-    """Return one row for each trial and estimator, with the cell of the paper's Table I."""
+    """Return one row for each trial and estimator, with the values in the paper's Table I."""
     return [
         {
             "condition": outcome.condition,

@@ -1,4 +1,4 @@
-"""Reading of the rows of a sweep's table that the figures show."""
+"""Read the rows of a sweep's table that the figures show."""
 
 from __future__ import annotations
 
