@@ -25,8 +25,6 @@ SOFT, HARD = 20.0, 40.0
 DURATION = 10.0
 """Duration of a trial [s]."""
 JITTER, LOSS = 20e-3, 0.05
-BEFORE_STOP = 0.5
-"""Time from the contact to the change of a body that changes while it is indented [s]. Not used."""
 
 
 def loose(cube: Cube) -> Cube:
