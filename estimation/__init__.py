@@ -1,4 +1,4 @@
-"""Online estimation of the damping and stiffness of an environment, f = b v + k x."""
+"""Estimate the damping b and stiffness k of an environment online, with f = b v + k x."""
 
 from estimation.bank import Bank
 from estimation.conditioning import (
