@@ -20,7 +20,7 @@ class ReferenceParameters:
     bandwidth: float
     """Bandwidth a of the reference and of the model [1/s]."""
     floor: float
-    """Value of s's at which the rate is halved, with s_i = phi_i / size_i."""
+    """Value of s' s at which the rate is halved, with s_i = phi_i / size_i."""
     per_size: tuple[float, ...]
     """1 / typical size of each regressor, (m,)."""
 
@@ -42,7 +42,7 @@ def step(
 ) -> None:
     """Integrate e and theta over one sample period by implicit Euler.
 
-    With s_i = phi_i / size_i, G = diag(1 / size_i^2) and n^2 = floor + s's,
+    With s_i = phi_i / size_i, G = diag(1 / size_i^2) and n^2 = floor + s' s,
 
         e' = -a e + a (f - phi' theta) / n,    theta' = rate G phi e / n.
     """
@@ -75,7 +75,7 @@ class ReferenceModel(Estimator):
 
         e' = -a e + a (f - phi' theta) / n,    theta' = rate G phi e / n,
 
-    where G = diag(1 / size_i^2). n^2 = floor + s's, with s_i = phi_i / size_i, increases with phi,
+    where G = diag(1 / size_i^2). n^2 = floor + s' s, with s_i = phi_i / size_i, increases with phi,
     so that one rate is suitable for every depth and cube. For a constant environment theta_0,
 
         V = e^2 + a (theta - theta_0)' G^-1 (theta - theta_0) / rate,    V' = -2 a e^2.
@@ -95,7 +95,7 @@ class ReferenceModel(Estimator):
         Bandwidth a [1/s] of the reference and of the model. Below four times the rate, e
         oscillates.
     floor
-        Value of s's at which the rate is halved. Samples with a smaller s's have little effect.
+        Value of s' s at which the rate is halved. Samples with a smaller s' s have little effect.
     model
         Model that defines the regressors.
 
