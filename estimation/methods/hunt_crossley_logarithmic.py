@@ -44,7 +44,7 @@ class LogarithmicParameters:
 
 @dataclass(slots=True)
 class LogarithmicState(State):
-    """Variables of the regression of y on (1, l, u); `step` defines y, l = ln(x / x0), u and z."""
+    """Variables of the regression of y on (1, l, u). The docstring of `step` defines y, l and u."""
 
     w: float
     """`w` to `w_uu` are weighted sums R of products of 1, l, u; `w_y` to `w_uy` are sums with y."""
@@ -89,10 +89,11 @@ def step(
     f: float,
     dt: float,
 ) -> None:
-    """Update the weighted least squares of ln f on (1, l, u), and the estimate.
+    """Update the weighted least squares of y on (1, l, u), and the estimate.
 
-    ln f = ln K + n ln x + ln(1 + B v/K) is linearised at z, the present estimate of B v/K. Then
-    y = ln f - ln(1 + z) + z/(1 + z) is a constant plus n l + (v0 B/K) u, with u = v/v0 / (1 + z).
+    ln f = ln K + n ln x + ln(1 + B v/K) is linearised at z, the present estimate of B v/K. The
+    result is y = constant + n l + (v0 B/K) u, with y = ln f - ln(1 + z) + z/(1 + z), l = ln(x / x0)
+    and u = v / v0 / (1 + z).
     """
     v, x = phi
     if x / parameters.x0 < TOUCH or f <= parameters.threshold:
@@ -194,7 +195,7 @@ def report(
     lx: float,
     noise: float,
 ) -> None:
-    """Compute the estimates b, k, K and B, and the standard deviations of b, k, K, B and n.
+    """Compute b, k, K and B, and the standard deviations of b, k, K, B and n.
 
     b and k are the Kelvin-Voigt parameters at the displacement x of this sample.
     """
@@ -260,9 +261,8 @@ class Logarithmic(Estimator):
         Typical displacement x0 [m] and velocity v0 [m/s], used for scaling.
     threshold
         A sample with this force [N] or less, or with x <= 0, does not change the estimate. The
-        threshold must be > 0. A good value is one or two standard deviations of the force noise. A
-        larger threshold causes a bias, because weak forces are then used only if noise increases
-        them.
+        threshold must be > 0. A good value is one or two standard deviations of the noise. A larger
+        threshold causes a bias, because weak forces are then used only if noise increases them.
     correlation
         Number of samples per independent value of the force noise, see `LinearGainEstimator`.
 

@@ -146,7 +146,7 @@ class PassiveLeastSquares(FactoredEstimator):
         Diagonal of P0: the initial variances of b [(N s/m)^2], k [(N/m)^2] and any further
         parameters of the model, for force noise with a variance of 1 N^2.
     sample_period
-        Time [s] in which the weight of a past sample is multiplied by beta. Default: it is
+        Time [s] in which the weight of a past sample is multiplied by beta. Default: the weight is
         multiplied by beta at each sample, independent of `dt`.
     model
         Model that defines the regressors.
