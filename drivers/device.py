@@ -69,7 +69,7 @@ class VelocityDrive(ABC):
         Returns
         -------
         float
-            Velocity that will be sent [m/s], after rounding and limits of the device.
+            Velocity that will be sent [m/s]. The device may round and limit the wanted velocity.
         """
 
     @abstractmethod
@@ -123,8 +123,8 @@ class Device(ABC):
     def signals(self) -> Mapping[str, str]:
         """Return the SI unit of each signal, by the name of the signal.
 
-        If the scale of a sensor is not known here, the unit is that of the raw signal, for example
-        `V`. The rig file must then give the scale of the channel.
+        If a sensor has an unknown scale, the unit is that of the raw signal, for example `V`. The
+        rig file must then give the scale of the channel.
         """
 
     def update(self, now: float) -> None:  # noqa: B027

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 LARGEST = 16 << 20
-"""Largest file that `read_input` reads by default [bytes]."""
+"""Largest size of a file that `read_input` reads by default [bytes]."""
 KINDS = (
     (stat.S_ISDIR, "folder"),
     (stat.S_ISFIFO, "FIFO"),

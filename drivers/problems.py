@@ -47,9 +47,9 @@ def syntax_problem(error: Exception, text: str) -> str:
 
 
 def value_problem(part: Mapping[str, Any]) -> str:
-    """Return a text that describes a problem which pydantic found in a value, and the value.
+    """Return a text that describes a problem which pydantic found in a value.
 
-    The text does not contain the key of the value.
+    The text contains the value, but not its key.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ def tag_name(part: Mapping[str, Any]) -> str:
 
 
 def given(value: Any) -> str:
-    """Return a text with a value from a file, which can end a message; empty for a table."""
+    """Return the end of a message, which shows the value that a file gives; empty for a table."""
     if isinstance(value, dict):
         return ""
     text = repr(value)

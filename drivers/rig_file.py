@@ -88,7 +88,7 @@ def parse_rig_file(path: Path, text: str) -> RigFile:
     Parameters
     ----------
     path
-        Path of the rig file. Relative paths within the rig file start at the folder of this file.
+        Path of the rig file. Paths in the rig file are relative to the folder of the rig file.
     text
         Text of the rig file.
 

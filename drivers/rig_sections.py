@@ -59,7 +59,7 @@ class ChannelSettings(Section):
 
     @property
     def gain(self) -> float:
-        """Scale with its sign [SI unit of the channel per unit of the signal]."""
+        """Scale times sign [SI unit of the channel per unit of the signal]."""
         return self.sign * (self.scale or 1.0)
 
 

@@ -52,7 +52,7 @@ class WiredDrive(NamedTuple):
 
 
 class WiredRig(Rig):
-    """A telemanipulator of real devices.
+    """A telemanipulator that consists of real devices.
 
     Parameters
     ----------

@@ -34,7 +34,8 @@ force follows the displacement."""
 MOST = 300
 """Largest number of cosines. In a long record, this number limits the frequency of a baseline."""
 FEWEST_CYCLES = 3.0
-"""A shorter record gets no baseline. The length is in periods of the lower end of the band."""
+"""If a record is shorter than this number of periods of the lower end of the band, no baseline is
+used."""
 
 
 def baseline_order(low: float, seconds: float) -> int:

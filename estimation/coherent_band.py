@@ -34,7 +34,7 @@ from estimation.compiled import Floats
 TAPERS = 7
 """Number of tapers. Their time-bandwidth product is (TAPERS + 1) / 2."""
 COHERENT = (0.9, 0.5)
-"""A bin is used if its coherence has at least the first value.
+"""A bin is used if its coherence is at least the first value.
 
 If this condition selects no bin, the second value is used instead of the first.
 

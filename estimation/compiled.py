@@ -46,7 +46,7 @@ class Samples(NamedTuple):
 
 
 class Law(NamedTuple):
-    """A step function and the values of its constant settings."""
+    """The function `step` of a method, and the values of its constant settings."""
 
     step: Step
     parameters: Any
@@ -76,7 +76,7 @@ class CompilationChoice:
 
 
 choice = CompilationChoice()
-"""The decision for this process. All arrays of samples share it."""
+"""The `CompilationChoice` of this process. All arrays of samples share it."""
 
 
 def sweep(law: Law, state: State, samples: Samples) -> Floats:

@@ -19,7 +19,7 @@ BANDWIDTH = 20.0
 """Default bandwidth of a filter of position and force [Hz].
 
 In palpation by hand, the frequency of the motion is below 2 Hz. The default is ten times 2 Hz.
-`identify` also uses the ratio ten. A smaller bandwidth removes more noise.
+`identify` also uses ten times the frequency of the motion. A smaller bandwidth removes more noise.
 `python benchmarks/conditioning.py` compares 10, 20 and 50 Hz.
 """
 SETTLED_FIRST, SETTLED_SECOND = 4.605, 6.638

@@ -29,7 +29,7 @@ FONTS: dict[str, float] = {"screen": 10.0, "single": 7.0, "double": 8.0, "a4": 9
 CHOSEN: ContextVar[str] = ContextVar("CHOSEN", default="screen")
 """Name of the present width of figures, see `figure_style`."""
 NARROW = 5.0
-"""A figure whose width is smaller has only one column of panels [in]."""
+"""A figure that is narrower than this width [in] has only one column of panels."""
 LINES: tuple[dict[str, Any], ...] = (
     {"color": "#0072B2", "linewidth": 2.4, "alpha": 0.75},
     {"color": "#D55E00", "linewidth": 1.2, "marker": "o", "markevery": (0.02, 0.17)},

@@ -251,7 +251,7 @@ def frame(
     shown: Mapping[str, Drawn],
     truth: Truth | None,
 ) -> None:
-    """Set the limits of the axes of stiffness and damping, without the samples at the start."""
+    """Set the limits of the axes of stiffness and damping. Samples at the start are ignored."""
     later = t >= t[0] + START * (t[-1] - t[0])
     k_levels = (0.0, truth.k_surface, truth.k_deepest) if truth else (0.0,)
     limits(panels[0], [one.k[later] for one in shown.values()], k_levels)

@@ -41,7 +41,7 @@ Before the first sample the noise variance s is unknown, and s = 1 N^2 is assume
 NOISE_MEMORY = 1.0
 """Time constant [s] of the estimate of the noise variance."""
 CORRELATED = 1.0 - 1e-12
-"""Upper limit of the correlation coefficient of two parameters. Rounding errors may exceed it."""
+"""Upper limit of the correlation coefficient of two parameters, in spite of rounding errors."""
 LEAST = 1e-100
 """A sample with a smaller weight than this does not change the noise variance."""
 
@@ -122,9 +122,7 @@ def correct(
 def update_noise(
     state: LinearGainState, error: float, spread: float, gain: float, dt: float
 ) -> None:
-    """Update the noise variance s, a weighted mean of error^2 / spread.
-
-    The weights are gain / spread.
+    """Update the noise variance s, the mean of error^2 / spread with the weights gain / spread.
 
     `error` is the force error f - phi' theta [N], `gain` is phi' L, and `spread` is
     1 + phi' C phi. The weights decay with the time constant `NOISE_MEMORY`. The weight of a new

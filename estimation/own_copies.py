@@ -66,7 +66,7 @@ def names_in(code: CodeType) -> set[str]:
 
 
 def calls(function: Callable[..., Any]) -> dict[str, FunctionType]:
-    """Return the global functions that a function uses, by the names that it uses for them."""
+    """Return the global functions that a function uses, by their global names."""
     used = used_globals(function)
     return {name: value for name, value in used.items() if isinstance(value, FunctionType)}
 

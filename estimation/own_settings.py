@@ -64,7 +64,7 @@ def with_own_settings(
     shared
         Settings of all estimators.
     own
-        Settings for one estimator each, by the name of the estimator.
+        Settings that replace the shared settings, by the name of the estimator.
 
     Raises
     ------

@@ -74,7 +74,7 @@ def redundancy(gamma: Candidate, epsilon: Candidate, plant: Candidate) -> Redund
 
 
 class Ambiguity(NamedTuple):
-    """Range of the candidates that the data do not distinguish, at n times, as arrays (n,)."""
+    """Range of the candidates that the data do not distinguish, as arrays over time, (n,)."""
 
     candidates: Floats
     """Number of candidates within the margin of the best candidate, which is also counted."""

@@ -189,7 +189,7 @@ def offered() -> dict[str, EntryPoint]:
 class Methods(Mapping[str, Factory]):
     """Mapping from the names of estimators to their factories.
 
-    A package other than this one is imported when a factory of it is requested for the first time.
+    Another package is imported when one of its factories is requested for the first time.
     """
 
     def __getitem__(self, name: str) -> Factory:

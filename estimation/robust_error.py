@@ -6,7 +6,7 @@ w = X (X' X)^-1 g. The variance of this sum is n times the spectral density of u
 for n samples. The equal-weighted cosine (EWC) estimator computes this variance as the mean square
 of the first B cosine coefficients of u. The estimate has B degrees of freedom, so the confidence
 interval uses Student's t distribution with B degrees of freedom. The coverage of this interval is
-close to 95 %. The coverage of a Newey-West interval with normal quantiles is often not close to it.
+close to 95 %. For a Newey-West interval with normal quantiles, it often is not close to 95 %.
 
 The estimator assumes that the spectral density of u is the same at the first B cosines as at zero.
 For a periodic motion, w oscillates with the frequency f0 of the motion. So the spectrum of u at

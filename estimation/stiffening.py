@@ -22,7 +22,7 @@ from estimation.filters import Lag
 from estimation.model import STIFFENING
 
 CHI2_95 = 3.841458820694124
-"""95 % quantile of chi-squared with one degree of freedom."""
+"""95 % quantile of the chi-squared distribution with one degree of freedom."""
 
 
 class StiffeningFit(NamedTuple):

@@ -1,4 +1,4 @@
-"""Check that an estimator works as it should, in tests of this package or of another package.
+"""Check the properties that every estimator must have, in tests of this or another package.
 
     from estimation.testing import check_estimator
 

@@ -129,8 +129,8 @@ def stiffening_force(x: Floats, k: float, k3: float) -> Floats:
 def mid_tangent(k: float, k3: float, lowest: float, highest: float) -> float:
     """Return the tangent stiffness [N/m] of a stiffening body where the force is at mid-range.
 
-    The force is that of `stiffening_force`. Its range is that between the positions `lowest` and
-    `highest` [m].
+    The force is that of `stiffening_force`. The range is that from the position `lowest` to the
+    position `highest` [m].
     """
     grid = np.linspace(lowest, highest, 20001)
     f = stiffening_force(grid, k, k3)
@@ -179,7 +179,7 @@ def intermittent_contact(rng: Generator) -> TrueRecord:
 
 
 def sliding_palpation(rng: Generator) -> TrueRecord:
-    """Return a record of palpation while sliding. Friction adds a force with a 1/f spectrum."""
+    """Return a record of palpation while sliding: friction adds 1/frequency noise to the force."""
     rate, seconds = rng.choice([100.0, 200.0, 500.0]), rng.uniform(10.0, 40.0)
     frequency = rng.uniform(0.5, 3.0)
     k, loss = specimen(rng)

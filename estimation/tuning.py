@@ -25,8 +25,8 @@ TRACE = 2.2e-4
 
 The settling time is 0.29 s, and 0.30 s for 0.8 times this value. Let q = phi_i^2 P0_i be the square
 of a scaled regressor. With c1 = m (1 - beta) / q, `rls_trace` forgets as fast as `rls`. For
-regressors of the typical sizes of a preset, q is 1e4. `rls_trace` then forgets 2.2 times as fast as
-`rls`.
+regressors of the typical sizes of a preset, q is 1e4. With this value, `rls_trace` then forgets 2.2
+times as fast as `rls`.
 """
 PASSIVE_FORGETTING = 1.25
 """The forgetting factor of `passive` is the preset's forgetting factor to this power.

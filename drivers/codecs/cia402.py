@@ -101,7 +101,7 @@ TOWARDS_OPERATION: dict[State | None, Control] = {
 }
 """Controlword that changes a state to the next state on the way to operation.
 
-The drive leaves the states that are not listed by itself.
+In all other states, the drive changes to a next state without a command.
 """
 
 

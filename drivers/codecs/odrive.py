@@ -115,7 +115,7 @@ REFUSALS = {
     14: "NOT_CALIBRATED",
     15: "NOT_CONVERGING",
 }
-"""Names of the procedure results that mean that the axis refused the requested state.
+"""Names of the procedure results with which an axis refuses a requested state, by number.
 
 Heartbeats of firmware 0.6 contain a procedure result. The results success, busy, cancelled and
 disarmed are not refusals.
@@ -135,7 +135,7 @@ class Heartbeat(NamedTuple):
     errors: tuple[str, ...]
     """Names of the active errors and of the errors that disarmed the axis."""
     refusal: str = ""
-    """Reason why the axis refused the requested state; empty for none, and for firmware 0.5."""
+    """Reason why the axis refused a requested state; always empty for firmware 0.5."""
 
 
 class Version(NamedTuple):
@@ -210,7 +210,7 @@ def encoder_estimates(data: bytes) -> tuple[float, float]:
 
 
 def iq(data: bytes) -> tuple[float, float]:
-    """Return the current setpoint and the measured current [A] in the data of Get_Iq.
+    """Return setpoint and measured value of the motor current [A] in the data of Get_Iq.
 
     Raises
     ------

@@ -1,1 +1,1 @@
-"""The devices of a rig. Each file has one kind. `drivers.registry` finds the class of a kind."""
+"""The devices of a rig, one kind per file. `drivers.registry` finds the class of a kind."""

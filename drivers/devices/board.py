@@ -86,7 +86,7 @@ class Board(SerialDevice):
         self._asked = 0
         """Sequence number of the first frame that requested operation."""
         self._acknowledged = False
-        """Whether the board accepted this frame. If so, the board's state answers the request."""
+        """Whether the board accepted the frame `_asked`. If so, its state answers the request."""
         self._pinged = 0
         self._ping_answered = False
         self._enabled = 0
@@ -105,7 +105,7 @@ class Board(SerialDevice):
         }
 
     def start(self, port: SerialPort) -> None:
-        """Check the identity of the board, and configure the board. It then sends samples."""
+        """Check the identity of the board and configure the board, which then sends samples."""
         self._port = port
         self._started = False
         self.identity = self._configured = None
@@ -127,7 +127,7 @@ class Board(SerialDevice):
         self._started = True
 
     def _ask(self, kind: int, payload: bytes, answer: Callable[[], object]) -> bool:
-        """Send a request repeatedly until there is an answer; return False if it is too late."""
+        """Send a request repeatedly until there is an answer; return False if there is none."""
         assert self._port
         for _ in range(round(PATIENCE / ASKING)):
             self._send(kind, payload)

@@ -18,7 +18,7 @@ STREAMING = 0.25
 FIRST_FRAME = 1.0
 """Longest wait for the first frame [s]."""
 CLOCK_JUMP = 1.0
-"""If the sensor's clock jumps by more than this time [s], the sensor was restarted."""
+"""If the sensor's clock jumps by more than this time [s], it is assumed to be restarted."""
 
 
 class BotaSettings(DeviceSettings):

@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 BOOTING = 5.0
 """Longest time from a reset of the drive to its boot-up message [s]."""
 STARTING = 1.0
-"""Longest wait for the NMT state operational [s], and again for the first samples after it."""
+"""Longest wait for the NMT state operational [s], and also for the first samples."""
 RESETTING = 0.5
 """Longest time that the drive may take to reset a fault [s]."""
 FAULTS = (State.FAULT, State.FAULT_REACTION_ACTIVE)

@@ -41,11 +41,11 @@ QUICK_STOP_IF_MASTER_LOST = 3
 RAMP_THEN_DISABLE = 2
 """Value of object 605Ah: decelerate on the quick stop ramp, then enter `switch on disabled`."""
 KEEP_NMT_STATE = 1
-"""Value of object 1029h: after a communication error, remain in the NMT state and still send."""
+"""Value of object 1029h: after a communication error, keep the NMT state and continue to send."""
 EVERY_SYNC = 1
 """Transmission type of a PDO that is sent or applied at every SYNC."""
 VELOCITY_UNITS = {"counts_per_s": 0x00B50300, "rpm": 0x00B44700}
-"""Value of object 60A9h (velocity unit) for each setting, CiA 402-2 and CiA 303-2."""
+"""Value of object 60A9h for each value of `velocity_unit`, CiA 402-2 and CiA 303-2."""
 INVALID = 1 << 31
 """Bit of the COB-ID of a PDO. It is set if the PDO is not used."""
 NO_OBJECT = (0x06020000, 0x06090011)

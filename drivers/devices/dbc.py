@@ -35,7 +35,7 @@ class DbcSettings(DeviceSettings):
     file: Path
     """Path of the DBC file, relative to the folder of the rig file."""
     messages: tuple[str, ...] = ()
-    """Names of the messages that the device sends. If empty, all messages of the DBC file."""
+    """Names of the messages that the device sends; if empty, all messages in the DBC file."""
     timeout_ms: Annotated[FiniteFloat, Field(gt=0, le=60_000)] = 1000.0
     """Longest wait for the first frames at the start [ms]."""
 
@@ -55,8 +55,8 @@ class DbcSettings(DeviceSettings):
         Raises
         ------
         ValueError
-            The file cannot be read, is not a DBC file, or does not contain a message; or a signal
-            has the scale 0.
+            The file cannot be read, is not a DBC file, or does not contain one of the messages; or
+            a signal has the scale 0.
         """
         try:
             logging.getLogger("cantools").setLevel(logging.ERROR)

@@ -1,4 +1,4 @@
-"""Reaction force observer, which estimates the contact force of a drive without a force sensor."""
+"""Estimate the contact force of a drive without a force sensor, by a reaction force observer."""
 
 from __future__ import annotations
 

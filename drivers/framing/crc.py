@@ -10,11 +10,11 @@ from __future__ import annotations
 from binascii import crc_hqx
 
 MIRRORED = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
-"""Byte at index i: the byte value i with its bits reversed."""
+"""Table of reversed bits. The byte at index i is i with its bits reversed."""
 
 
 def crc16_x25(data: bytes) -> int:
-    """Return the CRC-16/IBM-SDLC of data, also called X.25. For `123456789` it is 0x906E.
+    """Return the CRC-16/IBM-SDLC (X.25) of data. For the text `123456789` it is 0x906E.
 
     The polynomial is 0x1021, least significant bit first. The initial value and the final mask are
     0xFFFF (ITU-T X.25, section 2.2.7.4). In a frame, the CRC follows the data as two bytes, the

@@ -24,7 +24,7 @@ STATUS_EVERY = 0.01
 MOST = 4096
 """Largest number of frames that one reading of the bus returns."""
 BUS_OFF = 0x40
-"""Bit in the identifier of an error frame of Linux: the CAN controller is in the state bus-off."""
+"""Bit in the identifier of a Linux error frame. It is set if the CAN controller is bus-off."""
 EXTENDED = 1 << 31
 """Bit that is set in an identifier of 29 bits, as in DBC files."""
 
@@ -75,7 +75,7 @@ class CanBus(Bus):
     def attach(
         self, identifiers: Iterable[int], receive: Callable[[can.Message, float], object]
     ) -> None:
-        """Register a function for the frames with some identifiers.
+        """Register a function for the frames with the given identifiers.
 
         Parameters
         ----------

@@ -28,7 +28,7 @@ ACKNOWLEDGEMENTS = (b"", b"z", b"Z")
 FRAMES = (b"t", b"T", b"r", b"R")
 """First bytes of the lines that contain a CAN frame."""
 BARE = re.compile(rb"(?<![^\r\a])[\r\a]")
-"""CR or BEL on a line without other text. This is the answer to a set-up command."""
+"""Pattern of CR or BEL on a line without other text, which is the answer to a set-up command."""
 BITRATES = (10_000, 20_000, 50_000, 100_000, 125_000, 250_000, 500_000, 800_000, 1_000_000)
 """Bit rates [bit/s] of the commands S0 to S8."""
 LINE_LIMIT = 64
@@ -168,7 +168,7 @@ class SlcanBus(can.BusABC):
         Returns
         -------
         StatusFlags or None
-            Flags of the latest answer to an earlier request; None if there is none yet.
+            Flags of the latest answer to an earlier request; None if there is no answer yet.
 
         Raises
         ------

@@ -23,7 +23,7 @@ from estimation.step import B, K, Regressors
 TIE = 1e-12
 """Weight of the tie-breaking term, see `MultiEstimator`.
 
-It is smaller than in `MultiEstimator`, because this grid may be narrow and far from zero.
+This weight is smaller than in `MultiEstimator`, because the grid may be narrow and far from zero.
 """
 FINEST = 1e-9
 """Smallest spacing of the candidates, as a fraction of the initial spacing."""

@@ -43,11 +43,11 @@ class CompositeState(State):
     R: Matrix
     """Information matrix P^-1, lower triangle, (m, m)."""
     factor: Matrix
-    """R + instant s s', and after `solve` the lower Cholesky factor of this matrix, (m, m)."""
+    """The matrix R + instant s s'. After `solve`: its lower Cholesky factor; (m, m)."""
     s: Vector
     """Regressors of the sample, divided by their typical sizes, (m,)."""
     move: Vector
-    """Right-hand side of the normal equations, and after `solve` the solution, (m,)."""
+    """Right-hand side of the normal equations. After `solve`: their solution; (m,)."""
 
 
 def step(

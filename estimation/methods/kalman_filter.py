@@ -25,7 +25,7 @@ class KalmanParameters(FactoredParameters):
     """Constant settings of the function `step`. Variances are in units of P0."""
 
     Q: tuple[float, ...]
-    """Increase of the variance of each parameter [1/s], (m,)."""
+    """Increase of the variance of each parameter per second [1/s], (m,)."""
     ceiling: tuple[float, ...]
     """Largest variance of each parameter, (m,)."""
 

@@ -5,7 +5,7 @@ six exponentially weighted sums of products of f, v and x determine the signals 
 
     mu(b, k) = ff - 2 b fv - 2 k fx + b^2 vv + 2 b k vx + k^2 xx.
 
-The names of the sums are the products: vx is the sum of v x.
+The name of each sum is the product that is summed: vx is the sum of v x.
 """
 
 from __future__ import annotations
@@ -21,7 +21,8 @@ from estimation.step import State
 class MonitoringState(State):
     """Exponentially weighted sums of products of f, v and x, and an estimate of the noise.
 
-    The weight of a sample decays as e^(-2 lambda t). The name of a sum is the product.
+    The weight of a sample decays as e^(-2 lambda t). The name of each sum is the product that is
+    summed.
     """
 
     ff: float
@@ -102,13 +103,14 @@ UNDETERMINED = (0.0, 0.0, math.inf, math.inf)
 
 
 def least_point(correlation: float, state: MonitoringState) -> tuple[float, float, float, float]:
-    """Return the real (b, k) with the smallest monitoring signal mu, and the variances of b and k.
+    """Return the (b, k) with the smallest monitoring signal mu, and the variances of b and k.
 
-    This (b, k) is the solution of the weighted least-squares problem R theta = r. R contains the
-    sums of phi phi', and r contains the sums of phi f. For white noise with the variance s, the
-    covariance of theta is s R^-1 Q R^-1, where Q is R with squared weights. The expectation of mu
-    at this (b, k) is s (sum of weights - trace(R^-1 Q)). So s is estimated from a mean of mu with
-    the time constant `NOISE_MEMORY`. The variances are multiplied by `correlation`.
+    b and k are any real numbers, not only candidates. They are the solution of the weighted
+    least-squares problem R theta = r. R contains the sums of phi phi', and r contains the sums of
+    phi f. For white noise with the variance s, the covariance of theta is s R^-1 Q R^-1, where Q
+    is R with squared weights. The expectation of mu at this (b, k) is
+    s (sum of weights - trace(R^-1 Q)). So s is estimated from a mean of mu with the time constant
+    `NOISE_MEMORY`. The variances are multiplied by `correlation`.
     """
     vv, vx, xx = state.vv, state.vx, state.xx
     determinant = vv * xx - vx * vx

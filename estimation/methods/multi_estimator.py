@@ -161,9 +161,9 @@ class MultiEstimator(Estimator):
 
         Returns
         -------
-        First and last index of k for each b, two arrays of shape (grid.b.count,). If `ties` returns
-        no candidate with a b, the first index is larger than the last. The computing time does not
-        depend on the number of values of k.
+        First and last index of k for each b, two arrays of shape (grid.b.count,). For a b without
+        candidates in `ties`, the first index is larger than the last index. The computing time
+        does not depend on the number of values of k.
         """
         if not margin >= 0.0:
             raise ValueError(f"margin must be >= 0, got {margin}")
