@@ -135,7 +135,7 @@ class Heartbeat(NamedTuple):
     errors: tuple[str, ...]
     """Names of the active errors and of the errors that disarmed the axis."""
     refusal: str = ""
-    """Reason why the axis refused a requested state; always empty for firmware 0.5."""
+    """Reason why the axis refused a requested state; empty if it did not, and for firmware 0.5."""
 
 
 class Version(NamedTuple):
