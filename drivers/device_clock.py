@@ -30,8 +30,8 @@ class DeviceClock:
     half a sample period. If a sample is delayed, for example in a queue, it does not change the
     minimum, because the delay increases its age.
 
-    If the clock of a device is slow by more than `DRIFT`, for example because the device has no
-    crystal, the error of the converted times increases steadily.
+    A device without a crystal may have a clock that is slow by more than `DRIFT`. The error of the
+    converted times then increases steadily.
     """
 
     def __init__(self) -> None:

@@ -1,10 +1,11 @@
 """Make several least-squares fits that have the same baseline among their regressors.
 
 The regressors of a fit are the columns of two matrices. The baseline B has many columns, and is the
-same in every fit. X has few columns, and differs between the fits. The parameters of X and the
-residual are computed from the parts of X and of the values f that are orthogonal to B (Frisch,
-Waugh and Lovell). B is decomposed only once. For n samples, m columns of X and p columns of B, a
-fit then takes a time proportional to n m p, instead of n (m + p)^2.
+same in every fit. X has few columns, and differs between the fits. Only those parts of X and of the
+values f are used that are orthogonal to B. The parameters of X and the residual are computed from
+these parts (Frisch, Waugh and Lovell). B is decomposed only once. Let X have m columns, B have p
+columns, and let there be n samples. Then the time for a fit is proportional to n m p, instead of
+n (m + p)^2.
 
 References
 ----------

@@ -13,9 +13,9 @@ and S_ff is the power spectrum of the force.
   corners of the motion.
 
 C is estimated by Thomson's multitaper method. This method does not divide the record into segments.
-For a record of length T, its frequency resolution is 4 / T. A frequency bin is used if its
-coherence is larger than that of independent signals in all but one of a million bins, and if the
-power of the force in the bin is larger than the noise.
+For a record of length T, its frequency resolution is 4 / T. A frequency bin is used under two
+conditions. First, independent signals have a coherence as large as that of the bin in only one of a
+million bins. Second, the power of the force in the bin is larger than the noise.
 
 References
 ----------

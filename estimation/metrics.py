@@ -81,10 +81,10 @@ def coverage(values: ArrayLike, std: ArrayLike, truth: ArrayLike) -> float:
 def rise_time(t: ArrayLike, estimate: ArrayLike) -> float:
     """Return the rise time t_90 - t_10 [s] of an estimate that starts at zero.
 
-    t_10 is the first time at which the estimate reaches 10 % of its average over the trial, and
-    t_90 is the first time after t_10 at which the estimate reaches 90 % of its average. The result
-    is NaN if the estimate does not reach 90 %, or if its average is zero. A rest before the motion
-    does not change the rise time, because the estimate is zero during this rest.
+    t_10 is the first time at which the estimate reaches 10 % of its average over the trial. t_90 is
+    the first time after t_10 at which the estimate reaches 90 % of this average. The result is NaN
+    if the estimate does not reach 90 %, or if the average is zero. A rest before the motion does
+    not change the rise time, because the estimate is zero during this rest.
 
     Parameters
     ----------

@@ -82,8 +82,8 @@ class Preset(MethodSettings):
 def paper_preset(cube: str = "soft") -> Preset:
     """Return the settings of the paper.
 
-    The settings are those of equations (17) to (19), a forgetting factor of 0.98 per sample at
-    1 kHz, and a forgetting rate of 10 1/s for the multi-estimator. The adaptation gain of equation
+    The settings are those of equations (17) to (19). The forgetting factor is 0.98 per sample at
+    1 kHz. The forgetting rate of the multi-estimator is 10 1/s. The adaptation gain of equation
     (18) depends on the cube. All other settings are the same for all cubes.
 
     Parameters

@@ -107,8 +107,9 @@ def ambiguity(
         Displacement [m], velocity [m/s], force [N] and time since the previous sample [s], each
         of shape (n,).
     margin
-        A candidate is not distinguished from the best candidate if the difference of their
-        monitoring signals is at most this fraction of the smallest signal, >= 0.
+        A candidate and the best candidate are not distinguished if the difference of their
+        monitoring signals is small. The margin is the largest such difference, as a fraction of
+        the smallest signal, >= 0.
     every
         The result has one value for each `every` samples, so its arrays have the shape
         (n // every,).

@@ -10,10 +10,10 @@ close to 95 %. For a Newey-West interval with normal quantiles, it often is not 
 
 The estimator assumes that the spectral density of u is the same at the first B cosines as at zero.
 For a periodic motion, w oscillates with the frequency f0 of the motion. So the spectrum of u at
-frequency zero is that of the residual at f0, and the spectrum of u at the frequency d is that of
-the residual at f0 - d and f0 + d. If B is the number of cycles, the highest frequency of the B
-cosines is half of f0. B is not larger than the number of cycles, because more cosines would contain
-the residual near frequency zero, where a baseline or friction is large.
+frequency zero is that of the residual at f0. The spectrum of u at the frequency d is that of the
+residual at f0 - d and f0 + d. If B is the number of cycles, the highest frequency of the B cosines
+is half of f0. B is not larger than the number of cycles, because more cosines would contain the
+residual near frequency zero. There, the residual due to a baseline or friction is large.
 
 The residuals of samples with a high leverage h are too small, because the fit follows these
 samples. An example is the few samples at the beginning of a ramp, which determine the damping. As

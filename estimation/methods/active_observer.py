@@ -18,10 +18,10 @@ class ActiveObserver(RandomWalkKalman):
         p(n) - p(n-1) = w,    var w = Qp dt var e,
 
     where e is the force noise. The second part is the Kalman filter of the augmented state. The
-    controller is not used. In the papers the observer is part of a robot under force control, p
+    controller is not used. In these papers the observer is part of a robot under force control. p
     acts at the input of the robot, and the stiffness is adapted from force errors. This estimator
-    has no input. p is a force at the surface [N]. The other states are the parameters, which are
-    random walks as in `RandomWalkKalman`.
+    has no input. Here p is a force at the surface [N]. The other states are the parameters, which
+    are random walks as in `RandomWalkKalman`.
 
     p contains the force due to friction, to slow relaxation, and to an error of the datum. In a
     hold, p cannot be distinguished from k x. If Qp is small, p has nearly its initial value for a

@@ -71,9 +71,11 @@ class MultiEstimator(Estimator):
     A small tie-breaking term is added to each signal. If several candidates have equal signals, the
     candidate nearest to (b, k) = (0, 0) is selected. So a damping that the data do not determine is
     estimated as zero. The term does not change the result for candidates that the data distinguish.
-    The term is a product of three factors: `TIE`, the squared distance from the candidate nearest
-    to (0, 0) in units of the lengths of the axes, and the integral of f^2 + (B v)^2 + (K x)^2,
-    where B and K are the lengths of the axes of b and k.
+    Let B and K be the lengths of the axes of b and k. The term is a product of three factors:
+
+    - `TIE`;
+    - the squared distance from the candidate nearest to (0, 0), in units of B and K;
+    - the integral of f^2 + (B v)^2 + (K x)^2.
 
     Parameters
     ----------
