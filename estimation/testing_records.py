@@ -193,7 +193,6 @@ def sliding_palpation(rng: Generator) -> TrueRecord:
     b = k * loss / omega
     f = k * (x + 3.0 * amplitude) + b * derivative(x, rate)
     f += one_over_f(rng, len(t), rate, k * amplitude * rng.uniform(0.1, 0.8))
-    x = x + one_over_f(rng, len(t), rate, 0.02 * amplitude, 0.02) * (rng.uniform() < 0.0)
     measured_x, f = measured(rng, x + 3e-3, f, amplitude * 1e-3)
     return TrueRecord(t, measured_x, f, k, b)
 
