@@ -120,9 +120,9 @@ class DbcDevice(CanDevice):
         return list(self._messages)
 
     def start(self, bus: CanBus) -> None:
-        """Wait for one frame of each message that the settings name.
+        """Wait for one frame of each message that is listed in the settings.
 
-        If the settings name no message, wait for any frame of the device.
+        If the settings list no message, wait for any frame of the device.
 
         Raises
         ------

@@ -103,7 +103,7 @@ class ODrive(CanDevice, VelocityDrive):
         self._answered = False
 
     def signals(self) -> Mapping[str, str]:
-        """Return the SI units of position and velocity, and of force if the torque is known."""
+        """Return the SI unit of each signal; force is a signal if the ODrive reports the torque."""
         units = {"position": "m", "velocity": "m/s"}
         if self.settings.firmware == "0.6" or self.settings.torque_constant_nm_per_a is not None:
             units["force"] = "N"

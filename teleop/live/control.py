@@ -67,7 +67,7 @@ class Control:
         return self._now() - self._unlocked <= UNLOCKED
 
     def unlock(self) -> None:
-        """Accept START during the next `UNLOCKED` seconds."""
+        """Accept START for the next `UNLOCKED` seconds."""
         self._unlocked = self._now()
 
     def lock(self) -> None:

@@ -167,7 +167,7 @@ class TrialFeed(Feed):
             raise BadRequest(f"{kind}: this is not a recording")
 
     def beat(self) -> None:
-        """Pass the heartbeat of the page in control to the loop."""
+        """Send the loop the heartbeat of the page that has control."""
         self._cells.count(PAGE)
 
     def lost(self) -> None:

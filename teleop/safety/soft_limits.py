@@ -140,7 +140,7 @@ def limit_separately(
     """Limit the velocity of the master by its own limit, and that of the slave by all others.
 
     The hand therefore feels the limits of the slave only through the channel, with its delay. f is
-    the contact force. The speed of the slave against f is at most
+    the contact force. The speed of the slave into the contact is at most
     (soft_force - |f|) / (stiffness times `APPROACH_TIME`), so that the expected force does not
     exceed the soft limit within `APPROACH_TIME`.
     """
