@@ -38,7 +38,10 @@ class GateParameters:
 
 @dataclass(slots=True)
 class GateState(State):
-    """Variables that `step` updates. `theta` is empty. `held` is True while the gate is closed."""
+    """Variables that `step` updates. `held` is True while the gate is closed.
+
+    A gate estimates nothing, so that `theta` is empty.
+    """
 
     v_square: float
     """Mean square of the velocity [m^2/s^2]."""

@@ -201,9 +201,9 @@ def merged(times: tuple[float, ...]) -> tuple[float, ...]:
 def model_weights(found: list[Candidate]) -> Floats:
     """Return the weights of the candidates, shape (m,).
 
-    All candidates with the same degree and the same number of time constants are treated as one
-    model, whose time constants are parameters. The weight of a model is the weight of its best
-    candidate. It therefore does not depend on how many time constants are tried.
+    Candidates with the same degree and the same number of time constants form one model. The sum of
+    their weights is the weight of the best of them, whatever the number of candidates. The weights
+    of all candidates sum to 1.
     """
     bics = np.array([one.bic for one in found])
     weights = np.exp(-0.5 * (bics - bics.min()))

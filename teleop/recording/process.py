@@ -213,7 +213,7 @@ class FileMonitor:
         self._reported = False
 
     def update(self) -> None:
-        """Flush the file every `FLUSH` seconds, and check it every `CHECK` seconds."""
+        """Flush the file every `FLUSH` s, and check that it still exists every `CHECK` s."""
         now, file = time.monotonic(), self._file
         if now - self._flushed >= FLUSH:
             self._flushed = now
