@@ -209,7 +209,10 @@ def compiled_loop(loop: Callable[..., None]) -> Callable[..., None]:
 
 @cache
 def compiled_below() -> object:
-    """Return the object that replaces `step.below` in compiled code. Its item n is `range(n)`."""
+    """Return the object that replaces `step.below` in compiled code.
+
+    The object indexed with n is `range(n)`, as with `step.below`.
+    """
     import operator
 
     from numba.core import types

@@ -81,9 +81,9 @@ def check_online_equals_batch(estimator: Estimator) -> None:
 
 
 def check_compiled_equals_interpreted(estimator: Estimator) -> None:
-    """Compiled and interpreted code give identical results to the bit, also on degenerate signals.
+    """Check that compiled and interpreted code give the same results, bit for bit.
 
-    The check is skipped if numba is not installed.
+    The signals include degenerate ones. The check is skipped if numba is not installed.
     """
     if not find_spec("numba"):
         return

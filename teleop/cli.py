@@ -105,10 +105,9 @@ def ignore_backend() -> None:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command and return its exit code.
 
-    The exit code is 0 for success, 2 for bad input, 3 for a safety stop, and 130 after Ctrl-C.
-    Bad input and a safety stop are reported without a traceback. Any other exception is an error in
-    the program (a bug). This exception is raised again, and ends the program with a traceback and
-    exit code 1.
+    The exit code is 0 for success, 2 for bad input, 3 for a safety stop, and 130 if the command
+    handled Ctrl-C itself. Bad input and a safety stop are reported without a traceback. An
+    exception that is an error in the program (a bug) is raised again.
 
     Parameters
     ----------
@@ -118,8 +117,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Raises
     ------
     KeyboardInterrupt
-        Ctrl-C was pressed or another signal to end the program arrived, and the command does not
-        handle this signal.
+        The command does not handle Ctrl-C, or another signal that ends the program. The exit code
+        of the program is then 130 too.
     """
     prepare_streams()
     ignore_backend()

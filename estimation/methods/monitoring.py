@@ -88,7 +88,7 @@ def decay_and_add(
 
 
 def monitoring_signal(state: MonitoringState, b: float, k: float) -> float:
-    """Return the monitoring signal of the candidate (b, k) [N^2 s], which is never negative."""
+    """Return the monitoring signal [N^2 s], >= 0, of the candidate (b, k)."""
     mu = (
         state.ff
         + b * (b * state.vv - 2.0 * state.fv)

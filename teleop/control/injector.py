@@ -1,4 +1,4 @@
-"""The PE (persistent excitation) injector computes a force that moves the slave along a signal."""
+"""The PE (persistent excitation) injector: a force that makes the slave follow a signal."""
 
 from __future__ import annotations
 
