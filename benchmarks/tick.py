@@ -1,11 +1,12 @@
-"""Time of each stage of a tick, in virtual time and live: `python benchmarks/tick.py`.
+"""Measure each stage of a tick, in virtual time and in real time: `python benchmarks/tick.py`.
 
-Trials run in virtual time with the ticks stored in memory, live on the simulated rig with the
-recorder, and live on an emulated serial board with the recorder. Each is run twice: first only the
-whole tick is measured, and then its stages. `--against` is the folder with the source of another
-version, which is measured in the same run, in turn with this version. The rehearsal before a trial
-is left out, because it ends the trial if other programs keep the machine busy. The condition is
-free on the simulated rig, and autonomous on the board.
+There are three cases: a trial in virtual time with the ticks stored in memory, a trial in real time
+on the simulated rig with the recorder, and a trial in real time on an emulated serial board with
+the recorder. Each trial is run twice: first only the whole tick is measured, and then its stages.
+The option `--against` states the folder with the source of another version, which is measured in
+the same run, in turn with this version. The rehearsal before a trial is omitted, because it ends
+the trial if other programs keep the machine busy. The condition is free on the simulated rig, and
+autonomous on the board.
 """
 
 from __future__ import annotations
@@ -50,11 +51,11 @@ STAGES = (
     "sinks",
 )
 RETURN = 2.0
-"""Time after a trial in which the emulated rig returns to its start [s]."""
+"""Time after a trial in which the emulated rig returns to its initial position [s]."""
 ATTEMPTS = 3
 """Number of times that a measurement is tried, because a busy machine may stop a trial."""
 WARM = 1000
-"""Number of active ticks before the measured ones."""
+"""Number of active ticks before the measured ticks."""
 Durations = dict[str, list[float]]
 
 
@@ -66,7 +67,7 @@ class Probes:
     loop
         The loop, before its first tick.
     stages
-        Whether the stages are measured too, or only the whole tick.
+        Whether the stages are also measured, and not only the whole tick.
 
     Attributes
     ----------
@@ -103,7 +104,7 @@ class Probes:
             self._probe(sink, "push", "sinks")
 
     def _probe(self, owner: Any, name: str, stage: str) -> None:
-        """Replace a function of an object or a module by one that measures its duration."""
+        """Replace a function of an object or a module by a function that measures its duration."""
         original: Callable[..., Any] = getattr(owner, name)
         original = getattr(original, "probed", original)
         spent = self._spent
@@ -164,7 +165,7 @@ def measure(case: str, seconds: float, rig: str) -> Durations:
 
 
 def in_process(tree: Path | None, case: str, seconds: float, rig: Path | None) -> Durations:
-    """Measure a version in a process of its own; empty if no trial was complete."""
+    """Measure a version in another process, and return the durations; empty if no attempt works."""
     environment = dict(os.environ, OPENBLAS_NUM_THREADS="1")
     if tree:
         environment["PYTHONPATH"] = str(tree)

@@ -1,4 +1,4 @@
-"""Summary of the estimates over a record: averages, errors, and the values at its end."""
+"""Summarise the estimates of a record: averages, errors, and the values after the last sample."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from estimation.metrics import estimated_force, force_error, predicted_force, ri
 class EstimatorSummary(NamedTuple):
     """Summary of one estimator over a record.
 
-    `b`, `k`, `e_f` and `one_step_rms` do not include the samples before the first estimate. All
-    estimates and errors are NaN, and there is no note, if no sample changed the estimate.
+    `b`, `k`, `e_f` and `one_step_rms` do not include the samples before the first estimate. If no
+    sample changed the estimate, all estimates and errors are NaN, and there is no note.
     """
 
     b: float
@@ -29,7 +29,7 @@ class EstimatorSummary(NamedTuple):
     one_step_rms: float
     """Root mean square of the force error of the one-step prediction [N]."""
     rise_time_s: float
-    """Rise time of the stiffness [s], see `rise_time`; NaN if it is not defined."""
+    """Rise time of the estimated stiffness [s], see `rise_time`; NaN if it is not defined."""
     b_end: float
     """Damping at the end [N s/m]."""
     k_end: float
@@ -113,8 +113,8 @@ def summarise(
 def interval_at_end(estimates: Estimates, std: Floats) -> float:
     """Return the half width of the 95 % confidence interval after the last sample.
 
-    The result is NaN if the estimator has no estimate, or no standard deviation below `UNKNOWN`.
-    `std` are the standard deviations of one parameter, shape (n,).
+    `std` contains the standard deviations of one parameter, shape (n,). The result is NaN if no
+    sample changed the estimate, or if the last standard deviation is NaN or at least `UNKNOWN`.
     """
     known = not estimates.held.all() and std[-1] < UNKNOWN
     return LEVEL_95 * float(std[-1]) if known else math.nan

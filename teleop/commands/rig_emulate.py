@@ -12,7 +12,7 @@ from teleop.commands.quantities import Hertz, Length
 from teleop.names import CubeName, PalpationName, RealtimeName
 
 REALTIME_STEPS = ("SCHED_FIFO", "no garbage collection")
-"""Real-time settings of the emulator, which reserves no processor: the controller may need it."""
+"""Real-time settings of the emulator. It reserves no processor, as the controller may need one."""
 WRITER = "teleop rig emulate"
 """Name of this command, which is written to the first line of the rig file."""
 

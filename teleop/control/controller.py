@@ -1,4 +1,4 @@
-"""One tick of the control loop, from the measurement to the estimates."""
+"""Run one tick of the control loop, from the measurement to the estimates."""
 
 from __future__ import annotations
 
@@ -36,11 +36,11 @@ NO_ESTIMATE = Estimate(math.nan, math.nan, math.nan, math.nan, held=False)
 
 
 class Controller:
-    """Runs the ticks of the control loop: measurement, velocities, limits, commands and estimates.
+    """Reads the rig, commands the drives and updates the estimates, once in each tick.
 
     An exception within a tick becomes a fault for the supervisor, which stops the drives. The first
-    exception is stored in `error`. `tick` itself raises only KeyboardInterrupt, and an exception
-    while the first measurement is read.
+    exception is stored in `error`. `tick` raises only KeyboardInterrupt, and any exception that
+    occurs while the first measurement is read.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ class Controller:
     condition
         Control condition, which computes the force that moves the master.
     link
-        Link, which converts the force of the condition to the velocities of master and slave.
+        Converts the force of the condition to the desired velocities of master and slave.
     conditioner
         Computes the regressors from slave position and contact force.
     bank
@@ -63,7 +63,7 @@ class Controller:
     tare
         Zero offsets of force and position.
     stopwatch
-        Function that returns a time [s], for the durations of the parts of a tick.
+        Function that returns a time [s], for the measurement of durations within a tick.
     """
 
     def __init__(
@@ -130,7 +130,7 @@ class Controller:
         self.error = None
 
     def tick(self, tick: Tick, request: Request = NO_REQUEST) -> Record:
-        """Run one tick: measurement, desired velocities, limits, command, estimates.
+        """Run one tick: read the rig, limit the velocities, command the drives, and estimate.
 
         Parameters
         ----------
@@ -263,7 +263,7 @@ class Controller:
         """Send the command to the drives, or disable the drives, and return the applied command.
 
         Before the drives are disabled, zero velocity is commanded once. If `Rig.idle` fails, it is
-        called again at each tick. No command is sent, so that the watchdogs stop the drives.
+        called again at each tick. No command is sent then, so that the watchdogs stop the drives.
         """
         applied = STANDSTILL
         operating = (verdict.enabled or verdict.arm) and not self._faults

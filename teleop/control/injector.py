@@ -1,4 +1,4 @@
-"""The persistent-excitation (PE) injector: a force that moves the slave along a known signal."""
+"""The PE (persistent excitation) injector: a force that makes the slave follow a signal."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ def ramp_time(duration: float, ramp: float = RAMP) -> float:
 class Injector:
     """Computes the force that moves the slave along an excitation signal.
 
-    The displacement of the slave is x(t) = ramp(t) (mean + half signal(t)). After the ramp at the
-    start, it varies between `touch` times the depth and the depth, so that the slave stays in
-    contact. The computed force is the force that the virtual mass of the admittance needs for this
-    motion.
+    The displacement of the slave is x(t) = ramp(t) (mean + half signal(t)). Between the ramp at the
+    start and the ramp at the end, x varies between `touch` times the depth and the depth, so that
+    the slave stays in contact. The computed force is the force that the virtual mass of the
+    admittance needs for this motion.
 
     Parameters
     ----------
     signal
         The excitation signal.
     depth
-        Greatest displacement of the slave [m], > 0.
+        Largest displacement of the slave [m], > 0.
     admittance
         Mass, damping and stiffness of the virtual dynamics of the master.
     scale

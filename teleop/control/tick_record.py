@@ -1,4 +1,4 @@
-"""All quantities of one tick that are recorded."""
+"""Define the record of one tick, which contains all quantities that are recorded."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Timing(NamedTuple):
     compute: float
     """Time that condition, admittance, supervisor and estimators took [s]."""
     write: float
-    """Time that commanding the drives took [s]."""
+    """Time that sending the commands to the drives took [s]."""
 
 
 class Record(NamedTuple):
@@ -59,7 +59,7 @@ class Record(NamedTuple):
     """1 while the contact gate of the estimators detects contact, else 0; NaN if there is no
     contact gate or no estimate."""
     misfit: tuple[float, ...]
-    """Misfit of each estimator (`estimation.misfit`); NaN until it is known."""
+    """Misfit of each estimator, see `estimation.misfit`; NaN before the first value."""
     mode: Mode
     """Mode of the supervisor."""
     limited: int

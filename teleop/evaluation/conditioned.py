@@ -1,4 +1,4 @@
-"""Signal conditioning of the evaluated part of a record, relative to the datum and between gaps."""
+"""Condition the evaluated part of a record, relative to the datum, in each piece between gaps."""
 
 from __future__ import annotations
 

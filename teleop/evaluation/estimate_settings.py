@@ -1,4 +1,4 @@
-"""Settings of the evaluation of a recording."""
+"""Define the settings of the evaluation of a recording."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Evaluation of a recording, or of any file with position and force, by all estimators."""
+"""Evaluate a recording, or any file with position and force, with estimators and batch models."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ from teleop.evaluation.smallest_step import smallest_step
 FEWEST_KEPT = 0.9
 """A message is reported if the conditioning keeps less than this fraction of the force variance."""
 LEAST_EXCITATION = 0.01
-"""Excitation below which the b of an online estimator is reported with a remark.
+"""Excitation below which a remark on b of the online estimators is reported.
 
 Below this excitation, the standard deviation of b omega is more than ten times that of k. If k is
 known to 10 %, a loss tangent b omega / k below one can then not be measured.
@@ -79,7 +79,7 @@ class Evaluation(Presented):
     samples: int
     """Number of samples in the recording, including those at rest."""
     excitation: Floats
-    """Excitation measure at the motion's dominant frequency."""
+    """Excitation measure at the dominant frequency of the motion, after each sample."""
     misfit: dict[str, Floats]
     """Misfit of each estimator (`estimation.misfit`)."""
     analysis: Analysis
@@ -165,7 +165,7 @@ class Evaluation(Presented):
         return self.analysis.models(self.datum.x, self.datum.f)
 
     def batch_summary(self) -> dict[str, Any]:
-        """Return result, models and phases as a dictionary for JSON."""
+        """Return the result, the models and the phases as a dictionary for JSON."""
         result = self.analysis.result
         reasons = list(result.reasons)
         excitation = float(np.percentile(self.excitation, 95))

@@ -1,4 +1,4 @@
-"""Tables of a comparison of recordings: recordings, groups, and analysis of variance."""
+"""Print tables that compare recordings: results, means of groups, and analysis of variance."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ POOLED = (
     "Recordings of several subjects are pooled: the interval counts the repeats of a subject as "
     "independent, and is too narrow if the subjects differ."
 )
-"""Note below the table of groups if a group has several subjects with several recordings."""
+"""Note below the table of groups, if a group contains several recordings of several subjects."""
 FILES_NAMED = 3
 """Largest number of files that a note lists for one reason."""
 
@@ -60,7 +60,7 @@ def group_table(groups: Sequence[Group], by: Sequence[str]) -> TextTable:
 
 
 def tracking_table(groups: Sequence[Group], by: Sequence[str]) -> TextTable | None:
-    """Return the table of gain, phase and error in `mimic`, by group; None without such trials."""
+    """Return the table of tracking in the condition `mimic`, by group; None without such trials."""
     rows = [
         [
             *group.levels,
@@ -85,7 +85,7 @@ def scaled(mean: Mean, size: float) -> Mean:
 
 
 def missing_text(method: str, missing: Mapping[str, str]) -> str:
-    """Return the reasons why a method has no value for some files, each with the files' names."""
+    """Return the reasons why a method has no value for some files, with the names of the files."""
     files: dict[str, list[str]] = {}
     for file, reason in missing.items():
         files.setdefault(reason, []).append(Path(file).name)
@@ -110,7 +110,7 @@ def letters(index: int) -> str:
 
 
 def mean_text(mean: Mean) -> str:
-    """Return a mean and the half width of its 95 % interval as text; a dash if it is not finite."""
+    """Return a mean with the half width of its interval; a dash if the mean is not finite."""
     if not math.isfinite(mean.value):
         return "-"
     if not math.isfinite(mean.half):

@@ -1,4 +1,4 @@
-"""Output of results to the console: tables for a person, or one JSON document for a program."""
+"""Print results to the console: tables for a person, or one JSON document for a program."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def print_json(document: Mapping[str, Any]) -> None:
 
 
 class PlainConsole(Console):
-    """A console that prints escapes for control characters, and breaks lines between words."""
+    """A console that prints control characters as escapes, and breaks lines only between words."""
 
     def print(self, *objects: Any, **options: Any) -> None:
         """Print objects. Text is wrapped to the terminal width, unless `soft_wrap` is true."""
@@ -93,14 +93,14 @@ def wrapped(text: str, width: int) -> str:
 
 
 def number(value: float, digits: int) -> str:
-    """Return a number as text with `digits` decimals; a dash if it is not finite."""
+    """Return a number as text with `digits` decimals; a dash for a number that is not finite."""
     if not math.isfinite(value):
         return "-"
     return f"{round(value, digits) + 0.0:.{digits}f}"  # 0 instead of -0
 
 
 def small(value: float) -> str:
-    """Return a number as text with at least three significant digits; a dash if not finite."""
+    """Return a number as text with three or more significant digits; a dash if it is not finite."""
     if not math.isfinite(value) or value == 0.0:
         return number(value, 3)
     return number(value, min(max(2 - math.floor(math.log10(abs(value))), 0), 9))
@@ -196,7 +196,7 @@ def fitting_tables(
 
 
 def numbered(texts: Iterable[str]) -> dict[str, str]:
-    """Return a different number, from 1, for each different text that is not empty."""
+    """Return the number of each distinct text that is not empty; the numbers start at 1."""
     distinct = dict.fromkeys(text for text in texts if text)
     return {text: str(number) for number, text in enumerate(distinct, start=1)}
 
@@ -229,8 +229,8 @@ def parts(columns: Sequence[int], left: int, width: int) -> list[list[int]]:
 
     Returns
     -------
-    Indices of the columns of each table. Each table has at least one column that is not part of
-    every table.
+    Indices of the columns of each table. Each table has at least one column in addition to the
+    `left` columns, if there is one.
     """
     first = list(range(left))
     found = [first[:]]

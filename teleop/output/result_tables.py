@@ -1,4 +1,4 @@
-"""Tables of an evaluation: result for publication, batch models, and several files together."""
+"""Print the result of an evaluation, its batch models, and the fit to several files together."""
 
 from __future__ import annotations
 
@@ -130,7 +130,7 @@ def print_models(summary: Mapping[str, Any]) -> None:
 
 
 def parameter_text(name: str, one: Mapping[str, Any]) -> str:
-    """Return a parameter and half width of its interval as text, or that it is not identifiable."""
+    """Return a parameter with the half width of its interval, or "not identifiable", as text."""
     if not one["identifiable"]:
         return f"{name} not identifiable"
     half = 0.5 * (one["high"] - one["low"])
@@ -138,14 +138,14 @@ def parameter_text(name: str, one: Mapping[str, Any]) -> str:
 
 
 def with_half(value: float, half: float) -> str:
-    """Return a value and a half width, both rounded to two significant digits of the half width."""
+    """Return a value and a half width as text, with two significant digits of the half width."""
     if not math.isfinite(half) or half <= 0.0:
         return f"{value:.4g}"
     return f"{significant(value, half)} \u00b1 {significant(half, half)}"
 
 
 def significant(value: float, width: float) -> str:
-    """Return a value as text, rounded to two significant digits of `width`, its uncertainty."""
+    """Return a value as text, rounded to two significant digits of its uncertainty `width`."""
     decimals = 3
     if width > 0.0:
         decimals = min(1 - math.floor(math.log10(width)), MOST_DECIMALS)
@@ -153,7 +153,7 @@ def significant(value: float, width: float) -> str:
 
 
 def print_together(together: Mapping[str, Any]) -> None:
-    """Print Kelvin-Voigt fits to each file and to all files, and whether one body fits all."""
+    """Print Kelvin-Voigt fits to each file and to all files, and whether one fit describes all."""
     console = plain_console()
     names = [Path(row["file"]).name for row in together["alone"]]
     if len(set(names)) < len(names):

@@ -1,4 +1,4 @@
-"""Tables of rigs: channels, drives, ports, tare, and the lag of a force channel."""
+"""Print tables of a rig: channels, drives, ports, zero offsets, and lag of the force channel."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def channel_tables(title: str, channels: Sequence[Row]) -> list[TrimmedTable | s
 
 @contextlib.contextmanager
 def live_channels(stream: TextIO) -> Iterator[Callable[[Sequence[Row]], None]]:
-    """Within the block, show a table of the channels that can be updated, on a terminal only.
+    """Show a table of the channels within the block, if the stream is a terminal.
 
     Yields
     ------

@@ -1,4 +1,4 @@
-"""Output of tables to files: CSV, LaTeX with booktabs, and Markdown."""
+"""Write tables to files: CSV, LaTeX with the package booktabs, and Markdown."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Console output of a trial: estimates, true values, timing of the loop, safety, recording."""
+"""Print the results of a trial: estimates, true values, timing of the loop, safety, recording."""
 
 from __future__ import annotations
 
@@ -135,7 +135,7 @@ def tracking_lines(tracking: Mapping[str, Any]) -> tuple[str, str]:
 
 
 def print_feedback(console: Console, feedback: Mapping[str, Any] | None) -> None:
-    """Print which stiffness and force the hand felt, and the lowest energy that the hand gave."""
+    """Print the felt stiffness, the error of the felt force, and the lowest energy at the hand."""
     if not feedback:
         return
     channel = f", channel {feedback['channel']}" if feedback["channel"] else ""

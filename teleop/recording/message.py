@@ -1,4 +1,4 @@
-"""The message of a tick: the recorded quantities and estimates as doubles, packed into bytes.
+"""Pack the recorded quantities and estimates of a tick into a message of doubles.
 
 The message is a ROS 2 message in CDR encoding. PlotJuggler, Lichtblick and Foxglove show such
 messages without a plug-in, and numpy reads all ticks of a recording in one step.
@@ -30,24 +30,24 @@ POINTER = (
     Column("pointer_grip", "-", "1 while the pointer holds the handle"),
     Column("pointer_clock", "s", "time of the measurement on the clock of the loop"),
 )
-"""Further columns if the pointer of the live page is the operator. They allow an exact repetition
-of the trial."""
+"""Additional columns if the pointer of the live page is the operator. With these columns, the trial
+can be repeated exactly."""
 VALUES = attrgetter(*(column.source for column in COLUMNS))
 """Function that returns the values of `COLUMNS` from the record of a tick."""
 
 
 class Layout:
-    """Layout of the message of a tick: its columns, and how their values are packed into bytes.
+    """Layout of the message of a tick, which contains one value for each column of the recording.
 
     Parameters
     ----------
     bank
         The estimators by name.
     link
-        Columns of channel and force feedback; empty if there is neither a channel nor force
+        Columns of channel and force feedback; empty if the trial has no channel and no force
         feedback.
     pointer
-        The operator, if it is the pointer of the live page; otherwise None.
+        The operator if the pointer of the live page is the operator, otherwise None.
 
     Attributes
     ----------

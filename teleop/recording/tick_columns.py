@@ -1,4 +1,4 @@
-"""Columns of a recording: name, unit and meaning of each quantity that is recorded at a tick."""
+"""Define the columns of a recording, with name, unit and meaning of each recorded quantity."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ STATE_OF_LOOP = (
 COLUMNS = tuple(
     TickColumn(*column) for column in (*MEASURED, *COMMANDED, *ESTIMATED_FROM, *STATE_OF_LOOP)
 )
-"""Columns that every trial has, in the order of the message of a tick."""
+"""Columns that the recordings of all trials have, in the order of the message of a tick."""
 MODEL = "of the body that is rendered at the master; NaN if no body is rendered"
 FEEDBACK_COLUMNS = tuple(
     Column(*column)
@@ -103,4 +103,7 @@ FEEDBACK_COLUMNS = tuple(
         ("motion_age", "s", "of the packet from the master that the slave uses"),
     )
 )
-"""Further columns of a trial with force feedback or a channel, in the order of `LinkValues`."""
+"""Additional columns of a trial with force feedback or a communication channel.
+
+They have the order of the fields of `teleop.control.bilateral.LinkValues`.
+"""

@@ -1,4 +1,4 @@
-"""Emulation of the devices of a rig, connected to a simulated telemanipulator."""
+"""Emulate the devices of a rig, and connect them to a simulated telemanipulator."""
 
 from __future__ import annotations
 
@@ -24,19 +24,19 @@ if TYPE_CHECKING:
     from sim_backend import SimulatedRig
 
 ANY = "any"
-"""Name of the palpation with an operator that can be used in every condition."""
+"""Name that stands for every condition. The simulated operator is then an `AttentiveOperator`."""
 DEPTH = re.compile(r"(\d+\.?\d*|\.\d+)mm")
 """Depth in a typed line."""
 
 
 def read_fault(text: str, rig: RigFile) -> PlannedFault:
-    """Return the fault that the value of an option describes, for example `corrupt:force@3`.
+    """Return the planned fault that a text describes, for example `corrupt:force@3`.
 
     Parameters
     ----------
     text
-        Kind of fault, name of a bus or device, and time after the drives are enabled [s], in the
-        form KIND:NAME@SECONDS.
+        Text of the form KIND:NAME@SECONDS: kind of fault, name of a bus or device, and time after
+        the drives are enabled [s].
     rig
         Rig file whose devices are emulated.
 
@@ -115,7 +115,7 @@ def make_emulator(
 
 @dataclass(frozen=True)
 class Palpation:
-    """A simulated palpation, to which the emulated devices are connected."""
+    """Settings of a simulated palpation, which the emulated devices measure and move."""
 
     settings: TrialSettings
     """Settings of the simulated telemanipulator."""

@@ -1,4 +1,4 @@
-"""The rehearsal before a trial: checks that this machine can run the loop at its rate."""
+"""Check, by a rehearsal before a trial, that this machine can run the loop at its rate."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The result of a trial: its recording and its summary."""
+"""Define the result of a trial, with its recording, summary and figures."""
 
 from __future__ import annotations
 

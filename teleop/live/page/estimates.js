@@ -1,4 +1,4 @@
-// Table of the estimates: k and b with their 95 % intervals, held and misfit.
+// Table of the estimates, with k and b, their 95 % intervals, "held" and the misfit.
 
 import { percent, withInterval } from "./format.js";
 
@@ -56,7 +56,7 @@ export class Estimates {
     }
   }
 
-  // The first estimate as a sentence.
+  // Return the estimate of k of the first estimator as a sentence.
   sentence() {
     if (!this.rows.length) return "";
     const { estimator, columns } = this.rows[0];

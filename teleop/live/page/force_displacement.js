@@ -1,4 +1,5 @@
-// Contact force over displacement in the last three seconds, with the force that each estimator fits.
+// Plot of contact force against displacement in the last three seconds, with the fitted force of each
+// estimator.
 
 import { clear, fit } from "./canvas.js";
 import { fitCaption, fittedForce } from "./fitted_force.js";
@@ -6,9 +7,9 @@ import { fixed } from "./format.js";
 import { Scale } from "./scale.js";
 import { colours, estimatorColour, estimatorDash, font, onTheme } from "./theme.js";
 
-const SHOWN = 3; // s
-const EVERY = 2; // rows
-const POINTS = 40; // of a fitted line
+const SHOWN = 3; // time that the plot shows [s]
+const EVERY = 2; // the plot contains every second row
+const POINTS = 40; // number of points of a fitted line
 
 export class ForceDisplacement {
   constructor(canvas, caption, store) {
@@ -107,7 +108,7 @@ export class ForceDisplacement {
     }
   }
 
-  // Force of each estimator over the range of the plot.
+  // Draw the fitted force of each estimator over the range of the plot.
   #fits(X, Y) {
     const { context, canvas } = this;
     const { low, high } = this.scales.x;

@@ -1,4 +1,4 @@
-"""Console output of the reproduction: Table I with the paper's numbers, and the paper's claims."""
+"""Print Table I beside the paper's numbers, and whether each claim of the paper is confirmed."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from teleop.output.console import TrimmedTable, number, plain_console
 
 
 def print_reproduction(summary: Mapping[str, Any]) -> None:
-    """Print Table I with the paper's numbers, one table per cube, and the check of the claims.
+    """Print Table I beside the paper's numbers, one table per cube, and the check of each claim.
 
     Parameters
     ----------

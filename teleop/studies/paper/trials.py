@@ -1,4 +1,4 @@
-"""The nine trials of the paper with the paper's settings, and the causes of the damping bias."""
+"""Run the paper's nine trials with the paper's settings, and remove the causes of damping bias."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ bandwidth."""
 NO_METHODS = Methods()
 """Value for a reproduction without further estimators."""
 DRAWN = 10
-"""One of this number of ticks is shown in the figures."""
+"""Distance between two ticks that the figures show [ticks]."""
 
 
 class Damping(NamedTuple):
@@ -196,7 +196,7 @@ def lag_and_damping(frequency: float) -> SlowTrial:
 
 
 def as_rows(outcomes: Iterable[Outcome]) -> list[dict[str, Any]]:
-    """Return one row for each trial and estimator, with the cell of the paper's Table I."""
+    """Return one row for each trial and estimator, with the values in the paper's Table I."""
     return [
         {
             "condition": outcome.condition,

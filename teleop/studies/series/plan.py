@@ -1,4 +1,4 @@
-"""The plan of a series: factors with their levels, repetitions, and the settings of the trials."""
+"""Read the plan of a series: factors with levels, repetitions, and the settings of the trials."""
 
 from __future__ import annotations
 
@@ -47,9 +47,8 @@ class Plan(BaseModel):
     description: str = ""
     factors: dict[Name, list[Name]] = Field(min_length=1)
     """Levels of each factor. The factors condition, cube, specimen and operator set the setting of
-    the same name. On a hardware rig, the factor cube sets the specimen. It also sets the depth,
-    unless the settings have a depth: the depth to which the paper palpated this cube under the
-    condition."""
+    the same name. On a hardware rig, the factor cube sets the specimen. If the settings contain no
+    depth, the factor cube also sets the depth to that of the paper for this cube and condition."""
     blocks: list[Name] = []
     """Factors whose levels are run one after the other, such as subject: all trials of one level
     are run before the trials of the next level."""
@@ -194,7 +193,7 @@ def planned_trials(plan: Plan, folder: Path) -> list[PlannedTrial]:
 
 
 def chosen_settings(plan: Plan, folder: Path) -> dict[tuple[str, ...], TrialSettings]:
-    """Return the settings for each combination of levels, see `planned_trials`."""
+    """Return the settings of the trials, by the combination of levels. See `planned_trials`."""
     settings: dict[tuple[str, ...], TrialSettings] = {}
     problems: dict[str, list[str]] = {}
     for levels in product(*plan.factors.values()):

@@ -1,4 +1,4 @@
-"""Samples of a recorded trial, conditioned only once for points with the same conditioning."""
+"""Condition the samples of a recorded trial, only once for points with the same conditioning."""
 
 from __future__ import annotations
 

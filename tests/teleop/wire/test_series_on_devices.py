@@ -54,6 +54,9 @@ class Series:
     def wait_until(self, pattern):
         """Return the text up to a pattern; None if the command ends before it."""
         while not (found := re.search(pattern, self.text, re.DOTALL)):
+            if not select.select([self.terminal], [], [], 60.0)[0]:
+                os.kill(self.pid, signal.SIGKILL)
+                pytest.fail(f"nothing is printed after: {self.text}")
             try:
                 data = os.read(self.terminal, 4096)
             except OSError:
