@@ -1,4 +1,4 @@
-"""Force feedback in virtual time: acceptance grid, bodies outside the model, and stability map.
+"""Measure force feedback in virtual time: acceptance grid, other bodies, map and passivity.
 
     python benchmarks/feedback.py --part acceptance --seeds 3 --rigid --out acceptance.csv
     python benchmarks/feedback.py --part acceptance --seeds 1 --out lost-motion.csv
@@ -6,10 +6,11 @@
     python benchmarks/feedback.py --part map --seeds 3 --rigid --out map.csv
     python benchmarks/feedback.py --part passivity --seeds 20 --cubes soft --out passivity.csv
 
-The acceptance grid is model-mediated feedback on three cubes, with round trips of 0 to 500 ms and
-three arms, a jitter of 20 ms and a loss of 5 %. The map finds, for position-force and each cube,
-virtual damping and arm, the largest stable round trip beside the predicted one. One row per trial
-is written to a CSV file, and a summary is printed.
+The part `acceptance` tests model-mediated feedback on three cubes, with three arms and round trips
+of 0 to 500 ms, a jitter of 20 ms and a loss of 5 %. The part `bodies` tests bodies that the local
+model does not describe. The part `map` compares the largest stable round trip of position-force
+feedback with the predicted one, for each cube, virtual damping and arm. The part `passivity` tests
+passivity control. One row per trial is written to a CSV file, and a summary is printed.
 """
 
 from __future__ import annotations
@@ -55,7 +56,7 @@ def channelled(law: str, cube: str, trip: float, **more: Any) -> Row:
 
 
 def bodies(seeds: int, rigid: bool) -> Iterator[Row]:
-    """Yield the trials on bodies that the model does not contain."""
+    """Yield the trials on bodies that the local model does not describe."""
     cases = (
         ("relaxing", CUBES),
         ("loose", CUBES),
@@ -68,9 +69,10 @@ def bodies(seeds: int, rigid: bool) -> Iterator[Row]:
 
 
 def stability_map(seeds: int, rigid: bool) -> Iterator[Row]:
-    """Yield the cases of the map of position-force, with the round trip at which each begins.
+    """Yield the cases of the map of position-force, with the first round trip of each case.
 
-    It is the largest one that condition (2) permits.
+    The first round trip is the largest of `MAP_ROUND_TRIPS` for which condition (2) of
+    `teleop.control.feedback.stability` holds.
     """
     for cube, damping, arm, seed in itertools.product(CUBES, DAMPINGS, ARMS, range(seeds)):
         case = {"law": "position-force", "cube": cube, "damping": damping, "arm": arm}

@@ -55,11 +55,11 @@ STAGES = (
     "sinks",
 )
 RETURN = 2.0
-"""Time after a trial in which the emulated rig returns to its start [s]."""
+"""Time after a trial in which the emulated rig returns to its initial position [s]."""
 ATTEMPTS = 3
 """Number of times that a measurement is tried, because a busy machine may stop a trial."""
 WARM = 1000
-"""Number of active ticks before the measured ones."""
+"""Number of active ticks before the measured ticks."""
 Durations = dict[str, list[float]]
 
 
@@ -71,7 +71,7 @@ class Probes:
     loop
         The loop, before its first tick.
     stages
-        Whether the stages are measured too, or only the whole tick.
+        Whether the stages are also measured, and not only the whole tick.
 
     Attributes
     ----------
@@ -107,7 +107,7 @@ class Probes:
             self._probe(sink, "push", "sinks")
 
     def _probe(self, owner: Any, name: str, stage: str) -> None:
-        """Replace a function of an object or a module by one that measures its duration."""
+        """Replace a function of an object or a module by a function that measures its duration."""
         original: Callable[..., Any] = getattr(owner, name)
         original = getattr(original, "probed", original)
         spent = self._spent
@@ -177,7 +177,7 @@ def measure(case: str, seconds: float, rig: str) -> Durations:
 
 
 def in_process(tree: Path | None, case: str, seconds: float, rig: Path | None) -> Durations:
-    """Measure a version in a process of its own; empty if no trial was complete."""
+    """Measure a version in another process, and return the durations; empty if no attempt works."""
     environment = dict(os.environ, OPENBLAS_NUM_THREADS="1")
     if tree:
         environment["PYTHONPATH"] = str(tree)

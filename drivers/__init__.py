@@ -1,4 +1,4 @@
-"""Drivers: the interface between the controller and a rig, and the devices of a rig."""
+"""Connect the controller to a rig: the interface of all rigs, and the drivers of real devices."""
 
 from drivers.rig import (
     AXES,

@@ -1,4 +1,4 @@
-"""Dynamics of the telemanipulator: handle, slave in contact with a cube, and force channels."""
+"""Dynamics of the telemanipulator: handle, slave in contact with a body, and force channels."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from sim_backend.body import Body, Law
 from sim_backend.transmission import RIGID, Transmission
 
 MAX_STEP = 1e-3
-"""Longest integration step [s]. Half of this step gives the same readings of the sensors."""
+"""Longest integration step [s]. With half of this step, the sensors show the same values."""
 
 
 @dataclass(frozen=True)
@@ -21,11 +21,11 @@ class PlantParameters:
     Raises
     ------
     ValueError
-        A number is not positive.
+        A value is not positive.
     """
 
     handle_bandwidth: float = 40.0
-    """Bandwidth of the handle's velocity servo [Hz]. The force of the hand has no effect on it."""
+    """Bandwidth of the handle's velocity servo [Hz]. The hand's force does not move the handle."""
     slave_bandwidth: float = 80.0
     """Bandwidth of the proportional part of the slave's velocity servo [Hz]."""
     slave_integral: float = 25.0
@@ -63,7 +63,7 @@ class Handle:
         self.x = self.v = 0.0
 
     def advance(self, u: float, dt: float) -> None:
-        """Advance by `dt` [s] with a constant velocity command u [m/s]; the solution is exact."""
+        """Advance the handle by `dt` [s] with the velocity command u [m/s]. The result is exact."""
         slip = self.v - u
         left = slip * math.exp(-self._rate * dt)
         self.x += u * dt + (slip - left) / self._rate
@@ -74,9 +74,9 @@ class Slave:
     """The motor of the slave, which moves the tip.
 
     The attributes `x` and `v` are the position [m] and the velocity [m/s] of the motor. The
-    velocity servo has a proportional and an integral part. u is the velocity command and e the
-    integral of the velocity error. The load l is the force of the body on the tip plus the friction
-    at the tip:
+    velocity servo has a proportional part with gain K_p and an integral part with gain K_i. m is
+    the moving mass, u the velocity command, and e the integral of the velocity error. The load l is
+    the force of the body on the tip plus the friction at the tip:
 
         m x'' = m (K_p (u - x') + K_i e) - l(x, x'),    e' = u - x'
 
@@ -97,7 +97,7 @@ class Slave:
         self._integral = self._proportional * 2.0 * math.pi * parameters.slave_integral
 
     def palpate(self, body: Body) -> None:
-        """Replace the body by another body in its initial state."""
+        """Replace the palpated body by `body` in its initial state."""
         self._body, self._state = body, body.initial
 
     @property
@@ -113,9 +113,9 @@ class Slave:
         return transmission.tip_force(self.law, played, self.x, self.v)
 
     def load(self, x: float, v: float) -> float:
-        """Return the load [N] at position x [m] and velocity v [m/s] of the motor.
+        """Return the load [N] if the motor is at position x [m] and has the velocity v [m/s].
 
-        The motor moves from its present position to x without reversal.
+        The motor is assumed to move from its present position to x without reversal.
         """
         return self._transmission.load(self.law, self._played, x, v)
 
@@ -132,7 +132,7 @@ class Slave:
         self._played = self._transmission.play(self._played, x)
 
     def advance(self, u: float, h: float) -> None:
-        """Advance by one Runge-Kutta step of h [s] with a constant velocity command u [m/s]."""
+        """Advance the slave by one Runge-Kutta step of h [s] with the velocity command u [m/s]."""
         self.command = u
         x, v1, error, played = self.x, self.v, self._error, self._played
         proportional, integral, mass = self._proportional, self._integral, self._mass
@@ -154,7 +154,7 @@ class Slave:
 class ForceChannel:
     """A force sensor with amplifier: a first-order lag tau y' = f - y.
 
-    The attribute `y` is the output [N], and `lag` is the time constant tau [s].
+    The attribute `y` is the output [N], and the parameter `lag` is the time constant tau [s].
     """
 
     def __init__(self, lag: float) -> None:
@@ -162,7 +162,7 @@ class ForceChannel:
         self._force = self.y = 0.0
 
     def advance(self, force: float, dt: float) -> None:
-        """Advance by `dt` [s]. The force changes linearly to `force` [N]; the solution is exact."""
+        """Advance by `dt` [s], while the force changes linearly to `force` [N]; exact solution."""
         behind = (force - self._force) / dt * self._lag
         decay = math.exp(-dt / self._lag)
         self.y = force - behind + (self.y - self._force + behind) * decay
@@ -234,7 +234,7 @@ class Plant:
         self._max_step = max_step
 
     def advance(self, dt: float, command: Command, intended: Intention | None = AT_REST) -> None:
-        """Advance by `dt` [s].
+        """Advance the simulation by `dt` [s].
 
         Parameters
         ----------

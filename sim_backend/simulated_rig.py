@@ -29,7 +29,7 @@ class SimulatedRig(Rig):
     now
         Function that returns the time of the clock [s].
     operator
-        The person at the handle; None for nobody.
+        The hand that moves the handle; None if nobody holds it.
     parameters
         Parameters of drives and force channels.
     sensors
@@ -37,8 +37,9 @@ class SimulatedRig(Rig):
     max_velocity
         Largest velocity of the drives [m/s].
     watchdog
-        Watchdog time [s]. If enabled drives receive no command for a longer time, they stop, the
-        measurement contains the drive error `watchdog`, and the drives must be enabled again.
+        Watchdog time [s]. If enabled drives receive no command for a longer time, they stop. The
+        measurement then contains the drive error `watchdog`. The drives stay disabled until they
+        are enabled again.
     seed
         Seed of the sensor noise.
     start
@@ -134,7 +135,7 @@ class SimulatedRig(Rig):
         return True
 
     def write(self, command: Command) -> Command:
-        """Command the drives; return the applied command.
+        """Send the command to the drives; return the command that they apply.
 
         Velocities are limited to the largest velocity of the drives. Drives that are not enabled
         do not move.

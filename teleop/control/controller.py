@@ -1,4 +1,4 @@
-"""One tick of the control loop, from the measurement to the estimates."""
+"""Run one tick of the control loop, from the measurement to the estimates."""
 
 from __future__ import annotations
 
@@ -113,7 +113,7 @@ class Controller:
         self.error = None
 
     def tick(self, tick: Tick, request: Request = NO_REQUEST) -> Record:
-        """Run one tick: measurement, desired velocities, limits, command, estimates.
+        """Run one tick: read the rig, limit the velocities, command the drives, and estimate.
 
         Parameters
         ----------
@@ -232,7 +232,7 @@ class Controller:
         """Send the command to the drives, or disable the drives, and return the applied command.
 
         Before the drives are disabled, zero velocity is commanded once. If `Rig.idle` fails, it is
-        called again at each tick. No command is sent, so that the watchdogs stop the drives.
+        called again at each tick. No command is sent then, so that the watchdogs stop the drives.
         """
         applied = STANDSTILL
         operating = (verdict.enabled or verdict.arm) and not self._faults

@@ -1,4 +1,4 @@
-"""Coupling: computes the velocity of the slave from the motion of the master."""
+"""Compute the velocity of the slave from the motion of the master."""
 
 from __future__ import annotations
 
@@ -51,8 +51,8 @@ class Coupling:
     def align(self, master: Admittance, measurement: Measurement) -> None:
         """Put the virtual mass at rest where its scaled position equals the position of the slave.
 
-        This is called each time the drives are armed. Therefore the command is zero after arming,
-        at any position of the slave, until a force acts on the handle.
+        This method is called each time the drives are armed. After arming, the command is therefore
+        zero at any position of the slave, until a force acts on the handle.
         """
         master.align(measurement.slave_position / self.scale)
 

@@ -1,4 +1,4 @@
-"""Conversion of the values that a rig returns to floats, which the supervisor's checks require."""
+"""Convert the values that a rig returns to floats, because the supervisor's checks need floats."""
 
 from __future__ import annotations
 

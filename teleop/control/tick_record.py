@@ -1,4 +1,4 @@
-"""All quantities of one tick that are recorded."""
+"""Define the record of one tick, which contains all quantities that are recorded."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Timing(NamedTuple):
     compute: float
     """Time that condition, admittance, supervisor and estimators took [s]."""
     write: float
-    """Time that commanding the drives took [s]."""
+    """Time that sending the commands to the drives took [s]."""
 
 
 class Record(NamedTuple):

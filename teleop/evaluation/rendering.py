@@ -1,4 +1,4 @@
-"""Force that the hand felt in a recorded trial with force feedback, and contact force."""
+"""Compare the force that the hand felt, in a trial with force feedback, to the contact force."""
 
 from __future__ import annotations
 
@@ -12,31 +12,35 @@ from estimation.compiled import Floats
 from teleop.recording.recording import Recording
 
 SETTLING = 4.0
-"""Time at the start that is omitted, because the local model converges [s]; at most half of the
-trial."""
+"""Time at the start of a trial that is omitted, because the local model has not converged [s]. At
+most half of the trial is omitted."""
 LEAST_FORCE = 0.5
 """Contact force above which a tick is evaluated [N]."""
 FASTEST = 4.0
 """Frequency above which motion is not voluntary, but tremor or an oscillation of the loop [Hz]."""
 MOST_FAST = 0.8
-"""Greatest share of the power of the velocity above this frequency in a stable trial. The tremor of
-a stiff arm on a soft specimen can have more: such a trial is counted as not stable."""
+"""Largest fraction of the power of the velocity above `FASTEST` in a stable trial. The tremor of a
+stiff arm on a soft specimen can exceed this fraction. Such a trial is counted as not stable."""
 
 
 class Rendering(NamedTuple):
-    """Summary of what the hand felt in a trial. Values are NaN without contact after `SETTLING`."""
+    """Summary of what the hand felt in a trial.
+
+    Without contact after `SETTLING`, the stiffness and the errors are NaN.
+    """
 
     rendered_k: float
     """Secant stiffness that the hand felt [N/m]: sum of f x divided by sum of x^2."""
     rendered_k_error: float
-    """Relative difference between `rendered_k` and the secant stiffness at the slave, multiplied by
-    force gain and motion scale."""
+    """Relative difference between `rendered_k` and its reference. The reference is the secant
+    stiffness at the slave, multiplied by the force gain and the motion scale."""
     felt_force_error: float
     """Root mean square difference between the felt force and the contact force of the same motion,
     divided by the root mean square contact force."""
     energy_min_j: float
-    """Lowest energy that the hand had given to the displayed environment; negative if it gave out
-    energy [J]. The energy in the virtual damping and mass is not included."""
+    """Lowest energy that the hand had given to the displayed environment up to any time [J];
+    negative if the environment gave energy to the hand. The energy in the virtual damping and mass
+    is not included."""
     stable: bool
     """Whether the trial had no safety stop, and no oscillation above `FASTEST`. A slow instability
     that has not reached the threshold of a stop by the end of the trial is counted as stable."""
@@ -58,9 +62,9 @@ def hand(
 ) -> Hand:
     """Return what the hand felt at each tick in mode active.
 
-    The force of the environment is the measured force of the hand minus the force that the
-    admittance needs for its motion. The centre of its spring is the position at the start. Where a
-    limit acted, it is the displayed force that the controller recorded.
+    The felt force is the measured force of the hand minus the force that the admittance needs for
+    its own motion. The centre of the admittance's spring is the position at the start. At ticks at
+    which a limit acted, the felt force is the displayed force that the controller recorded.
 
     Parameters
     ----------
@@ -125,7 +129,7 @@ def rendering(
 
 
 def secant(x: Floats, f: Floats) -> float:
-    """Return the slope of the best-fitting line through the contact point [N/m]."""
+    """Return the slope of the line through the contact point that fits force and position [N/m]."""
     return float(np.dot(f, x) / np.dot(x, x))
 
 

@@ -1,4 +1,4 @@
-"""The message of a tick: the recorded quantities and estimates as doubles, packed into bytes.
+"""Pack the recorded quantities and estimates of a tick into a message of doubles.
 
 The message is a ROS 2 message in CDR encoding. PlotJuggler, Lichtblick and Foxglove show such
 messages without a plug-in, and numpy reads all ticks of a recording in one step.
@@ -29,8 +29,8 @@ POINTER = (
     Column("pointer_grip", "-", "1 while the pointer holds the handle"),
     Column("pointer_clock", "s", "time of the measurement on the clock of the loop"),
 )
-"""Further columns if the pointer of the live page is the operator. They allow an exact repetition
-of the trial."""
+"""Additional columns if the pointer of the live page is the operator. With these columns, the trial
+can be repeated exactly."""
 
 
 class Layout:

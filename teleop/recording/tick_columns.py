@@ -1,4 +1,4 @@
-"""Columns of a recording: name, unit and meaning of each quantity that is recorded at a tick."""
+"""Define the columns of a recording, with name, unit and meaning of each recorded quantity."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ MEASURED = (
 )
 COMMANDED = (
     ("drive_force", "N", "on the admittance: of the operator or the PE injector"),
-    ("target", "m", "of the slave, which the operator follows; NaN for none"),
+    ("target", "m", "target position of the slave; NaN in conditions without a target"),
     ("desired_master_velocity", "m/s", WANTED),
     ("desired_slave_velocity", "m/s", WANTED),
     ("commanded_master_velocity", "m/s", LIMITED_TO),
@@ -50,11 +50,11 @@ ESTIMATED_FROM = (
     ("paired_position", "m", "of the slave, at the time of the force sample"),
     ("paired_force", "N", "contact force; NaN where there is no new sample"),
     ("paired_dt", "s", "since the previous pair of position and force"),
-    ("x", "m", "displacement given to the estimators; NaN for none"),
+    ("x", "m", "displacement given to the estimators; NaN if they are not updated"),
     ("v", "m/s", "velocity given to the estimators"),
     ("f", "N", "force given to the estimators"),
-    ("excitation", "-", "0 for no excitation, 1 for a sine about zero"),
-    ("contact", "-", "1 while the gate detects contact, 0 if not; NaN for no gate"),
+    ("excitation", "-", "measure of excitation: 0 at rest, 1 for a sine about zero"),
+    ("contact", "-", "1 in contact, 0 out of contact; NaN if contact is not detected"),
 )
 STATE_OF_LOOP = (
     ("mode", "-", MODES),
@@ -70,7 +70,7 @@ STATE_OF_LOOP = (
 COLUMNS = tuple(
     Column(*column) for column in (*MEASURED, *COMMANDED, *ESTIMATED_FROM, *STATE_OF_LOOP)
 )
-"""Columns that every trial has, in the order of the message of a tick."""
+"""Columns that the recordings of all trials have, in the order of the message of a tick."""
 
 
 def values_of(record: Record) -> tuple[float, ...]:
@@ -115,7 +115,7 @@ def values_of(record: Record) -> tuple[float, ...]:
     )
 
 
-MODEL = "of the body that is rendered at the master; NaN for none"
+MODEL = "of the body that is rendered at the master; NaN if no body is rendered"
 FEEDBACK_COLUMNS = tuple(
     Column(*column)
     for column in (
@@ -123,7 +123,7 @@ FEEDBACK_COLUMNS = tuple(
         ("model_stiffness", "N/m", f"stiffness {MODEL}"),
         ("model_stiffening", "N/m^3", f"stiffening {MODEL}"),
         ("model_damping", "N s/m", f"damping {MODEL}"),
-        ("tank", "J", "energy in the tank; NaN for none"),
+        ("tank", "J", "energy in the tank; NaN if the law has no tank"),
         ("port_energy", "J", "put in by the hand, limited to what can be stored"),
         ("master_energy", "J", "that the hand has given to the channel, for passivity control"),
         ("slave_energy", "J", "that the environment has given to it, as the master knows it"),
@@ -131,4 +131,7 @@ FEEDBACK_COLUMNS = tuple(
         ("motion_age", "s", "of the packet from the master that the slave uses"),
     )
 )
-"""Further columns of a trial with force feedback or a channel, in the order of `LinkValues`."""
+"""Additional columns of a trial with force feedback or a communication channel.
+
+They have the order of the fields of `teleop.control.bilateral.LinkValues`.
+"""

@@ -11,14 +11,14 @@ from teleop.safety.events import Fault
 from teleop.safety.limits import ChannelLimits
 
 MIN_INTERVAL = 1e-3
-"""Shortest time between two samples with which the rate of change is computed [s].
+"""Shortest time that is used to compute the rate of change between two samples [s].
 
 With a shorter time, measurement noise alone could exceed `max_rate`.
 """
 SAME_SAMPLE = 1e-6
-"""Largest difference between two sampling times that belong to the same sample [s].
+"""Largest difference between two sampling times that are treated as equal [s].
 
-If the same sample is read twice, its unchanged value does not count as frozen.
+A sample that is read twice is not a sign of a frozen sensor.
 """
 
 
@@ -32,7 +32,7 @@ class ChannelState(NamedTuple):
     changed: float = math.nan
     """Time of the latest tick at which the value changed [s]."""
     travel: float = 0.0
-    """Sum of the commanded changes of the value since the tick at which it last changed, in the
+    """Sum of the commanded changes since the tick at which the measured value last changed, in the
     channel's SI unit."""
 
 
@@ -48,7 +48,7 @@ class DetectedFault(NamedTuple):
     limit: float
     """Limit that the value exceeds, in SI units; NaN if the fault has no limit."""
     since: float
-    """Time since which the fault has been present [s]."""
+    """Time at which the fault began [s]."""
 
 
 def check_channels(

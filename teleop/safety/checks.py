@@ -1,4 +1,4 @@
-"""The checks that the safety supervisor makes at each tick."""
+"""Checks that the safety supervisor makes at each tick."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def check_motion(
     drift: float,
     limits: Limits,
 ) -> list[DetectedFault]:
-    """Return the faults of rig, loop and hard limits. They stop a moving slave without a ramp.
+    """Return the faults of rig, loop and hard limits, which stop a moving slave without a ramp.
 
     Parameters
     ----------
@@ -165,10 +165,10 @@ def update_following_error(
 ) -> float:
     """Return the following error of the slave after this tick [m].
 
-    The following error is the commanded travel minus the measured travel. The travel that the
-    compliance of the drive and an allowed gain error (`GAIN_ERROR`) can cause is subtracted. If
-    `check_loop` detects a fault in the time step of a tick, the following error does not change at
-    this tick, because the command during this time is not known.
+    The following error is the commanded travel minus the measured travel. The compliance of the
+    drive and an allowed gain error (`GAIN_ERROR`) can also cause a difference between these
+    travels, which is subtracted. If `check_loop` detects a fault in the time step of a tick, the
+    following error stays the same at this tick, because the command during this time is not known.
 
     Parameters
     ----------
@@ -205,9 +205,9 @@ def update_skipped_fraction(state: Supervision, request: Request, dt: float) -> 
 def update_clock_drift(state: Supervision, request: Request, dt: float, limits: Limits) -> float:
     """Return the time [s] by which the rig's clock fell behind the loop's clock.
 
-    Only about the last `AVERAGING_TIME` seconds have an effect. If the rig's clock jumps forward,
-    the result is at least -`max_gap`. A clock that stops after such a jump is therefore still
-    detected.
+    Only about the last `AVERAGING_TIME` seconds have an effect. The result is at least -`max_gap`,
+    even if the rig's clock jumps forward. If the clock stops after such a jump, the fault is
+    therefore still detected.
     """
     if state.mode is DISCONNECTED:
         return 0.0

@@ -1,4 +1,4 @@
-"""Soft limits: they reduce the desired command; motion away from a limit remains possible."""
+"""Soft limits, which reduce the desired command but permit motion away from a limit."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ VELOCITY, ACCELERATION, POSITION, FORCE = 1, 2, 4, 8
 APPROACH_TIME = 0.05
 """Shortest time in which the expected contact force may reach the soft limit [s].
 
-It is used if the limits act on master and slave separately.
+This time is used only if the limits act on master and slave separately.
 """
 CONTACT = 0.1
 """Contact force below which the direction of the force is treated as unknown [N]."""
 
 
 def ramp_down(command: Command, dt: float, limits: Limits) -> Command:
-    """Return the next command of a ramp on which both velocities decrease to zero.
+    """Return the next command of a ramp that decreases both velocities to zero.
 
     Parameters
     ----------
@@ -30,13 +30,15 @@ def ramp_down(command: Command, dt: float, limits: Limits) -> Command:
     dt
         Time since the previous tick [s].
     limits
-        Limits, of which the greatest accelerations of master and slave are used.
+        Limits of the rig. Only the largest accelerations of master and slave are used.
     """
     return limit_acceleration(STANDSTILL, command, dt, limits)
 
 
 def limit_acceleration(wanted: Command, last: Command, dt: float, limits: Limits) -> Command:
-    """Return the command nearest to the wanted command that the acceleration limits permit.
+    """Return the permitted command that is nearest to the wanted command.
+
+    A command is permitted if the accelerations of master and slave do not exceed their limits.
 
     Parameters
     ----------
@@ -47,7 +49,7 @@ def limit_acceleration(wanted: Command, last: Command, dt: float, limits: Limits
     dt
         Time since the previous tick [s].
     limits
-        Limits, of which the greatest accelerations of master and slave are used.
+        Limits of the rig. Only the largest accelerations of master and slave are used.
     """
     (master, slave), (last_master, last_slave) = wanted, last
     step = limits.max_master_acceleration * dt
@@ -71,10 +73,10 @@ def limit_command(
     """Apply the soft limits to the desired command.
 
     If `stiffness` is None, the velocities of master and slave are reduced by the same factor, so
-    that the operator feels the limit of the slave. In the direction of a soft position limit at
-    distance d, the speed is at most sqrt(a d), where a is the greatest acceleration. A deceleration
-    of a / 2 can then stop the slave at the limit. If the contact force exceeds the soft force
-    limit, the slave does not move against this force.
+    that the operator feels the limit of the slave. d is the distance to a soft position limit, and
+    a the largest acceleration. Towards the limit, the speed is at most sqrt(a d). A deceleration of
+    a / 2 can then stop the slave at the limit. If the contact force exceeds the soft force limit,
+    the slave does not move against this force.
 
     Parameters
     ----------
@@ -137,12 +139,12 @@ def limit_together(
 def limit_separately(
     desired: Command, measurement: Measurement, ramp: float, stiffness: float, limits: Limits
 ) -> tuple[Command, int]:
-    """Limit the master's velocity by the master's limits, and the slave's velocity by all others.
+    """Limit the velocity of the master by its own limit, and that of the slave by all others.
 
-    The limits of the slave therefore have no direct effect on the hand: their effect passes through
-    the channel, with its delay. The speed of the slave against the contact force f is at most
-    (soft_force - |f|) / (stiffness `APPROACH_TIME`), so that the expected force does not exceed the
-    soft limit within `APPROACH_TIME`.
+    The hand therefore feels the limits of the slave only through the channel, with its delay. f is
+    the contact force. The speed of the slave into the contact is at most
+    (soft_force - |f|) / (stiffness times `APPROACH_TIME`), so that the expected force does not
+    exceed the soft limit within `APPROACH_TIME`.
     """
     master, slave = desired
     flags = 0
@@ -168,7 +170,7 @@ def limit_separately(
 
 
 def braking_speed(slave: float, measurement: Measurement, limits: Limits) -> float:
-    """Return the greatest speed [m/s] at which the slave can brake before its position limit."""
+    """Return the largest speed [m/s] at which the slave can stop before its position limit."""
     low, high = limits.soft_position
     x = measurement.slave_position
     distance = high - x if slave > 0.0 else x - low

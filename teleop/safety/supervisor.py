@@ -1,9 +1,9 @@
-"""The safety supervisor: a pure function that converts the desired to the applied command.
+"""The safety supervisor, a pure function that converts the desired command to the applied command.
 
     supervise(state, measurement, desired, request, limits) -> state, command, events
 
-The function opens no file, reads no clock and stores no data. All data that are needed at the next
-tick, including faults, are part of the returned state, which the loop passes to the function at
+The function opens no file, reads no clock and stores no data. The returned state contains all data
+that are needed at the next tick, including faults. The loop passes this state to the function at
 the next tick. Every behaviour in docs/safety.md can therefore be tested without a rig.
 """
 
@@ -47,7 +47,7 @@ def supervise(
     request: Request,
     limits: Limits,
 ) -> Verdict:
-    """Check the data of a tick, and return the command to apply, the mode and the events.
+    """Check the data of a tick, and return the command for the drives, the mode and the events.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ def supervise(
     measurement
         Measurement of the rig.
     desired
-        Command of the control condition; used in mode active only.
+        Desired command; used only in the mode active.
     request
         Requests of a person, and data from the loop.
     limits
@@ -157,7 +157,7 @@ def supervise(
 def activate(verdict: Verdict) -> Verdict:
     """Return the output of the supervisor for this tick, with the mode changed to active.
 
-    Called when all drives are in operation.
+    Call this function when all drives are in operation.
 
     Parameters
     ----------
@@ -174,9 +174,9 @@ def stop_for_faults(
 ) -> Verdict:
     """Return the output of the supervisor in mode fault.
 
-    The command decreases to zero on a ramp. If a fault requires an immediate stop, the command is
-    zero. Each kind of fault is stored and reported once. Faults that are detected at the same tick
-    are ordered by severity, the most severe first.
+    The command decreases to zero on a ramp. If a fault or `halt` requires an immediate stop, the
+    command is zero immediately. Each kind of fault is stored and reported once. Faults that are
+    detected at the same tick are ordered by severity, the most severe first.
 
     Parameters
     ----------

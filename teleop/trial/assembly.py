@@ -1,4 +1,4 @@
-"""Creation of the parts of a trial, such as clock, rig and controller, from its settings."""
+"""Create the parts of a trial, such as clock, rig and controller, from its settings."""
 
 from __future__ import annotations
 
@@ -142,8 +142,8 @@ def make_condition(settings: TrialSettings) -> Condition:
 def make_link(settings: TrialSettings) -> Link:
     """Return a new link between master and slave.
 
-    With a channel or force feedback, the slave follows the position of the master in addition to
-    its velocity. Otherwise, a lost packet would leave a permanent position offset.
+    With a channel or force feedback, the slave follows both the velocity and the position of the
+    master. If it followed only the velocity, a lost packet would leave a permanent position offset.
     """
     admittance, coupling = Admittance(settings.admittance), settings.coupling
     if not settings.has_link:

@@ -1,4 +1,4 @@
-"""The control loop of a trial: runs ticks until standstill, and passes their data to the sinks.
+"""Run the control loop of a trial until standstill, and pass the data of each tick to the sinks.
 
 A sink is an object that receives the message of each tick, for example the recorder.
 """

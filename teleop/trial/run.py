@@ -1,4 +1,4 @@
-"""Run of one trial: palpation under a control condition, estimation and recording."""
+"""Run one trial: palpate under a control condition, estimate, and record."""
 
 from __future__ import annotations
 
