@@ -60,7 +60,7 @@ def channelled(law: str, cube: str, trip: float, **more: Any) -> Row:
 
 
 def bodies(seeds: int, rigid: bool) -> Iterator[Row]:
-    """Yield the trials on bodies that the model does not contain."""
+    """Yield the trials on bodies that the local model does not describe."""
     cases = (
         ("relaxing", CUBES),
         ("loose", CUBES),
@@ -74,9 +74,10 @@ def bodies(seeds: int, rigid: bool) -> Iterator[Row]:
 
 
 def stability_map(seeds: int, rigid: bool) -> Iterator[Row]:
-    """Yield the cases of the map of position-force, with the round trip at which each begins.
+    """Yield the cases of the map of position-force, with the first round trip of each case.
 
-    It is the largest one that condition (2) permits.
+    The first round trip is the largest of `MAP_ROUND_TRIPS` for which condition (2) of
+    `teleop.control.feedback.stability` holds.
     """
     for cube, damping, arm, seed in itertools.product(CUBES, DAMPINGS, ARMS, range(seeds)):
         case = {"law": "position-force", "cube": cube, "damping": damping, "arm": arm}

@@ -1,4 +1,4 @@
-"""One trial with force feedback in virtual time: its settings, bodies and result as a row."""
+"""Run one trial with force feedback in virtual time, and return its result as a row of a table."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ from teleop.trial.run import run_trial
 from teleop.trial.settings import TrialSettings
 
 AIM = 10.0
-"""Force at which the operator ends a poke [N]."""
+"""Force at which the operator reverses the motion [N]."""
 SOFT, HARD = 20.0, 40.0
-"""Soft and hard limit of the contact force [N]."""
+"""Soft limit and hard limit of the contact force [N]."""
 DURATION = 10.0
 """Duration of a trial [s]."""
 JITTER, LOSS = 20e-3, 0.05
@@ -39,12 +39,12 @@ def loose(cube: Cube, seed: int = 0) -> Cube:
 
 
 def relaxing(cube: Cube, seed: int = 0) -> Relaxing:
-    """Return a cube of which a quarter of the stiffness relaxes in 0.5 s."""
+    """Return a cube in which a quarter of k1 relaxes with a time constant of 0.5 s."""
     return Relaxing(replace(cube, k1=0.75 * cube.k1), k=0.25 * cube.k1, tau=0.5)
 
 
 def next_contact(cube: Cube, seed: int = 0) -> Changing:
-    """Return a cube that is replaced by the hard one before the third contact."""
+    """Return a cube that is replaced by the hard cube before the third contact."""
     return Changing(loose(cube), loose(CUBES["hard"]), contact=3)
 
 
@@ -75,7 +75,7 @@ def settings_of(
     rigid: bool = False,
     duration: float = DURATION,
 ) -> TrialSettings:
-    """Return the settings of a trial; `rigid` is a transmission without lost motion."""
+    """Return the settings of a trial; `rigid` selects a transmission without lost motion."""
     settings = TrialSettings(cube=cube, clock="virtual", duration=duration, seed=seed)
     setup = settings.setup
     withdrawal = -0.2 if body in ("loose", "stiffer at the next contact") else 0.5
@@ -97,7 +97,7 @@ def settings_of(
 
 
 def run_one(arguments: dict[str, Any]) -> dict[str, Any]:
-    """Run a trial with these arguments of `settings_of`, and return them with the result."""
+    """Run a trial with these arguments of `settings_of`; return the arguments and the result."""
     settings = settings_of(**arguments)
     trial = run_trial(settings)
     recording = trial.recording
@@ -171,7 +171,8 @@ def stopping(recording: Recording, settings: TrialSettings, time: float) -> dict
 def converged(recording: Recording) -> float:
     """Return the time after which the model at the master stays within 10 % of its last value [s].
 
-    The model is compared by its force at the deepest position. NaN without a model.
+    The compared value is the secant stiffness of the model at the deepest position. The result is
+    NaN without a model.
     """
     k, k3 = recording["model_stiffness"], recording["model_stiffening"]
     if not np.isfinite(k[-100:]).all():

@@ -1,4 +1,4 @@
-"""The samples of a record to which models are fitted, and the regressors of each model."""
+"""Select the samples to which models are fitted, and compute the regressors of each model."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ STEADY = 0.01
 """Largest standard deviation of the force out of contact, as a fraction of the force range, for
 which this force counts as steady."""
 MOST_ROWS = 20_000
-"""Approximate largest number of samples in a fit. The samples have equal distances.
+"""Approximate largest number of samples in a fit. The samples are evenly spaced.
 
-It limits memory and computing time for a record of more than about ten minutes. The intervals of
-such a record are narrow, even with this number of samples.
+This number limits memory and computing time for a record of more than about ten minutes. The
+intervals of such a record are narrow, even with this number of samples.
 """
 SPARE = 6
 """Smallest difference between number of samples and number of parameters."""
@@ -96,7 +96,7 @@ class Rows:
         return np.where(self.record.raw_x < point.value, y[near], y)
 
     def allow(self, terms: int) -> bool:
-        """Return whether there are enough samples for this many terms of the elastic force."""
+        """Return whether there are enough samples for `terms` terms of the elastic force."""
         return len(self.f) >= self.v_column + 1 + terms + SPARE
 
     @property
@@ -109,8 +109,9 @@ class Rows:
     def relaxation(self) -> bool:
         """Whether the candidates may have relaxing parts.
 
-        They have none with a baseline, nor for a sine in contact throughout: then elastic force
-        and velocity describe any linear body, and k and b are k' and k''/omega.
+        They have no relaxing parts in two cases: if there is a baseline, and if the motion is a
+        sine in contact throughout. Then elastic force and velocity describe any linear body, k is
+        k', and b is k''/omega.
         """
         steady = self.record.sinusoidal and self.phases.free_force is None
         return self.order == 0 and not steady

@@ -1,4 +1,4 @@
-"""Preparation of a record for batch evaluation: even sampling, and smoothing without delay.
+"""Prepare a record for batch evaluation: resample it evenly, and smooth it without delay.
 
 1. The record is interpolated linearly onto a grid of constant period. Gaps divide it into pieces.
 2. If the sampling rate is much higher than the bandwidth of the force requires, blocks of samples
@@ -31,11 +31,12 @@ from teleop.evaluation.turning_points import turning_points
 CORNER = 5.0
 """Corner frequency of the kernel, as a multiple of the upper end of the coherent band."""
 FINENESS = 4.0
-"""Least number of grid points per standard deviation of the kernel, if the record has as many."""
+"""Smallest number of grid points per standard deviation of the kernel, if the record has enough."""
 FEWEST_INNER = 5
-"""Number of zero crossings above which the first and the last are not used."""
+"""Number of zero crossings above which the first and the last crossing are not used."""
 LARGEST_SHAPE = 1.2
-"""Shape of a motion below which it is a sine: 1 for a sine, about 1.4 for a triangle wave."""
+"""Shape factor below which a motion counts as a sine. The shape factor (see `Prepared.sinusoidal`)
+is 1 for a sine, and about 1.4 for a triangle wave."""
 FEWEST = 16
 """Smallest number of samples in a piece between two gaps. Shorter pieces are not used."""
 
@@ -47,9 +48,9 @@ class Prepared:
     t: Floats
     """Time [s]."""
     raw_x: Floats
-    """Position as measured, averaged over a grid period [m]."""
+    """Measured position, delayed by the force lag and averaged over a grid period [m]."""
     raw_f: Floats
-    """Force as measured, averaged over a grid period [N]."""
+    """Measured force, averaged over a grid period [N]."""
     x: Floats
     """Smoothed position [m]."""
     v: Floats
@@ -97,8 +98,8 @@ class Prepared:
     def sinusoidal(self) -> bool:
         """Whether the motion is a sine of three cycles or more.
 
-        For a sine, (std of v)^2 = (std of x) (std of the acceleration). The ratio is larger for
-        a triangle wave, for holds, and if the frequency varies.
+        The shape factor is (std of x) (std of the acceleration) / (std of v)^2. It is 1 for a sine,
+        and larger for a triangle wave, for holds, and if the frequency varies.
         """
         x = self.palpation - self.palpation.mean()
         spread = float(np.std(x))
@@ -118,7 +119,7 @@ class Prepared:
         if len(before) < 2:
             return self.band.centre
         crossings = before + x[before] / (x[before] - x[before + 1])
-        if len(crossings) > FEWEST_INNER:  # the baseline moves those at the ends
+        if len(crossings) > FEWEST_INNER:  # the baseline shifts the crossings at the ends
             crossings = crossings[1:-1]
         return (len(crossings) - 1) / float((crossings[-1] - crossings[0]) * self.period)
 

@@ -32,8 +32,8 @@ from estimation.compiled import Floats
 from teleop.recording.recording import Recording
 
 SETTLING = 4.0
-"""Time at the start that is omitted, because the local model converges [s]; at most half of the
-trial."""
+"""Time at the start of a trial that is omitted, because the local model has not converged [s]. At
+most half of the trial is omitted."""
 LEAST_FORCE = 0.5
 """Contact force above which a tick is evaluated [N]."""
 FASTEST = 4.0
@@ -46,7 +46,10 @@ SEGMENT = 1.0
 
 
 class Rendering(NamedTuple):
-    """Summary of what the hand felt in a trial. Values are NaN without contact after `SETTLING`."""
+    """Summary of what the hand felt in a trial.
+
+    Without contact after `SETTLING`, the stiffness and the errors are NaN.
+    """
 
     rendered_k: float
     """Secant stiffness that the hand felt [N/m]: sum of f x divided by sum of x^2."""
@@ -57,8 +60,9 @@ class Rendering(NamedTuple):
     """Root mean square difference between the felt force and the contact force of the same motion,
     divided by the root mean square contact force."""
     energy_min_j: float
-    """Lowest energy that the hand had given to the displayed environment; negative if it gave out
-    energy [J]. The energy in the virtual damping and mass is not included."""
+    """Lowest energy that the hand had given to the displayed environment up to any time [J];
+    negative if the environment gave energy to the hand. The energy in the virtual damping and mass
+    is not included."""
     stable: bool
     """Whether the trial had no safety stop, and no oscillation of the loop above `FASTEST`. A slow
     instability that has not reached the threshold of a stop by the end of the trial is counted as
@@ -152,7 +156,7 @@ def rendering(
 
 
 def secant(x: Floats, f: Floats) -> float:
-    """Return the slope of the best-fitting line through the contact point [N/m]."""
+    """Return the slope of the line through the contact point that fits force and position [N/m]."""
     return float(np.dot(f, x) / np.dot(x, x))
 
 

@@ -1,9 +1,9 @@
-"""The result for publication: stiffness and damping with 95 % intervals, or reasons for none.
+"""Compute the result for publication: stiffness and damping with intervals, or reasons for none.
 
-k is the tangent stiffness at half of the force range, in loading (`local_stiffness`). It depends
+k is the tangent stiffness at half of the force range, in loading (`local_stiffness`). k depends
 neither on the zero of position and force nor on the length of the record. The secant stiffness F /
-x depends on both. It is reported in addition to k, with the change that a datum error of 0.1 mm
-would cause.
+x depends on both. The secant stiffness is reported in addition to k, with the change that a datum
+error of 0.1 mm would cause.
 
 The interval accounts for the autocorrelation of the residual, for the spread between models, and
 for the change of k with the smoothing bandwidth. If the data are not sufficient for k, both k and b
@@ -38,15 +38,15 @@ EXPLAINED = 0.8
 """R^2 of the best model below which no stiffness is reported, if the contact is intermittent or the
 misfit is structural."""
 STRUCTURAL = 4
-"""Degree of the best polynomial at and above which a bad fit is called a structural misfit. Below
-it, noise is assumed."""
+"""Smallest degree of the best polynomial for which a bad fit is called a structural misfit. For a
+lower degree, noise is assumed."""
 SLIGHT = 0.02
 """Residual of the Kelvin-Voigt model, as a fraction of the force, below which this model is
 sufficient."""
 SMALL_BASELINE = 0.05
 """Size of the baseline below which it is not reported, as a fraction of the force range."""
 FEWEST_INDEPENDENT = 35
-"""Smallest number of independent samples for which intervals are reported.
+"""Smallest number of independent samples for which intervals are reported without a remark.
 
 With fewer samples, the error model for four parameters has fewer than four cosines
 (`robust_error`).
@@ -74,7 +74,7 @@ class Result:
     identifiable: bool = False
     """Whether the data are sufficient for k and b."""
     reasons: tuple[str, ...] = ()
-    """Reasons why k is not identifiable; if it is identifiable, remarks on k."""
+    """Reasons why k is not identifiable; if k is identifiable, remarks on the result."""
     force: float | None = None
     """Force at which the tangent stiffness is evaluated: half of the force range [N]."""
     depth: float | None = None
@@ -88,7 +88,7 @@ class Result:
     depth_from: str = "lowest position"
     """Position at which `depth` is zero: the contact point or the lowest position in contact."""
     damping_at_hz: float | None = None
-    """Frequency at which b is k''/omega [Hz]; None if b is the damping besides relaxing parts."""
+    """Frequency at which b is k''/omega [Hz]; None if relaxing parts may cause part of the loss."""
 
     @property
     def b_change_per_ms(self) -> float | None:
@@ -145,7 +145,7 @@ def publishable(
     inside = phases.usable
     lowest = float(record.x[inside].min())
     point, level = phases.contact_point, phases.free_force
-    if local.baseline_size > 0.0:  # neither is constant
+    if local.baseline_size > 0.0:  # contact point and level change with the baseline
         point = level = None
     zero = point.value if point else lowest
     force = local.best.force
@@ -174,7 +174,7 @@ def publishable(
 
 
 def reasons_before_fit(record: Prepared, phases: Phases) -> list[str]:
-    """Return the reasons why no stiffness can be fitted to the record; empty if it can."""
+    """Return the reasons why no stiffness can be fitted to the record; empty if there are none."""
     if reason := unsuited(record, phases):
         return [reason]
     found = []
@@ -206,7 +206,7 @@ def reasons_before_fit(record: Prepared, phases: Phases) -> list[str]:
 
 
 def reasons_after_fit(local: LocalStiffness, half_k: float, phases: Phases) -> list[str]:
-    """Return the reasons why a fitted stiffness is not reported; empty if it is reported.
+    """Return the reasons why a fitted stiffness is not reported; empty if there are none.
 
     Parameters
     ----------
@@ -219,7 +219,7 @@ def reasons_after_fit(local: LocalStiffness, half_k: float, phases: Phases) -> l
     """
     if local.k + half_k < 0.0:
         return [
-            f"the stiffness is negative ({local.k:.4g} N/m): check that force and position are "
+            f"the stiffness is negative ({local.k:.0f} N/m): check that force and position are "
             "both positive in compression (see --invert), and that inertia does not dominate"
         ]
     structural = phases.free_force is not None or local.best.degree >= STRUCTURAL
@@ -235,7 +235,7 @@ def reasons_after_fit(local: LocalStiffness, half_k: float, phases: Phases) -> l
             why = "it depends on depth or time; `phases` in --json has the slope of each loading"
         return [
             f"the force does not follow the displacement well enough{where}: stiffness "
-            f"{local.k:.4g} \u00b1 {half_k:.2g} N/m ({why})"
+            f"{local.k:.0f} \u00b1 {half_k:.0f} N/m ({why})"
         ]
     return []
 

@@ -1,4 +1,4 @@
-"""Detection of the points at which a motion reverses."""
+"""Find the points at which a motion reverses."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from estimation.compiled import Floats
 
 
 def turning_points(x: Floats, least: float) -> list[int]:
-    """Return the indices at which the motion reverses, with 0 before them and n after them.
+    """Return 0, the indices of the samples at which the motion reverses, and n.
 
     Parameters
     ----------
