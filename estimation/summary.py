@@ -1,4 +1,4 @@
-"""Summary of the estimates over a record: averages, errors, and the values at its end."""
+"""Summarise the estimates of a record: averages, errors, and the values after the last sample."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from estimation.metrics import estimated_force, force_error, predicted_force, ri
 class EstimatorSummary(NamedTuple):
     """Summary of one estimator over a record.
 
-    `b`, `k`, `e_f` and `one_step_rms` do not include the samples before the first estimate. All
-    estimates and errors are NaN, and there is no note, if no sample changed the estimate.
+    `b`, `k`, `e_f` and `one_step_rms` do not include the samples before the first estimate. If no
+    sample changed the estimate, all estimates and errors are NaN, and there is no note.
     """
 
     b: float
@@ -29,27 +29,29 @@ class EstimatorSummary(NamedTuple):
     one_step_rms: float
     """Root mean square of the force error of the one-step prediction [N]."""
     rise_time_s: float
-    """Rise time of the stiffness [s], see `rise_time`; NaN if it is not defined."""
+    """Rise time of the estimated stiffness [s], see `rise_time`; NaN if it is not defined."""
     b_end: float
     """Damping at the end [N s/m]."""
     k_end: float
     """Stiffness at the end [N/m]."""
     b_interval: float
-    """Half width of the 95 % confidence interval of `b_end` [N s/m]; NaN for none."""
+    """Half width of the 95 % confidence interval of `b_end` [N s/m]; NaN if there is no
+    interval."""
     k_interval: float
-    """Half width of the 95 % confidence interval of `k_end` [N/m]; NaN for none."""
+    """Half width of the 95 % confidence interval of `k_end` [N/m]; NaN if there is no interval."""
     held: float
     """Fraction of the samples that did not change the estimate."""
     further: dict[str, float]
     """Values of the model's parameters besides b and k at the end, by name."""
     further_interval: dict[str, float]
-    """Half widths of the 95 % confidence intervals of `further`, by name; NaN for none."""
+    """Half widths of the 95 % confidence intervals of `further`, by name; NaN if there is no
+    interval."""
     further_unit: dict[str, str]
     """Units of the values in `further`, by name."""
     misfit: float
     """Misfit at the end (`estimation.misfit`); NaN if it is not known."""
     note: str | None
-    """Warning about the estimates, see `Estimator.note`; None for none."""
+    """Warning about the estimates, see `Estimator.note`; None if there is no warning."""
 
 
 def summarise(
@@ -67,7 +69,7 @@ def summarise(
     Parameters
     ----------
     t
-        Time of each sample [s], shape (n,).
+        Time of each sample [s], shape (n,); n may be 0.
     regression
         The n samples that the estimator processed.
     estimates
@@ -93,7 +95,7 @@ def summarise(
         k_end=float(estimates.k[-1]) if some else math.nan,
         b_interval=interval_at_end(estimates, estimates.b_std),
         k_interval=interval_at_end(estimates, estimates.k_std),
-        held=float(np.mean(estimates.held)),
+        held=float(np.mean(estimates.held)) if len(t) else 1.0,
         further={
             name: float(series.value[-1]) if some else math.nan
             for name, series in estimates.further.items()
@@ -111,8 +113,8 @@ def summarise(
 def interval_at_end(estimates: Estimates, std: Floats) -> float:
     """Return the half width of the 95 % confidence interval after the last sample.
 
-    The result is NaN if the estimator has no estimate, or no standard deviation below `UNKNOWN`.
-    `std` are the standard deviations of one parameter, shape (n,).
+    `std` contains the standard deviations of one parameter, shape (n,). The result is NaN if no
+    sample changed the estimate, or if the last standard deviation is NaN or at least `UNKNOWN`.
     """
     known = not estimates.held.all() and std[-1] < UNKNOWN
     return LEVEL_95 * float(std[-1]) if known else math.nan

@@ -1,4 +1,4 @@
-"""`teleop report`: an HTML page with the results of a recording."""
+"""`teleop report`: write the results of a recording to an HTML page."""
 
 from __future__ import annotations
 
@@ -30,9 +30,10 @@ def report(
 ) -> int:
     """Write the results and figures of a recording to one HTML page that can be read offline.
 
-    The page contains the result, the estimates, the figures, the values of k and b that the data
-    cannot separate, the safety events, all settings, and a link to the recording. If a safety stop
-    ended the run, the page also contains the fault, and the channels before and after the fault.
+    The page contains the result, the estimates, the figures, the safety events, all settings, and
+    a link to the recording. A figure shows the values of k and b that fit the data about equally
+    well. If a safety stop ended the run, the page also contains the fault, and the channels before
+    and after the fault.
 
     Example: `teleop report run.mcap --out run.html`
 
@@ -82,8 +83,9 @@ def report(
     }
     signals, recording = columns.read(file)
     evaluation = summary = None
-    if not (recording and recording.fault and len(signals.t) < FEWEST):
-        settings = chosen(recording, columns.datum, cube, given)
+    settings = chosen(recording, columns.datum, cube, given)
+    few = settings.averaged.contains(signals.t).sum() < FEWEST
+    if not (recording and recording.fault and few):
         evaluation = evaluate(signals, settings)
         summary = {**settings_summary(settings), **evaluation.summary()}
     link = os.path.relpath(file.resolve(), page.resolve().parent)

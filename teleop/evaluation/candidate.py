@@ -1,4 +1,4 @@
-"""Fit of one candidate model of the contact, and its stiffness (see `local_stiffness`)."""
+"""Fit one candidate model of the contact, and compute its stiffness (see `local_stiffness`)."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from teleop.evaluation.contact_rows import Rows
 from teleop.evaluation.prepared import Prepared
 
 BAND = 0.08
-"""Samples are used for the slope if their force is within this distance from half of the force
-range, as a fraction of the range."""
+"""Samples are used for the slope if the distance of their force from half of the force range is
+less than this fraction of the range."""
 SLOPE_SAMPLES = 3
-"""Smallest mean number of samples in a pass through half of the force range."""
+"""Smallest number of samples, on average, in a pass through half of the force range."""
 SLOPE_NOISE = 50.0
 """Least distance for a slope in one pass, in standard deviations of the smoothed position's
 noise."""
 
 FINEST = 0.0005
-"""Relative standard deviation of k that smoothing and grid cause for a relaxing body.
+"""Relative standard deviation of k that smoothing and grid cause if the force of the body relaxes.
 
-It is the median error of k for synthetic records without noise (`estimation.testing_records`). For
-a model without relaxing parts it is zero, because such a model holds exactly for the smoothed
-signals.
+This value is the median error of k for synthetic records without noise
+(`estimation.testing_records`). For a model without relaxing parts the error is zero, because such a
+model holds exactly for the smoothed signals.
 """
 
 
@@ -52,9 +52,9 @@ class Candidate(NamedTuple):
     position: float
     """Position at which the stiffness is evaluated [m]."""
     force: float
-    """Half of the force range, with the mean of the baseline [N]."""
+    """Force at half of the force range, including the mean of the baseline [N]."""
     theta: Floats
-    """Parameters, in the order: baseline, b, powers of the normalised position, relaxing parts."""
+    """Coefficients of the baseline, velocity, powers of the normalised position, relaxing parts."""
 
 
 def evaluate(
@@ -93,7 +93,7 @@ def evaluate(
     top, bottom = int(np.argmax(without)), int(np.argmin(without))
 
     def effect(i: int) -> Floats:
-        """Return the derivatives of the elastic force at usable sample i by the parameters."""
+        """Return the derivatives of the elastic force at usable sample i, one per parameter."""
         found = np.zeros(m)
         found[first:] = [*rows.fine_powers[i, :degree], *(z[index[i]] for z in cornered)]
         return found
@@ -184,7 +184,7 @@ def surroundings(x: Floats, at: int, most: int, record: Prepared) -> tuple[int, 
 
 
 def with_neighbours(mask: NDArray[np.bool_], index: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Return the indices of the true values; if the runs are short, also of their neighbours.
+    """Return the indices of the true values of a mask; if its runs are short, also of neighbours.
 
     The slope within a run needs three samples. In a fast motion, fewer samples are near half of the
     force range.
@@ -194,7 +194,7 @@ def with_neighbours(mask: NDArray[np.bool_], index: NDArray[np.intp]) -> NDArray
     mask
         Samples to use, shape (n,).
     index
-        Index of each of these samples on the grid, shape (n,). A step of more than 1 ends a run.
+        Index of each sample on the grid, shape (n,). A step of more than 1 ends a run.
     """
     chosen = np.flatnonzero(mask)
     passes = np.count_nonzero(np.diff(index[chosen]) > 1) + 1
@@ -236,5 +236,5 @@ def loading_slope(x: Floats, v: Floats, z: Floats, pass_of: NDArray[np.int_]) ->
 
 
 def pass_means(values: Floats, pass_of: NDArray[np.int_]) -> Floats:
-    """Replace each value by the mean of its pass, shape (n,)."""
+    """Return for each value the mean of the values in the same pass, shape (n,)."""
     return np.asarray((np.bincount(pass_of, values) / np.bincount(pass_of))[pass_of])

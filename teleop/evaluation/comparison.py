@@ -1,4 +1,4 @@
-"""Comparison of several recordings: the results of each, and the means of groups of recordings."""
+"""Compare several recordings: the results of each recording, and the means of groups."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from teleop.evaluation.tracking import COLUMNS, Tracking
 NO_LEVEL = "-"
 """Level of a factor that is not known for a recording."""
 RESULT = "result"
-"""Name of the method `result`, the batch result; the other methods are the estimators."""
+"""Name of the method that gives the batch result. The other methods are the estimators."""
 AVERAGE = "average"
 """Kind of the stiffness of an estimator: the average slope of lines through the datum."""
 KIND_OF_K = {RESULT: "tangent"}
@@ -153,7 +153,7 @@ def group_of(levels: tuple[str, ...], rows: Sequence[Compared]) -> Group:
 
 
 def in_order(level: str) -> tuple[float, str]:
-    """Return a sort key for a level: numbers in the order of their values, before other levels."""
+    """Return a sort key for a level: numbers are sorted by value, and come before other levels."""
     try:
         return float(level), level
     except ValueError:
@@ -175,7 +175,7 @@ def means(rows: Sequence[Compared]) -> dict[str, dict[str, Mean]]:
 
 
 def mean_result(results: Sequence[Result], symbol: str) -> Mean:
-    """Return the mean of k or b over those results that are identifiable."""
+    """Return the mean of k or b (`symbol`) over results, all of which are identifiable."""
     values = [getattr(result, symbol) for result in results]
     halves = [
         0.5 * (getattr(result, f"{symbol}_high") - getattr(result, f"{symbol}_low"))

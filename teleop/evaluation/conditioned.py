@@ -1,4 +1,4 @@
-"""Signal conditioning of the evaluated part of a record, relative to the datum and between gaps."""
+"""Condition the evaluated part of a record, relative to the datum, in each piece between gaps."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from estimation import Conditioner, Regression
 from estimation.compiled import Floats
 from teleop.errors import InputError
+from teleop.evaluation.averaged_part import AveragedPart
 from teleop.evaluation.datum import Datum
 from teleop.evaluation.sampling_gaps import condition
 from teleop.evaluation.signals import Signals
@@ -68,3 +69,21 @@ def conditioned(
     apart = 1 + np.flatnonzero(np.diff(used) > 1)
     regression.dt[apart] = t[used][apart] - t[used][apart - 1]
     return Conditioned(t[used], regression, used, apart)
+
+
+def within(signals: Signals, part: AveragedPart) -> Signals:
+    """Return the samples in a part of a record.
+
+    Raises
+    ------
+    InputError
+        The part has fewer than `FEWEST` samples.
+    """
+    start, end = (int(i) for i in np.searchsorted(signals.t, part[:2]))
+    if end - start < FEWEST:
+        raise InputError(
+            f"only {end - start} samples without {part.left_out}: expected at least {FEWEST}"
+        )
+    t, x, f, dt = (column[start:end] for column in signals[:4])
+    gaps = tuple(gap - start for gap in signals.gaps if start < gap < end)
+    return signals._replace(t=t, x=x, f=f, dt=dt, gaps=gaps)

@@ -1,4 +1,4 @@
-"""A bank whose estimators hold their estimates while there is no contact."""
+"""Define a bank of estimators that hold their estimates constant while there is no contact."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from teleop.evaluation.analysis import Analysis
 
 
 class ContactBank(Bank):
-    """A bank for one record, whose estimators hold their estimates while there is no contact.
+    """A bank for one record. Its estimators hold their estimates constant without contact.
 
     Parameters
     ----------

@@ -9,17 +9,18 @@ from teleop.evaluation.prepared import Prepared
 from teleop.evaluation.unsuited import negative_force
 
 LOWEST = 0.1
-"""Share of the travel, from the lowest position, that is taken to be out of contact."""
+"""Part of the travel, from the lowest position, that is assumed to be out of contact, as a fraction
+of the travel."""
 CONSTANT = 0.02
-"""Largest standard deviation of the force there, relative to the force range."""
+"""Largest standard deviation of the force out of contact, as a fraction of the force range."""
 PULL = 0.05
-"""Least pull that is reported, relative to the force range."""
+"""Smallest adhesion that is reported, as a fraction of the force range."""
 PULL_NOISE = 6.0
 """Least pull that is reported, in standard deviations of the noise of the smoothed force."""
 
 
 def adhesion(record: Prepared) -> float | None:
-    """Return how far the force falls below its level out of contact [N]; None if it does not."""
+    """Return how far the force falls below its level out of contact [N]; None for no adhesion."""
     x, f = record.x, record.f
     span = float(np.ptp(f))
     out = f[x < x.min() + LOWEST * float(np.ptp(x))]

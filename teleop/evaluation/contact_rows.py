@@ -1,4 +1,4 @@
-"""The samples of a record to which models are fitted, and the regressors of each model."""
+"""Select the samples to which models are fitted, and compute the regressors of each model."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ STEADY = 0.01
 """Largest standard deviation of the force out of contact, as a fraction of the force range, for
 which this force counts as steady."""
 MOST_ROWS = 20_000
-"""Approximate largest number of samples in a fit. The samples have equal distances.
+"""Approximate largest number of samples in a fit. The samples are evenly spaced.
 
-It limits memory and computing time for a record of more than about ten minutes. The intervals of
-such a record are narrow, even with this number of samples.
+This number limits memory and computing time for a record of more than about ten minutes. The
+intervals of such a record are narrow, even with this number of samples.
 """
 CORNER = 5.0
 """Least difference between measured and smoothed values that is a corner, in standard deviations of
@@ -103,7 +103,7 @@ class Rows:
         return np.where(self.record.raw_x < point.value, y[near], y)
 
     def allow(self, terms: int) -> bool:
-        """Return whether there are enough samples for this many terms of the elastic force."""
+        """Return whether there are enough samples for `terms` terms of the elastic force."""
         return len(self.f) >= self.v_column + 1 + terms + SPARE
 
     @property

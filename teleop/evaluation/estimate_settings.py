@@ -1,10 +1,11 @@
-"""Settings of the evaluation of a recording."""
+"""Define the settings of the evaluation of a recording."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 from estimation import Model, Preset
+from teleop.evaluation.averaged_part import WHOLE, AveragedPart
 from teleop.names import ConditioningName, PresetName
 
 
@@ -35,3 +36,5 @@ class EstimateSettings:
     """Whether to include the rest before and after the motion."""
     resolution: float | None = None
     """Travel per encoder count [m]; None for the smallest step in the data."""
+    averaged: AveragedPart = WHOLE
+    """The part of the record that the result and the averages of the online estimates use."""

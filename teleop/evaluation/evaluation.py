@@ -1,7 +1,8 @@
-"""Evaluation of a recording, or of any file with position and force, by all estimators."""
+"""Evaluate a recording, or any file with position and force, with estimators and batch models."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -33,7 +34,8 @@ from estimation.registry import PAPER
 from estimation.summary import EstimatorSummary, summarise
 from teleop.errors import InputError, as_input_error
 from teleop.evaluation.analysis import Analysis, analyse
-from teleop.evaluation.conditioned import FEWEST, conditioned
+from teleop.evaluation.averaged_part import WHOLE, AveragedPart
+from teleop.evaluation.conditioned import FEWEST, conditioned, within
 from teleop.evaluation.contact_bank import ContactBank, contact_at
 from teleop.evaluation.datum import Datum, find_datum, moving_part
 from teleop.evaluation.estimate_settings import EstimateSettings
@@ -49,7 +51,7 @@ from teleop.evaluation.smallest_step import smallest_step
 FEWEST_KEPT = 0.9
 """A message is reported if the conditioning keeps less than this fraction of the force variance."""
 LEAST_EXCITATION = 0.01
-"""Excitation below which the b of an online estimator is reported with a remark.
+"""Excitation below which a remark on b of the online estimators is reported.
 
 Below this excitation, the standard deviation of b omega is more than ten times that of k. If k is
 known to 10 %, a loss tangent b omega / k below one can then not be measured.
@@ -77,7 +79,7 @@ class Evaluation(Presented):
     samples: int
     """Number of samples in the recording, including those at rest."""
     excitation: Floats
-    """Excitation measure at the motion's dominant frequency."""
+    """Excitation measure at the dominant frequency of the motion, after each sample."""
     misfit: dict[str, Floats]
     """Misfit of each estimator (`estimation.misfit`)."""
     analysis: Analysis
@@ -89,6 +91,8 @@ class Evaluation(Presented):
     if the file states no filter."""
     gaps: tuple[tuple[float, float], ...] = ()
     """Time of the last sample before each gap, and of the first sample after the gap [s]."""
+    averaged: AveragedPart = WHOLE
+    """The part of the record over which the online estimates are averaged."""
 
     def summary(self, cost: bool = False) -> dict[str, Any]:
         """Return the results with the keys of the output of `teleop estimate --json`.
@@ -100,6 +104,7 @@ class Evaluation(Presented):
             different in each call.
         """
         estimates = {name: one._asdict() for name, one in self.summaries().items()}
+        excitation = self.excitation[self.averaged.contains(self.t)]
         if not set(estimates) <= set(PAPER):
             x, v, f, *_ = self.regression
             for fit, modelled in ((least_squares(x, v, f), False), (self.least_squares, True)):
@@ -134,9 +139,10 @@ class Evaluation(Presented):
             "from_contact": [name for name, e in self.bank.items() if e.from_contact],
             "bandwidth_hz": self.bandwidth,
             "memory_s": 0.5 / self.preset.forgetting_rate,
+            "left_out": self.averaged.left_out,
             "excitation": {
-                "mean": float(np.mean(self.excitation)),
-                "last": float(self.excitation[-1]),
+                "mean": float(np.mean(excitation)) if len(excitation) else math.nan,
+                "last": float(excitation[-1]) if len(excitation) else math.nan,
             },
             "estimates": estimates,
             "least_squares": self.least_squares.summary(self.preset.model.further),
@@ -144,8 +150,12 @@ class Evaluation(Presented):
 
     def summaries(self) -> dict[str, EstimatorSummary]:
         """Return a summary of the estimates of each estimator, by the name of the estimator."""
+        part = self.averaged.contains(self.t)
+        t, regression = self.t[part], self.regression.part(part)
         return {
-            name: summarise(self.t, self.regression, series, self.bank[name], self.misfit[name])
+            name: summarise(
+                t, regression, series.part(part), self.bank[name], self.misfit[name][part]
+            )
             for name, series in self.estimates.items()
         }
 
@@ -155,7 +165,7 @@ class Evaluation(Presented):
         return self.analysis.models(self.datum.x, self.datum.f)
 
     def batch_summary(self) -> dict[str, Any]:
-        """Return result, models and phases as a dictionary for JSON."""
+        """Return the result, the models and the phases as a dictionary for JSON."""
         result = self.analysis.result
         reasons = list(result.reasons)
         excitation = float(np.percentile(self.excitation, 95))
@@ -222,7 +232,7 @@ def evaluate(signals: Signals, settings: EstimateSettings) -> Evaluation:
     if len(signals.dt[motion]) < FEWEST:
         raise InputError(f"only {len(signals.dt[motion])} samples move: expected at least {FEWEST}")
     with as_input_error():
-        analysis = analyse(signals, lag)
+        analysis = analyse(within(signals, settings.averaged), lag)
     datum = find_datum(signals, settings.datum, analysis.phases)
     band = analysis.record.band
     frequency = band.centre
@@ -279,4 +289,5 @@ def evaluate(signals: Signals, settings: EstimateSettings) -> Evaluation:
         filter_note=note,
         kept_force_variance=kept_variance(signals.f, regression.f, used, bandwidth * period),
         gaps=tuple((float(signals.t[i - 1]), float(signals.t[i])) for i in gaps),
+        averaged=settings.averaged,
     )

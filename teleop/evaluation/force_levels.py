@@ -1,4 +1,4 @@
-"""Parts of a record in which the force stays at its lowest or highest level.
+"""Find the parts of a record in which the force stays at its lowest or highest level.
 
 At the lowest level, such a part is free motion. At the highest level, the sensor is saturated, or
 the specimen slips or yields (`teleop.evaluation.phases`).
@@ -16,12 +16,13 @@ from teleop.evaluation.prepared import Prepared
 from teleop.evaluation.smallest_step import smallest_step
 
 TRAVEL = 4.0
-"""Travel at one force level that counts as free motion, as a multiple of the travel that the
-stiffness permits."""
+"""Smallest travel at one force level that counts as free motion, as a multiple of the travel that
+the stiffness permits."""
 LAG = 1.5
-"""Safety factor on the travel at a peak of the force, which precedes the peak of the position."""
+"""Safety factor on the travel between a peak of the force and the later peak of the position."""
 PEAKED = 0.3
-"""Height of a smooth peak within the level, relative to its width; less is a force at rest."""
+"""Smallest height (`peak_height`) of a smooth peak of the force, as a fraction of the width of the
+level. A force with a smaller height counts as constant."""
 SHORTEST, FEWEST = 3, 8
 """Smallest numbers of samples at exactly the highest force that indicate saturation: in one cycle,
 and in total."""

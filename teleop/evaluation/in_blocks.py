@@ -1,7 +1,7 @@
-"""Excitation and misfit of a record, computed in blocks of samples to save memory.
+"""Compute the excitation and the misfit of a record in blocks of samples, to save memory.
 
-Their samples are Python objects, which take five times the memory of arrays. The results are equal,
-bit by bit, to those for all samples together.
+Both computations convert arrays to Python objects, which take five times the memory of arrays. The
+results are equal, bit by bit, to the results for all samples together.
 """
 
 from __future__ import annotations

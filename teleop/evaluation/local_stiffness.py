@@ -1,4 +1,4 @@
-"""Stiffness and damping in contact, with intervals that account for the choice of the model.
+"""Compute stiffness and damping in contact, with intervals that include the choice of the model.
 
 The candidate models are
 
@@ -56,9 +56,10 @@ REFINEMENTS = 3
 """Number of times that the step of log tau is halved in the search around the best time
 constant."""
 LARGEST_SCORE = 10.0
-"""Distance from its mean beyond which a normal distribution is 0, in standard deviations."""
+"""Distance from the mean beyond which a normal distribution is taken as 0 [standard deviations]."""
 FRICTION = 0.5
-"""Residual with Coulomb friction, relative to that of the best candidate, that is friction."""
+"""Friction is reported if the residual with Coulomb friction is less than this fraction of the
+residual of the best candidate."""
 SAME_TIME = 1.5
 """Ratio of two time constants below which they are reported as one."""
 START = 8
@@ -94,7 +95,7 @@ class LocalStiffness:
     friction: bool
     """Whether a force of constant size against the motion describes the loss better than b v."""
     frequency: float
-    """Frequency at which b is k''/omega [Hz]; NaN if b is the damping besides relaxing parts."""
+    """Frequency at which b is k''/omega [Hz]; NaN if relaxing parts may cause part of the loss."""
 
 
 def local_stiffness(
@@ -210,7 +211,7 @@ def with_relaxation(rows: Rows, y: Floats, degrees: tuple[int, ...]) -> list[Can
 
 
 def merged(times: tuple[float, ...]) -> tuple[float, ...]:
-    """Return the time constants [s], with two that are nearly equal replaced by their mean."""
+    """Return the time constants [s]; two nearly equal ones are replaced by their geometric mean."""
     if len(times) == 2 and max(times) < SAME_TIME * min(times):
         return (math.sqrt(times[0] * times[1]),)
     return times
@@ -219,9 +220,9 @@ def merged(times: tuple[float, ...]) -> tuple[float, ...]:
 def model_weights(found: list[Candidate]) -> Floats:
     """Return the weights of the candidates, shape (m,).
 
-    All candidates with the same degree and the same number of time constants are treated as one
-    model, whose time constants are parameters. The weight of a model is the weight of its best
-    candidate. It therefore does not depend on how many time constants are tried.
+    Candidates with the same degree and the same number of time constants form one model. The sum of
+    their weights is the weight of the best of them, whatever the number of candidates. The weights
+    of all candidates sum to 1.
     """
     bics = np.array([one.bic for one in found])
     weights = np.exp(-0.5 * (bics - bics.min()))

@@ -1,4 +1,4 @@
-"""Elastic modulus, computed from the stiffness and the geometry of an indenter.
+"""Compute the elastic modulus from the stiffness and the geometry of an indenter.
 
 With E* = E / (1 - nu^2), the tangent stiffness k at the indentation depth d is
 

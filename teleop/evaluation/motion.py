@@ -1,4 +1,4 @@
-"""Frequency, amplitude and travel of the motion in a record."""
+"""Compute the frequency, amplitude and travel of the motion in a record."""
 
 from __future__ import annotations
 

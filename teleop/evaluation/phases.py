@@ -1,4 +1,4 @@
-"""Phases of a palpation: free motion, loading, hold and unloading, and the contact point.
+"""Find the phases of a palpation (free motion, loading, hold, unloading) and the contact point.
 
 **Contact.** Out of contact, the force stays at one level while the position changes. In contact,
 the force changes with the position. While the force is nearly constant, the stiffness therefore

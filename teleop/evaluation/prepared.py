@@ -1,4 +1,4 @@
-"""Preparation of a record for batch evaluation: even sampling, and smoothing without delay.
+"""Prepare a record for batch evaluation: resample it evenly, and smooth it without delay.
 
 1. The record is interpolated linearly onto a grid of constant period. Gaps divide it into pieces.
 2. If the sampling rate is much higher than the bandwidth of the force requires, blocks of samples
@@ -33,9 +33,10 @@ from teleop.evaluation.turning_points import cycle_frequency, turning_points
 CORNER = 5.0
 """Corner frequency of the kernel, as a multiple of the upper end of the coherent band."""
 FINENESS = 4.0
-"""Least number of grid points per standard deviation of the kernel, if the record has as many."""
+"""Smallest number of grid points per standard deviation of the kernel, if the record has enough."""
 LARGEST_SHAPE = 1.2
-"""Shape of a motion below which it is a sine: 1 for a sine, about 1.4 for a triangle wave."""
+"""Shape factor below which a motion counts as a sine. The shape factor (see `Prepared.sinusoidal`)
+is 1 for a sine, and about 1.4 for a triangle wave."""
 OUTLIERS = 5
 """Number of samples of the median filter before the shape of a motion is computed."""
 FEWEST = 16
@@ -49,9 +50,9 @@ class Prepared:
     t: Floats
     """Time [s]."""
     raw_x: Floats
-    """Position as measured, averaged over a grid period [m]."""
+    """Measured position, delayed by the force lag and averaged over a grid period [m]."""
     raw_f: Floats
-    """Force as measured, averaged over a grid period [N]."""
+    """Measured force, averaged over a grid period [N]."""
     x: Floats
     """Smoothed position [m]."""
     v: Floats

@@ -41,7 +41,7 @@ With fewer samples, the error model for four parameters has fewer than four cosi
 
 
 def reasons_before_fit(record: Prepared, phases: Phases) -> list[str]:
-    """Return the reasons why no stiffness can be fitted to the record; empty if it can."""
+    """Return the reasons why no stiffness can be fitted to the record; empty if there are none."""
     if reason := unsuited(record, phases):
         return [reason]
     found = []
@@ -73,7 +73,7 @@ def reasons_before_fit(record: Prepared, phases: Phases) -> list[str]:
 
 
 def reasons_after_fit(local: LocalStiffness, half_k: float, phases: Phases) -> list[str]:
-    """Return the reasons why a fitted stiffness is not reported; empty if it is reported.
+    """Return the reasons why a fitted stiffness is not reported; empty if there are none.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ def reasons_after_fit(local: LocalStiffness, half_k: float, phases: Phases) -> l
     """
     if local.k + half_k < 0.0:
         return [
-            f"the stiffness is negative ({local.k:.4g} N/m): check that force and position are "
+            f"the stiffness is negative ({local.k:.0f} N/m): check that force and position are "
             "both positive in compression (see --invert), and that inertia does not dominate"
         ]
     structural = phases.free_force is not None or local.best.degree >= STRUCTURAL
@@ -102,7 +102,7 @@ def reasons_after_fit(local: LocalStiffness, half_k: float, phases: Phases) -> l
             why = "it depends on depth or time; `phases` in --json has the slope of each loading"
         return [
             f"the force does not follow the displacement well enough{where}: stiffness "
-            f"{local.k:.4g} \u00b1 {half_k:.2g} N/m ({why})"
+            f"{local.k:.0f} \u00b1 {half_k:.0f} N/m ({why})"
         ]
     return []
 

@@ -1,4 +1,4 @@
-"""Recomputation of the estimates of a recorded trial, and comparison with the recorded ones."""
+"""Recompute the estimates of a recorded trial, and compare them with the recorded estimates."""
 
 from __future__ import annotations
 

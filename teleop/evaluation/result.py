@@ -1,9 +1,9 @@
-"""The result for publication: stiffness and damping with 95 % intervals, or reasons for none.
+"""Compute the result for publication: stiffness and damping with intervals, or reasons for none.
 
-k is the tangent stiffness at half of the force range, in loading (`local_stiffness`). It depends
+k is the tangent stiffness at half of the force range, in loading (`local_stiffness`). k depends
 neither on the zero of position and force nor on the length of the record. The secant stiffness F /
-x depends on both. It is reported in addition to k, with the change that a datum error of 0.1 mm
-would cause.
+x depends on both. The secant stiffness is reported in addition to k, with the change that a datum
+error of 0.1 mm would cause.
 
 The interval accounts for the autocorrelation of the residual, for the spread between models, and
 for the change of k with the smoothing bandwidth. If the data are not sufficient for k, both k and b
@@ -46,7 +46,7 @@ class Result:
     identifiable: bool = False
     """Whether the data are sufficient for k and b."""
     reasons: tuple[str, ...] = ()
-    """Reasons why k is not identifiable; if it is identifiable, remarks on k."""
+    """Reasons why k is not identifiable; if k is identifiable, remarks on the result."""
     force: float | None = None
     """Force at which the tangent stiffness is evaluated: half of the force range [N]."""
     depth: float | None = None
@@ -63,7 +63,7 @@ class Result:
     depth_from: str = "lowest position"
     """Position at which `depth` is zero: the contact point or the lowest position in contact."""
     damping_at_hz: float | None = None
-    """Frequency at which b is k''/omega [Hz]; None if b is the damping besides relaxing parts."""
+    """Frequency at which b is k''/omega [Hz]; None if relaxing parts may cause part of the loss."""
 
     @property
     def b_change_per_ms(self) -> float | None:
@@ -121,7 +121,7 @@ def publishable(
     inside = phases.usable
     lowest = float(record.x[inside].min())
     point, level = phases.contact_point, phases.free_force
-    if local.baseline_size > 0.0:  # neither is constant
+    if local.baseline_size > 0.0:  # contact point and level change with the baseline
         point = level = None
     zero = point.value if point else lowest
     force = local.best.force

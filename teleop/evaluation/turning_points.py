@@ -62,7 +62,7 @@ def middle_of_stroke(x: Floats, start: int, end: int) -> float:
 
 
 def turning_points(x: Floats, least: float) -> list[int]:
-    """Return the indices at which the motion reverses, with 0 before them and n after them.
+    """Return 0, the indices of the samples at which the motion reverses, and n.
 
     Parameters
     ----------

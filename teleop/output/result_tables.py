@@ -1,4 +1,4 @@
-"""Tables of an evaluation: result for publication, batch models, and several files together."""
+"""Print the result of an evaluation, its batch models, and the fit to several files together."""
 
 from __future__ import annotations
 
@@ -29,7 +29,8 @@ def print_result(summary: Mapping[str, Any], name: str) -> None:
     for reason in result["reasons"]:
         style = "yellow" if result["identifiable"] else "red"
         console.print(f"  - {reason}", style=style)
-    print_tangent(result["tangent"])
+    for line in tangent_lines(result["tangent"]):
+        console.print(f"  {line}")
     console.print(f"  {motion_line(summary)}")
     counts = Counter(phase["phase"] for phase in summary["phases"])
     phases = ", ".join(f"{count} {phase}" for phase, count in counts.items())
@@ -80,20 +81,20 @@ def motion_line(summary: Mapping[str, Any]) -> str:
     )
 
 
-def print_tangent(tangent: Mapping[str, Any]) -> None:
-    """Print force and depth at which the tangent stiffness holds, and the secant stiffness."""
+def tangent_lines(tangent: Mapping[str, Any]) -> list[str]:
+    """Return lines with force and depth of the tangent stiffness, and the secant stiffness."""
     if tangent["force_n"] is None:
-        return
-    console = plain_console()
-    console.print(
-        f"  k is the tangent stiffness at {tangent['force_n']:.3g} N, "
+        return []
+    lines = [
+        f"k is the tangent stiffness at {tangent['force_n']:.3g} N, "
         f"{tangent['depth_m'] * 1e3:.3g} mm from the {tangent['depth_from']}"
-    )
+    ]
     if tangent["secant_n_per_m"] is not None:
-        console.print(
-            f"  secant there {tangent['secant_n_per_m']:.4g} N/m; it changes by "
+        lines.append(
+            f"secant there {tangent['secant_n_per_m']:.4g} N/m; it changes by "
             f"{tangent['secant_change_per_0.1mm']:.1%} for a datum error of 0.1 mm"
         )
+    return lines
 
 
 def print_material(material: Mapping[str, Any]) -> None:
@@ -145,7 +146,7 @@ def print_models(summary: Mapping[str, Any]) -> None:
 
 
 def parameter_text(name: str, one: Mapping[str, Any]) -> str:
-    """Return a parameter and half width of its interval as text, or that it is not identifiable."""
+    """Return a parameter with the half width of its interval, or "not identifiable", as text."""
     if not one["identifiable"]:
         return f"{name} not identifiable"
     half = 0.5 * (one["high"] - one["low"])
@@ -153,14 +154,14 @@ def parameter_text(name: str, one: Mapping[str, Any]) -> str:
 
 
 def with_half(value: float, half: float) -> str:
-    """Return a value and a half width, both rounded to two significant digits of the half width."""
+    """Return a value and a half width as text, with two significant digits of the half width."""
     if not math.isfinite(half) or half <= 0.0:
         return f"{value:.4g}"
     return f"{significant(value, half)} \u00b1 {significant(half, half)}"
 
 
 def significant(value: float, width: float) -> str:
-    """Return a value as text, rounded to two significant digits of `width`, its uncertainty."""
+    """Return a value as text, rounded to two significant digits of its uncertainty `width`."""
     decimals = 3
     if width > 0.0:
         decimals = min(1 - math.floor(math.log10(width)), MOST_DECIMALS)
@@ -168,7 +169,7 @@ def significant(value: float, width: float) -> str:
 
 
 def print_together(together: Mapping[str, Any]) -> None:
-    """Print Kelvin-Voigt fits to each file and to all files, and whether one body fits all."""
+    """Print Kelvin-Voigt fits to each file and to all files, and whether one fit describes all."""
     console = plain_console()
     names = [Path(row["file"]).name for row in together["alone"]]
     if len(set(names)) < len(names):

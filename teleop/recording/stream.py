@@ -1,4 +1,4 @@
-"""Reading of a recording in blocks of ticks. Only one block at a time is in memory."""
+"""Read a recording in blocks of ticks, so that only one block at a time is in memory."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ OF_GAPS = ("time", "dt", "dropped")
 
 
 def tick_values(rows: NDArray[np.uint8]) -> Floats:
-    """Return the values that the messages of ticks contain, shape (columns, ticks).
+    """Return the values in the messages of n ticks, shape (columns, n).
 
     Parameters
     ----------
     rows
-        Bytes of the messages, shape (ticks, bytes per message).
+        Bytes of the messages, shape (n, bytes per message).
     """
     values = np.ascontiguousarray(rows[:, len(CDR) :]).view("<f8")
     return np.ascontiguousarray(values.T)
@@ -85,22 +85,22 @@ class RecordingStream:
 
     @property
     def events(self) -> list[dict[str, Any]]:
-        """Events of the trial so far."""
+        """Events in the part of the recording that has been read."""
         return self.contents.events
 
     @property
     def gaps(self) -> tuple[Gap, ...]:
-        """Parts of the recording so far in which ticks are missing."""
+        """Gaps (missing ticks) in the part of the recording that has been read."""
         return self._gaps.gaps(dropped_in_all(self.contents.metadata))
 
     def blocks(self, is_wanted: Callable[[str], bool] = bool) -> Iterator[dict[str, Floats]]:
-        """Yield the columns of successive ticks, each of shape (ticks,).
+        """Yield blocks of n successive ticks: the columns by name, each of shape (n,).
 
         Parameters
         ----------
         is_wanted
-            Function that takes the name of a column and returns whether it is needed. Default: all
-            columns.
+            Function that takes the name of a column and returns whether to yield this column. By
+            default, all columns are yielded.
 
         Raises
         ------
@@ -117,7 +117,7 @@ class RecordingStream:
             )
 
     def intact_blocks(self, is_wanted: Callable[[str], bool] = bool) -> Iterator[dict[str, Floats]]:
-        """Yield the columns as `blocks` does, but without an error if the end is missing."""
+        """Yield the columns as `blocks` does, but raise no error if the recording is incomplete."""
         names = list(self.units)
         wanted = [(i, name) for i, name in enumerate(names) if is_wanted(name)]
         for rows in self._joined():
@@ -129,7 +129,7 @@ class RecordingStream:
             yield {name: values[i] for i, name in wanted}
 
     def _joined(self) -> Iterator[NDArray[np.uint8]]:
-        """Yield the messages of ticks, joined to blocks of at least `BLOCK` ticks."""
+        """Yield the messages of ticks in blocks of at least `BLOCK` ticks."""
         rows = [] if self._first is None else [self._first]
         count = sum(map(len, rows))
         for more in self._rows:
@@ -143,6 +143,6 @@ class RecordingStream:
 
 
 def dropped_in_all(metadata: dict[str, dict[str, str]]) -> int:
-    """Return the total number of dropped ticks from the metadata of a file; 0 if not valid."""
+    """Return the total number of dropped ticks in the metadata; 0 if missing or not valid."""
     text = metadata.get(END, {}).get("dropped", "")
     return int(text) if re.fullmatch(r"[0-9]{1,15}", text) else 0
